@@ -1,0 +1,1 @@
+"""Units, geometry, calibration, state, results and errors: values that every room shares."""

@@ -1,0 +1,1 @@
+"""The simulated DM4310 motor and gripper: frames in, frames out."""
