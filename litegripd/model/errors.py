@@ -1,0 +1,170 @@
+"""Every refusal and failure by a stable reason: the one table that wire, client and docs share.
+
+Inside a tick a refusal is a value, `Refusal`; it becomes an exception only in the client. The
+exception names `CommandError` and `HardwareError` are the vendor SDK's.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TypeAlias
+
+ErrorData: TypeAlias = Mapping[str, object]
+_NO_DATA: ErrorData = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorKind:
+    """One row of the error table.
+
+    `code` is the JSON-RPC error code; `exception` the client's exception; `exit_code` that of
+    `litegripctl`; `retryable` says whether the same request may succeed later unchanged.
+    """
+
+    reason: str
+    code: int
+    exception: str
+    exit_code: int
+    retryable: bool
+    meaning: str
+
+
+ERROR_TABLE: tuple[ErrorKind, ...] = (
+    ErrorKind("parse_error", -32700, "ProtocolError", 70, False, "The line is not valid JSON."),
+    ErrorKind(
+        "invalid_request", -32600, "ProtocolError", 70, False, "The JSON is not a request object."
+    ),
+    ErrorKind("unknown_method", -32601, "ProtocolError", 70, False, "No method of that name."),
+    ErrorKind(
+        "invalid_params",
+        -32602,
+        "CommandError",
+        4,
+        False,
+        "A parameter is unknown, missing, of the wrong type or out of its range.",
+    ),
+    ErrorKind(
+        "internal_error", -32603, "LiteGripError", 70, False, "A defect of the daemon; see its log."
+    ),
+    ErrorKind(
+        "line_too_long",
+        -32000,
+        "ProtocolError",
+        70,
+        False,
+        "A line over 16 KiB; the connection is closed.",
+    ),
+    ErrorKind(
+        "too_many_connections",
+        -32001,
+        "ConnectError",
+        3,
+        True,
+        "No further connection is let in, in all or for this user.",
+    ),
+    ErrorKind(
+        "too_many_requests",
+        -32002,
+        "BusyError",
+        6,
+        True,
+        "This connection has too many unanswered requests or subscriptions.",
+    ),
+    ErrorKind(
+        "backlog_full",
+        -32003,
+        "ConnectError",
+        3,
+        True,
+        "The client does not read its answers; the connection is closed.",
+    ),
+    ErrorKind("shutting_down", -32004, "ConnectError", 3, True, "The daemon is about to end."),
+    ErrorKind(
+        "not_calibrated",
+        -32010,
+        "CommandError",
+        4,
+        False,
+        "No calibration is loaded, so the closing direction would be a guess.",
+    ),
+    ErrorKind(
+        "out_of_limits",
+        -32011,
+        "CommandError",
+        4,
+        False,
+        "A value is possible in itself but not with the other settings.",
+    ),
+    ErrorKind("unknown_job", -32012, "CommandError", 4, False, "No such job, or no longer kept."),
+    ErrorKind(
+        "calibration_unreadable",
+        -32013,
+        "CommandError",
+        4,
+        False,
+        "A calibration or template that was asked for cannot be used.",
+    ),
+    ErrorKind("busy", -32020, "BusyError", 6, True, "Another motion is running."),
+    ErrorKind(
+        "stopped", -32021, "StoppedError", 7, False, "A stop is latched; clear it with stop.clear."
+    ),
+    ErrorKind(
+        "sent_before_stop",
+        -32022,
+        "StoppedError",
+        7,
+        False,
+        "The request was sent before a stop, so it never runs.",
+    ),
+    ErrorKind("cancelled", -32023, "CancelledError", 8, False, "The motion was cancelled."),
+    ErrorKind(
+        "client_lost", -32024, "CancelledError", 8, False, "The client that owned it went away."
+    ),
+    ErrorKind("not_enabled", -32030, "HardwareError", 5, False, "The motor is not enabled."),
+    ErrorKind(
+        "motor_fault", -32031, "HardwareError", 5, False, "The motor reports a fault by its status."
+    ),
+    ErrorKind("motor_silent", -32032, "HardwareError", 5, True, "The motor does not answer."),
+    ErrorKind("bus_down", -32033, "HardwareError", 5, True, "The CAN bus cannot be used."),
+    ErrorKind(
+        "motor_unsuitable",
+        -32034,
+        "HardwareError",
+        5,
+        False,
+        "A register of the motor does not allow safe use.",
+    ),
+    ErrorKind(
+        "not_confirmed",
+        -32035,
+        "HardwareError",
+        5,
+        True,
+        "The motor did not confirm what it was told.",
+    ),
+)
+
+ERRORS: Mapping[str, ErrorKind] = MappingProxyType({kind.reason: kind for kind in ERROR_TABLE})
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why something was not done: a reason of the table, a sentence, and what helps.
+
+    The message says what was wrong, what is allowed and what to do; `data` carries the same for
+    a program (`owner`, `limit`, `requested`, `hint`).
+    """
+
+    reason: str
+    message: str
+    data: ErrorData = field(default_factory=lambda: _NO_DATA)
+
+    def __post_init__(self) -> None:
+        """Refuse a reason that the table does not know."""
+        if self.reason not in ERRORS:
+            raise KeyError(f"{self.reason!r} is not in the error table")
+
+    @property
+    def kind(self) -> ErrorKind:
+        """The table's row for this reason."""
+        return ERRORS[self.reason]
