@@ -1,0 +1,69 @@
+"""The CAN bus as the control thread uses it: frames out and in without ever waiting.
+
+Two kinds share one shape, `FrameBus`: an adapter that may be read in the control thread
+(`direct_bus`) and one that can block and is therefore driven by a process of its own
+(`pumped_bus`). Neither raises: what goes wrong becomes `error`, a sentence, and `is_up`.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from litegripd.model.frame import CanFrame
+
+DIRECT_INTERFACES = ("socketcan", "virtual", "litegrip_sim")
+"""python-can interfaces whose send and recv(0) never block."""
+
+MAX_FRAMES_PER_TICK = 64
+"""About half of what a fully loaded 1 Mbit/s bus carries in 10 ms; the rest waits its turn."""
+
+_FRAME_OVERHEAD_BITS = 47  # start, id, control, CRC, ACK, end and interframe space
+_STUFFING = 1.1  # the average share of stuff bits on top
+
+
+@dataclass(frozen=True, slots=True)
+class BusSettings:
+    """What python-can is given: `options` are the interface's own keyword arguments."""
+
+    interface: str
+    channel: str
+    bitrate: int
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class BusCounters:
+    """What has passed since the daemon's start; `bits` estimates the load both ways."""
+
+    sent: int = 0
+    received: int = 0
+    send_failures: int = 0
+    ignored: int = 0
+    """Error, remote, extended and CAN FD frames, and frames cut off by the limit per tick."""
+    errors: int = 0
+    reopened: int = 0
+    bits: float = 0.0
+
+    def count(self, frame: CanFrame) -> None:
+        """Add one frame to the load."""
+        self.bits += (_FRAME_OVERHEAD_BITS + 8 * len(frame.data)) * _STUFFING
+
+
+class FrameBus(Protocol):
+    """A CAN bus seen from the control thread."""
+
+    counters: BusCounters
+    error: str | None
+
+    @property
+    def is_up(self) -> bool:
+        """Whether frames can be sent as far as is known."""
+
+    def receive(self, now_s: float) -> list[CanFrame]:
+        """Return what has come since the last call; opens the bus again when that is due."""
+
+    def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
+        """Hand `frames` over in this order."""
+
+    def close(self) -> None:
+        """Let go of the adapter."""

@@ -1,0 +1,72 @@
+"""Starts the processes in which whatever can block lives, and notices when they die.
+
+A child talks over a pair of `SOCK_SEQPACKET` sockets, one message a packet, and ends when its
+end of the pair reads end-of-file. It runs at ordinary priority and on all CPUs.
+"""
+
+import os
+import select
+import signal
+import socket
+import sys
+from collections.abc import Sequence
+
+CHILD_FD = 3
+_BUFFER_BYTES = 212_992  # the kernel's usual ceiling without privileges (net.core.wmem_max)
+MAX_PACKET_BYTES = 65_536
+
+
+class Child:
+    """One running child process: a non-blocking socket to it and a pidfd that tells its end."""
+
+    def __init__(self, module: str, arguments: Sequence[str] = ()) -> None:
+        """Start `python -m module 3 arguments...`; raises `OSError` when that is impossible."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        ours.setblocking(False)
+        ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+        theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+        with theirs:
+            self.pid = os.posix_spawn(
+                sys.executable,
+                [sys.executable, "-m", module, *arguments],
+                os.environ,
+                file_actions=[(os.POSIX_SPAWN_DUP2, theirs.fileno(), CHILD_FD)],
+                setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children
+                setsigmask=(),
+                setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM),
+            )
+        self.socket = ours
+        self.pidfd = os.pidfd_open(self.pid)
+
+    def send(self, packet: bytes) -> bool:
+        """Send without waiting; False when the child does not read fast enough or is gone."""
+        try:
+            self.socket.send(packet)
+        except (BlockingIOError, ConnectionError):
+            return False
+        return True
+
+    def receive(self) -> bytes | None:
+        """Return one packet, or None when there is none now or the child is gone."""
+        try:
+            return self.socket.recv(MAX_PACKET_BYTES) or None
+        except (BlockingIOError, ConnectionError):
+            return None
+
+    @property
+    def has_ended(self) -> bool:
+        """Whether the process has ended (without waiting)."""
+        return bool(select.select((self.pidfd,), (), (), 0)[0])
+
+    def close(self) -> None:
+        """Close the pair, end the process if it still runs, and reap it; waits for its end."""
+        self.socket.close()
+        if not self.has_ended:
+            os.kill(self.pid, signal.SIGKILL)
+        os.waitpid(self.pid, 0)
+        os.close(self.pidfd)
+
+
+def inherited_socket() -> socket.socket:
+    """Return the child's own end of the pair, in blocking mode."""
+    return socket.socket(fileno=CHILD_FD)

@@ -1,0 +1,150 @@
+"""The control thread's end of the helper process, where disk and every other slow thing lives.
+
+Requests go out as JSON packets and come back as calls of `on_result`; nothing here waits. A
+helper that dies is started again, and every request it left unanswered fails with that reason.
+"""
+
+import json
+import logging
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from litegripd.io.child import Child
+
+_log = logging.getLogger(__name__)
+
+_RESTART_AFTER_S = 0.5
+_PACKETS_PER_EVENT = 8
+MODULE = "litegripd.io.helper_main"
+
+
+@dataclass(frozen=True, slots=True)
+class HelperResult:
+    """What became of one request: `value` where it worked, else `error`, a sentence."""
+
+    value: object = None
+    error: str | None = None
+    pieces: tuple[bytes, ...] = ()
+
+
+@dataclass(slots=True)
+class _Request:
+    on_result: Callable[[HelperResult], None]
+    pieces: list[bytes] = field(default_factory=list)
+
+
+class Helper:
+    """Keeps one helper process running and passes requests to it.
+
+    `watch(child)` and `unwatch(child)` register its descriptors with the event loop, which then
+    calls `on_event`; `poll(now_s)`, once per tick, starts the helper where there is none.
+    """
+
+    def __init__(
+        self,
+        watch: Callable[[Child], None],
+        unwatch: Callable[[Child], None],
+        module: str = MODULE,
+    ) -> None:
+        self.deaths = 0
+        self.refused = 0
+        self._watch = watch
+        self._unwatch = unwatch
+        self._module = module
+        self._requests: dict[int, _Request] = {}
+        self._next_id = 0
+        self._restart_at_s = 0.0
+        self._child: Child | None = None
+
+    @property
+    def is_running(self) -> bool:
+        """Whether there is a helper now."""
+        return self._child is not None
+
+    @property
+    def pid(self) -> int | None:
+        """The helper's process id, None while there is none."""
+        return None if self._child is None else self._child.pid
+
+    def request(
+        self,
+        operation: str,
+        parameters: Mapping[str, object],
+        on_result: Callable[[HelperResult], None],
+    ) -> None:
+        """Ask for `operation`; `on_result` is called once, from the event loop."""
+        self._next_id += 1
+        packet = json.dumps([self._next_id, operation, parameters]).encode()
+        if self._child is None or not self._child.send(packet):
+            self.refused += 1
+            on_result(HelperResult(error="the helper process is not running or overloaded"))
+            return
+        self._requests[self._next_id] = _Request(on_result)
+
+    def post(self, operation: str, parameters: Mapping[str, object]) -> bool:
+        """Send a request that wants no answer; tell whether it left."""
+        packet = json.dumps([0, operation, parameters]).encode()
+        return self._child is not None and self._child.send(packet)
+
+    def on_event(self, _mask: int) -> None:
+        """Take the packets that have come, a bounded number at a time."""
+        child = self._child
+        if child is None:
+            return
+        for _ in range(_PACKETS_PER_EVENT):
+            packet = child.receive()
+            if packet is None:
+                if child.has_ended:
+                    self._bury(child)
+                return
+            self._take(packet)
+
+    def poll(self, now_s: float) -> None:
+        """Start the helper, or start it again once its time has come."""
+        if self._child is None and now_s >= self._restart_at_s:
+            self._start()
+
+    def close(self) -> None:
+        """End the helper process."""
+        if self._child is not None:
+            self._unwatch(self._child)
+            self._child.close()
+            self._child = None
+
+    def _start(self) -> None:
+        try:
+            self._child = Child(self._module)
+        except OSError as error:
+            self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
+            _log.error("the helper process cannot be started: %s", error)
+            return
+        self._watch(self._child)
+
+    def _take(self, packet: bytes) -> None:
+        identity = int.from_bytes(packet[:4], "little")
+        request = self._requests.get(identity)
+        if request is None:
+            return
+        kind = packet[4:5]
+        if kind == b"p":
+            request.pieces.append(packet[5:])
+            return
+        del self._requests[identity]
+        value = json.loads(packet[5:])
+        pieces = tuple(request.pieces)
+        if kind == b"r":
+            request.on_result(HelperResult(value, None, pieces))
+        else:
+            request.on_result(HelperResult(None, str(value), ()))
+
+    def _bury(self, child: Child) -> None:
+        self.deaths += 1
+        self._unwatch(child)
+        child.close()
+        self._child = None
+        self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
+        _log.error("the helper process (pid %d) died; it will be started again", child.pid)
+        orphans, self._requests = list(self._requests.values()), {}
+        for request in orphans:
+            request.on_result(HelperResult(error="the helper process died while it worked on this"))

@@ -1,0 +1,65 @@
+"""The helper process: does, one after the other, what the control thread must never wait for.
+
+Run by the daemon as `python -m litegripd.io.helper_main`. It ends at end-of-file on its socket,
+that is, with the daemon.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping
+
+from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+
+Parameters = Mapping[str, object]
+Operation = Callable[[Parameters], object]
+"""Takes the parameters and returns what JSON can hold; an iterator of bytes is sent in pieces."""
+
+PIECE_BYTES = 8192
+
+
+def write_log(parameters: Parameters) -> None:
+    """Write `text` to standard error, waiting as long as the reader there takes."""
+    os.write(sys.stderr.fileno(), str(parameters["text"]).encode())
+
+
+OPERATIONS: dict[str, Operation] = {"log": write_log}
+
+
+def serve(operations: Mapping[str, Operation]) -> None:
+    """Answer requests until the daemon is gone."""
+    with inherited_socket() as peer:
+        while packet := peer.recv(MAX_PACKET_BYTES):
+            identity, name, parameters = json.loads(packet)
+            header = identity.to_bytes(4, "little")
+            try:
+                for answer in _answers(operations, name, parameters):
+                    if identity:
+                        peer.send(header + answer)
+            except BrokenPipeError:
+                return
+
+
+def _answers(
+    operations: Mapping[str, Operation], name: str, parameters: Parameters
+) -> Iterator[bytes]:
+    try:
+        result = operations[name](parameters)
+        if isinstance(result, Iterator):
+            for piece in result:
+                yield b"p" + piece
+            result = None
+        yield b"r" + json.dumps(result).encode()
+    except BrokenPipeError:
+        raise
+    except Exception as error:  # noqa: BLE001 - the requester gets it, whatever it is
+        yield b"e" + json.dumps(f"{type(error).__name__}: {error}").encode()
+
+
+def main() -> None:
+    """Run the helper with the daemon's operations."""
+    serve(OPERATIONS)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""Figures about time that are kept in every tick: cheap to add to, computed when asked for."""
+
+from collections.abc import Sequence
+
+_BUCKET_S = 10e-6
+_BUCKETS = 1000  # 10 ms; what is longer counts as the last bucket, the worst is kept exactly
+
+
+class LatenessMeter:
+    """A histogram of durations in steps of 10 µs up to 10 ms, with the exact worst."""
+
+    def __init__(self) -> None:
+        self._counts = [0] * _BUCKETS
+        self._total = 0
+        self.worst_s = 0.0
+
+    def add(self, duration_s: float) -> None:
+        """Count one duration; a negative one counts as zero."""
+        index = int(duration_s / _BUCKET_S)
+        self._counts[min(max(index, 0), _BUCKETS - 1)] += 1
+        self._total += 1
+        self.worst_s = max(self.worst_s, duration_s)
+
+    def percentiles_s(self, fractions: Sequence[float]) -> list[float | None]:
+        """Return the upper edge of the bucket that holds each fraction (0 to 1), ascending.
+
+        The edge never exceeds the worst value seen; None before the first value.
+        """
+        if not self._total:
+            return [None] * len(fractions)
+        edges: list[float | None] = []
+        seen = 0
+        index = -1
+        for fraction in fractions:
+            wanted = fraction * self._total
+            while seen < wanted:
+                index += 1
+                seen += self._counts[index]
+            edges.append(min((index + 1) * _BUCKET_S, self.worst_s))
+        return edges
+
+    def summary_us(self) -> dict[str, float | None]:
+        """Return p50, p99, p99.9 and the worst in microseconds, under those names."""
+        named = dict(
+            zip(("p50", "p99", "p99_9"), self.percentiles_s((0.5, 0.99, 0.999)), strict=True)
+        )
+        named["worst"] = self.worst_s if self._total else None
+        return {
+            f"{name}_us": None if value is None else round(value * 1e6, 1)
+            for name, value in named.items()
+        }

@@ -1,0 +1,87 @@
+"""The pump process: moves frames between the daemon's socket and an adapter that can block.
+
+Three threads, for each of which waiting is allowed: one reads the adapter, one writes to it, and
+the first reads the daemon's socket and ends the process, blocked threads and all, with it.
+"""
+
+import json
+import os
+import socket
+import sys
+import threading
+import time
+from queue import SimpleQueue
+
+import can
+
+from litegripd.io.bus import BusSettings
+from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.messages import describe, open_bus, to_frame, to_message
+from litegripd.io.pumped_bus import pack_frames, unpack_order
+
+_READ_TIMEOUT_S = 0.05
+_QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropped
+
+
+def _fail(peer: socket.socket, what: str) -> None:
+    """Tell the daemon why the pump ends, and end it from any thread."""
+    try:
+        peer.send(b"x" + what.encode()[: MAX_PACKET_BYTES // 2])
+    finally:
+        os._exit(1)
+
+
+def _read(bus: can.BusABC, peer: socket.socket) -> None:
+    while True:
+        try:
+            message = bus.recv(_READ_TIMEOUT_S)
+        except (ValueError, IndexError):
+            peer.send(b"i1")  # a corrupt line of an SLCAN adapter
+            continue
+        except (can.CanError, OSError) as error:
+            _fail(peer, f"reading: {describe(error)}")
+            return
+        if message is None:
+            continue
+        frame = to_frame(message)
+        peer.send(b"i1" if frame is None else b"f" + pack_frames((frame,)))
+
+
+def _write(bus: can.BusABC, peer: socket.socket, orders: "SimpleQueue[bytes]") -> None:
+    while True:
+        frames, deadline_s = unpack_order(orders.get())
+        if time.monotonic() > deadline_s:
+            peer.send(b"d%d" % len(frames))
+            continue
+        try:
+            for frame in frames:
+                bus.send(to_message(frame))
+        except (can.CanError, OSError) as error:
+            _fail(peer, f"sending: {describe(error)}")
+
+
+def main() -> None:
+    """Open the adapter given as JSON in the first argument and pump until the daemon is gone."""
+    interface, channel, bitrate, options = json.loads(sys.argv[1])
+    if interface == "slcan":
+        options.setdefault("timeout", _READ_TIMEOUT_S)  # else its reader wakes 1000 times a second
+    peer = inherited_socket()
+    try:
+        bus = open_bus(BusSettings(interface, channel, bitrate, options))
+    except Exception as error:  # noqa: BLE001 - an interface may raise anything; the daemon is told
+        _fail(peer, f"cannot be opened: {describe(error)}")
+        return
+    peer.send(b"o")
+    orders: SimpleQueue[bytes] = SimpleQueue()
+    threading.Thread(target=_read, args=(bus, peer), daemon=True).start()
+    threading.Thread(target=_write, args=(bus, peer, orders), daemon=True).start()
+    while packet := peer.recv(MAX_PACKET_BYTES):
+        if orders.qsize() < _QUEUED_AT_MOST:
+            orders.put(packet)
+        else:
+            peer.send(b"d1")
+    os._exit(0)  # a writer that is blocked in the adapter cannot be joined
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,157 @@
+"""A bus whose adapter can block (SLCAN and most USB adapters), driven by a process of its own.
+
+That process is not the helper: a pump that waits for ever in a send must not hold up the disk,
+and a file that is being parsed must not hold up the frames.
+"""
+
+import json
+import logging
+import struct
+from collections.abc import Callable, Sequence
+
+from litegripd.io.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
+from litegripd.io.child import Child
+from litegripd.model.frame import CanFrame
+
+_log = logging.getLogger(__name__)
+
+MODULE = "litegripd.io.pump_main"
+_RESTART_FIRST_S = 0.5
+_RESTART_AT_MOST_S = 5.0
+_FRAME = struct.Struct("<IB3x8s")  # as the kernel's struct can_frame
+_DEADLINE = struct.Struct("<d")
+FRAME_LIFETIME_PERIODS = 2.0
+
+
+def pack_frames(frames: Sequence[CanFrame]) -> bytes:
+    """Lay frames behind one another, 16 bytes each."""
+    return b"".join(_FRAME.pack(frame.can_id, len(frame.data), frame.data) for frame in frames)
+
+
+def unpack_frames(packed: bytes) -> list[CanFrame]:
+    """Take `pack_frames` apart again."""
+    return [CanFrame(can_id, data[:length]) for can_id, length, data in _FRAME.iter_unpack(packed)]
+
+
+def pack_order(frames: Sequence[CanFrame], deadline_s: float) -> bytes:
+    """Make the packet that tells the pump to send `frames`, but not after `deadline_s`."""
+    return _DEADLINE.pack(deadline_s) + pack_frames(frames)
+
+
+def unpack_order(packet: bytes) -> tuple[list[CanFrame], float]:
+    """Take `pack_order` apart again."""
+    (deadline_s,) = _DEADLINE.unpack_from(packet)
+    return unpack_frames(packet[_DEADLINE.size :]), deadline_s
+
+
+class PumpedBus:
+    """Exchanges frames with the pump process; starts it again when it dies.
+
+    `period_s` is the control period: a frame that could not be sent within
+    `FRAME_LIFETIME_PERIODS` of it is dropped by the pump, so that nothing stale is replayed.
+    """
+
+    def __init__(
+        self,
+        settings: BusSettings,
+        period_s: float,
+        start: Callable[[str, Sequence[str]], Child] = Child,
+    ) -> None:
+        self.counters = BusCounters()
+        self.error: str | None = "not opened yet"
+        self._settings = settings
+        self._lifetime_s = FRAME_LIFETIME_PERIODS * period_s
+        self._start = start
+        self._child: Child | None = None
+        self._restart_at_s = 0.0
+        self._restart_after_s = _RESTART_FIRST_S
+
+    @property
+    def is_up(self) -> bool:
+        """Whether the pump has opened the adapter and reads what it is given."""
+        return self.error is None
+
+    @property
+    def pid(self) -> int | None:
+        """The pump's process id, None while there is none."""
+        return None if self._child is None else self._child.pid
+
+    def receive(self, now_s: float) -> list[CanFrame]:
+        """Return the frames that the pump has passed on since the last call."""
+        child = self._child or self._spawn(now_s)
+        frames: list[CanFrame] = []
+        while child is not None and len(frames) < MAX_FRAMES_PER_TICK:
+            packet = child.receive()
+            if packet is None:
+                if child.has_ended:
+                    self._bury(child, now_s)
+                break
+            self._take(packet, frames)
+        return frames
+
+    def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
+        """Hand `frames` to the pump; while the adapter is not open they are dropped."""
+        if not frames:
+            return
+        deadline_s = now_s + self._lifetime_s
+        if self.error is None and self._child is not None:
+            if self._child.send(pack_order(frames, deadline_s)):
+                self.counters.sent += len(frames)
+                for frame in frames:
+                    self.counters.count(frame)
+                return
+            self.counters.errors += 1
+        self.counters.send_failures += len(frames)
+
+    def close(self) -> None:
+        """End the pump."""
+        if self._child is not None:
+            self._child.close()
+            self._child = None
+
+    def _take(self, packet: bytes, frames: list[CanFrame]) -> None:
+        kind, body = packet[:1], packet[1:]
+        if kind == b"f":
+            new = unpack_frames(body)
+            self.counters.received += len(new)
+            for frame in new:
+                self.counters.count(frame)
+            frames.extend(new)
+        elif kind == b"i":
+            self.counters.ignored += int(body)
+        elif kind == b"d":
+            self.counters.send_failures += int(body)
+        elif kind == b"o":
+            _log.info("CAN bus %s is up", self._settings.channel)
+            self.error = None
+            self._restart_after_s = _RESTART_FIRST_S
+        else:
+            self._down(body.decode(errors="replace"))
+
+    def _spawn(self, now_s: float) -> Child | None:
+        if now_s < self._restart_at_s:
+            return None
+        settings = self._settings
+        described = json.dumps(
+            [settings.interface, settings.channel, settings.bitrate, dict(settings.options)]
+        )
+        try:
+            self._child = self._start(MODULE, (described,))
+        except OSError as error:
+            self._down(f"the pump process cannot be started: {error}")
+            self._restart_at_s = now_s + self._restart_after_s
+        return self._child
+
+    def _bury(self, child: Child, now_s: float) -> None:
+        child.close()
+        self._child = None
+        self.counters.reopened += 1
+        if self.error is None:
+            self._down("the pump process died")
+        self._restart_at_s = now_s + self._restart_after_s
+        self._restart_after_s = min(2 * self._restart_after_s, _RESTART_AT_MOST_S)
+
+    def _down(self, reason: str) -> None:
+        if self.error != reason:
+            _log.error("CAN bus %s: %s", self._settings.channel, reason)
+        self.error = reason

@@ -1,0 +1,163 @@
+"""The Unix socket at which clients speak JSON-RPC: bytes in and out, fairly, without waiting.
+
+It knows lines and bounds, not methods: every line goes to the `Service`. One line of each
+connection is served per turn; a connection whose lines are still waiting is not read further,
+so that a flood waits in the kernel.
+"""
+
+import errno
+import logging
+import select
+import socket
+import struct
+import time
+from collections import Counter, deque
+from pathlib import Path
+
+from litegripd.io.connection import Connection
+from litegripd.io.reactor import Reactor
+from litegripd.model.errors import Refusal
+from litegripd.rpc.session import Peer, Service
+from litegripd.rpc.wire import error_line
+
+_log = logging.getLogger(__name__)
+
+MAX_CONNECTIONS = 256
+MAX_CONNECTIONS_PER_UID = 64
+_ACCEPTED_PER_EVENT = 4
+_LISTEN_BACKLOG = 128
+_UCRED = struct.Struct("3i")
+
+_COST_PER_LINE_S = 60e-6
+_COST_PER_BYTE_S = 65e-9  # parsing 64 KiB takes about 4 ms
+
+
+class Server:
+    """Accepts clients on a bound listening socket and passes their lines to `service`."""
+
+    def __init__(self, reactor: Reactor, listener: socket.socket, service: Service) -> None:
+        self.requests = 0
+        self.refused_connections = 0
+        self._reactor = reactor
+        self._listener = listener
+        self._service = service
+        self._connections: dict[int, Connection] = {}
+        self._per_uid: Counter[int] = Counter()
+        self._turns: deque[Connection] = deque()
+        listener.setblocking(False)
+        listener.listen(_LISTEN_BACKLOG)
+        reactor.add(listener.fileno(), self)
+
+    @property
+    def clients(self) -> int:
+        """How many clients are connected."""
+        return len(self._connections)
+
+    @property
+    def pending(self) -> bool:
+        """Whether a line was read but not served yet."""
+        return bool(self._turns)
+
+    def serve(self, until_s: float) -> None:
+        """Serve one line of each connection in turn while there is time for the next one.
+
+        A long line that would end in the next tick waits for the begin of a period.
+        """
+        turns = self._turns
+        now_s = time.monotonic()
+        while turns:
+            connection = turns[0]
+            line = connection.lines[0]
+            if now_s + _COST_PER_LINE_S + _COST_PER_BYTE_S * len(line) > until_s:
+                return
+            turns.popleft()
+            del connection.lines[0]
+            self.requests += 1
+            connection.requests += 1
+            self._service.handle(connection.session, line, now_s)
+            connection.flush()
+            if connection.lines:
+                turns.append(connection)
+            now_s = time.monotonic()
+
+    def on_event(self, _mask: int) -> None:
+        """Let new clients in, a few at a time."""
+        for _ in range(_ACCEPTED_PER_EVENT):
+            try:
+                accepted, _address = self._listener.accept()
+            except BlockingIOError:
+                return
+            except OSError as error:
+                if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ECONNABORTED):
+                    raise
+                self.refused_connections += 1
+                return
+            self._admit(accepted)
+
+    def drop(self, connection: Connection) -> None:
+        """Close a connection and tell the service that it is gone."""
+        if self._connections.pop(connection.session.identity, None) is None:
+            return
+        self._per_uid[connection.session.peer.uid] -= 1
+        connection.lines.clear()
+        if connection in self._turns:
+            self._turns.remove(connection)
+        connection.close()
+        self._service.closed(connection.session, time.monotonic())
+
+    def close(self) -> None:
+        """Close the listening socket and every connection."""
+        self._reactor.remove(self._listener.fileno())
+        self._listener.close()
+        for connection in list(self._connections.values()):
+            self.drop(connection)
+
+    def take_turn(self, connection: Connection) -> None:
+        """Put a connection that has lines into the row, once."""
+        self._turns.append(connection)
+
+    def is_idle(self, connection: Connection) -> bool:
+        """Whether a client that sends nothing more has nothing more to receive."""
+        return self._service.is_idle(connection.session)
+
+    def _admit(self, accepted: socket.socket) -> None:
+        accepted.setblocking(False)
+        peer = _peer(accepted)
+        refusal = self._refusal(peer)
+        if refusal is not None:
+            self.refused_connections += 1
+            with accepted:
+                try:
+                    accepted.send(error_line(None, refusal))
+                except OSError as error:
+                    _log.debug("a refused client was gone already: %s", error)
+            return
+        session = self._service.opened(peer, time.monotonic())
+        connection = Connection(self._reactor, accepted, session, self)
+        self._connections[session.identity] = connection
+        self._per_uid[peer.uid] += 1
+        self._reactor.add(accepted.fileno(), connection, select.EPOLLIN | select.EPOLLRDHUP)
+
+    def _refusal(self, peer: Peer) -> Refusal | None:
+        if len(self._connections) >= MAX_CONNECTIONS:
+            limit, whose = MAX_CONNECTIONS, "in all"
+        elif self._per_uid[peer.uid] >= MAX_CONNECTIONS_PER_UID:
+            limit, whose = MAX_CONNECTIONS_PER_UID, f"for user {peer.uid}"
+        else:
+            return None
+        return Refusal(
+            "too_many_connections",
+            f"{limit} connections are open {whose}, no more are let in: close one",
+            {"limit": limit},
+        )
+
+
+def _peer(connected: socket.socket) -> Peer:
+    """Ask the kernel who is at the other end."""
+    credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
+    pid, uid, gid = _UCRED.unpack(credentials)
+    try:
+        program = Path(f"/proc/{pid}/comm").read_text(encoding="utf-8", errors="replace").strip()
+    except OSError:
+        program = "?"  # ended meanwhile, or in another pid namespace
+    return Peer(pid, uid, gid, program)

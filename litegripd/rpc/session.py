@@ -1,0 +1,57 @@
+"""One client's side of the protocol, without its socket: who it is and what it is to be sent."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """Who is at the other end of a connection, as the kernel tells it."""
+
+    pid: int
+    uid: int
+    gid: int
+    program: str
+
+
+class Session:
+    """What is kept of one connection while it lasts.
+
+    `write` queues a line to be sent. `congested` is kept by the transport: true while the client
+    has not read all it was sent, so that samples are dropped for it rather than queued.
+    `unanswered` counts the requests that wait for a motion.
+    """
+
+    __slots__ = ("congested", "identity", "name", "on_write", "outgoing", "peer", "unanswered")
+
+    def __init__(self, identity: int, peer: Peer) -> None:
+        self.identity = identity
+        self.peer = peer
+        self.name = peer.program
+        self.outgoing: list[bytes] = []
+        self.congested = False
+        self.unanswered = 0
+        self.on_write: Callable[[Session], None] | None = None
+
+    def write(self, line: bytes) -> None:
+        """Queue `line`, which ends in a newline, for sending."""
+        if not self.outgoing and self.on_write is not None:
+            self.on_write(self)
+        self.outgoing.append(line)
+
+
+class Service(Protocol):
+    """What the transport passes lines to; nothing of it raises."""
+
+    def opened(self, peer: Peer, now_s: float) -> Session:
+        """Begin a session for a new connection."""
+
+    def handle(self, session: Session, line: bytes, now_s: float) -> None:
+        """Take one request line, without its newline."""
+
+    def closed(self, session: Session, now_s: float) -> None:
+        """End a session; what its connection owned is lost with it."""
+
+    def is_idle(self, session: Session) -> bool:
+        """Whether nothing will be sent to `session` that it has not asked for anew."""

@@ -1,0 +1,129 @@
+"""JSON-RPC 2.0 on one line: strict parsing of requests, and the making of answers.
+
+`json` of the standard library accepts more than JSON (NaN, duplicate keys): refused here. What
+JSON allows but a field does not, such as 1e999, is refused where the field is checked.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NoReturn, TypeAlias
+
+from litegripd.model.errors import Refusal
+
+MAX_LINE_BYTES = 16_384
+"""64 KiB take 4 ms to parse, more than a tick can spare."""
+
+MAX_ID_BYTES = 128
+
+RequestId: TypeAlias = str | int | None
+
+_encoder = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """One well-formed request; `identity` is None for a notification."""
+
+    identity: RequestId
+    method: str
+    params: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class BadRequest:
+    """A line that is no request, and the id to answer it with."""
+
+    identity: RequestId
+    refusal: Refusal
+
+
+def parse(line: bytes) -> Request | BadRequest:
+    """Read one line. Never raises, whatever the bytes are."""
+    try:
+        value = _decoder.decode(line.decode("utf-8"))
+    except UnicodeDecodeError as error:
+        return _bad(None, "parse_error", f"the line is not UTF-8 (byte {error.start})")
+    except RecursionError:
+        return _bad(None, "parse_error", "the JSON is nested too deep")
+    except ValueError as error:
+        return _bad(None, "parse_error", f"not valid JSON: {error}")
+    if isinstance(value, list):
+        return _bad(None, "invalid_request", "batches are not supported: send one request a line")
+    if not isinstance(value, dict):
+        return _bad(None, "invalid_request", "a request is a JSON object")
+    return _request(value)
+
+
+def _request(value: dict[str, Any]) -> Request | BadRequest:
+    identity = value.get("id")
+    if isinstance(identity, bool) or not isinstance(identity, str | int | None):
+        return _bad(None, "invalid_request", '"id" must be a string or an integer')
+    if len(str(identity)) > MAX_ID_BYTES:
+        return _bad(None, "invalid_request", f'"id" is longer than {MAX_ID_BYTES} characters')
+    if "id" in value and identity is None:
+        return _bad(None, "invalid_request", '"id" must not be null')
+    if value.get("jsonrpc") != "2.0":
+        return _bad(identity, "invalid_request", '"jsonrpc" must be "2.0"')
+    method = value.get("method")
+    if not isinstance(method, str):
+        return _bad(identity, "invalid_request", '"method" must be a string')
+    params = value.get("params", {})
+    if not isinstance(params, dict):
+        return _bad(identity, "invalid_params", "parameters are given by name, in an object")
+    unknown = value.keys() - {"jsonrpc", "id", "method", "params"}
+    if unknown:
+        return _bad(identity, "invalid_request", f"unknown members: {_names(unknown)}")
+    return Request(identity, method, params)
+
+
+def result_line(identity: RequestId, result: bytes) -> bytes:
+    """Answer request `identity` with `result`, which is JSON already."""
+    return b'{"jsonrpc":"2.0","id":%b,"result":%b}\n' % (encode(identity), result)
+
+
+def error_line(identity: RequestId, refusal: Refusal) -> bytes:
+    """Answer request `identity` with a refusal."""
+    return b'{"jsonrpc":"2.0","id":%b,"error":%b}\n' % (
+        encode(identity),
+        encode(error_object(refusal)),
+    )
+
+
+def notification_line(method: str, params: bytes) -> bytes:
+    """Tell the client something that it subscribed to; `params` is JSON already."""
+    return b'{"jsonrpc":"2.0","method":"%b","params":%b}\n' % (method.encode(), params)
+
+
+def error_object(refusal: Refusal) -> dict[str, object]:
+    """Give a refusal the form that it has on the wire."""
+    kind = refusal.kind
+    data = {"reason": kind.reason, "retryable": kind.retryable, **refusal.data}
+    return {"code": kind.code, "message": refusal.message, "data": data}
+
+
+def encode(value: object) -> bytes:
+    """Make compact JSON; raises `ValueError` for what JSON cannot hold, a NaN for one."""
+    return _encoder.encode(value).encode()
+
+
+def _bad(identity: RequestId, reason: str, message: str) -> BadRequest:
+    return BadRequest(identity, Refusal(reason, message))
+
+
+def _names(names: set[str]) -> str:
+    return ", ".join(sorted(name[:40] for name in names)[:8])
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not JSON")
+
+
+def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    value = dict(pairs)
+    if len(value) != len(pairs):
+        raise ValueError("an object has the same key twice")
+    return value
+
+
+_decoder = json.JSONDecoder(parse_constant=_no_constant, object_pairs_hook=_unique)
