@@ -1,0 +1,132 @@
+"""The motor as values: what it is told, what it answers, what it is and in which phase."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import Enum, IntEnum
+
+from litegripd.model.errors import Refusal
+
+
+@dataclass(frozen=True, slots=True)
+class MitCommand:
+    """One MIT-mode command: the motor applies kp·(q - q') + kd·(dq - dq') + torque.
+
+    `kp_nm_rad` is 0 to 500 and `kd_nm_s_rad` 0 to 5; the ranges of the rest lie in the motor.
+    """
+
+    position_rad: float
+    velocity_rad_s: float
+    kp_nm_rad: float
+    kd_nm_s_rad: float
+    torque_nm: float
+
+
+class Status(IntEnum):
+    """The status nibble of a feedback frame."""
+
+    DISABLED = 0x0
+    ENABLED = 0x1
+    OVER_VOLTAGE = 0x8
+    UNDER_VOLTAGE = 0x9
+    OVER_CURRENT = 0xA
+    DRIVER_HOT = 0xB
+    COIL_HOT = 0xC
+    COMMUNICATION_LOST = 0xD
+    OVERLOAD = 0xE
+
+
+def status_name(code: int) -> str:
+    """Name a status nibble, as it appears on the wire; an unknown one by its number."""
+    try:
+        return Status(code).name.lower()
+    except ValueError:
+        return f"unknown_{code:x}"
+
+
+def is_fault(code: int) -> bool:
+    """Whether a status nibble is a fault, known or not: anything but disabled and enabled."""
+    return code not in (Status.DISABLED, Status.ENABLED)
+
+
+@dataclass(frozen=True, slots=True)
+class Feedback:
+    """One feedback frame, decoded, with the time at which it was taken from the bus."""
+
+    status: int
+    position_rad: float
+    velocity_rad_s: float
+    torque_nm: float
+    driver_temperature_c: int
+    coil_temperature_c: int
+    at_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Ranges:
+    """What the codes of a frame span, ± each; they live in the motor's registers 21 to 23."""
+
+    position_rad: float = 12.5
+    velocity_rad_s: float = 30.0
+    torque_nm: float = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class MotorIdentity:
+    """What the motor told about itself; None where it did not answer a register."""
+
+    can_id: int
+    master_id: int
+    ranges: Ranges
+    timeout_s: float
+    control_mode: int
+    registers: Mapping[str, float | int | None] = field(default_factory=dict)
+
+
+class MotorPhase(Enum):
+    """Where the motor is in its life, as clients see it."""
+
+    UNKNOWN = "unknown"
+    DISABLED = "disabled"
+    ENABLING = "enabling"
+    ENABLED = "enabled"
+    DISABLING = "disabling"
+    FAULT = "fault"
+    SILENT = "silent"
+
+
+@dataclass(frozen=True, slots=True)
+class MotorView:
+    """The motor as the engine sees it in one tick.
+
+    `feedback` is the latest, whatever its age; `enable_tries` counts the attempts of the present
+    or latest enable; `problem` says why the motor cannot be enabled now, if so; `failure` why
+    the latest enable or disable did not succeed.
+    """
+
+    phase: MotorPhase
+    feedback: Feedback | None = None
+    identity: MotorIdentity | None = None
+    enable_tries: int = 0
+    problem: Refusal | None = None
+    failure: Refusal | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class EnableMotor:
+    """Ask for the motor to be energised: at most `tries` attempts, `interval_s` apart."""
+
+    tries: int
+    interval_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class DisableMotor:
+    """Ask for the motor to be de-energised, confirmed."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotorOrder:
+    """What the engine wants of the motor in one tick."""
+
+    command: MitCommand | None = None
+    request: EnableMotor | DisableMotor | None = None

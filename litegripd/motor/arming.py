@@ -1,0 +1,97 @@
+"""One enabling of the motor: its watchdog first, then a fault cleared, then armed and confirmed.
+
+Just before each enable frame goes one with zero gains: a command that arrived while the motor
+was disabled is stored and applied by enable at once, and a jump on enable is the commonest
+complaint about such grippers.
+"""
+
+from litegripd.model.errors import Refusal
+from litegripd.model.frame import CanFrame
+from litegripd.model.motor import EnableMotor, Feedback, MitCommand, MotorIdentity, is_fault
+from litegripd.motor import codec
+from litegripd.motor.faults import SILENT, fault_refusal
+from litegripd.motor.look import ANSWER_WITHIN_S
+from litegripd.motor.phases import Phase
+from litegripd.motor.registers import TIMEOUT, TIMEOUT_UNIT_S, Answer, read_request, write_request
+
+WATCHDOG_S = 0.1
+"""Written (not saved) where the motor's own watchdog is off: it is the last line when the daemon
+itself dies."""
+
+_WATCHDOG_UNITS = round(WATCHDOG_S / TIMEOUT_UNIT_S)
+_PREPARE_WITHIN_S = 0.2
+
+
+class Arming:
+    """Gives the frames of one enabling, and keeps its attempts and its failure."""
+
+    def __init__(self, identity: MotorIdentity, request: EnableMotor, now_s: float) -> None:
+        self.tries = 0
+        self.failure: Refusal | None = None
+        self.is_prepared = identity.timeout_s > 0.0
+        self._identity = identity
+        self._request = request
+        self._began_s = now_s
+        self._next_try_s = now_s
+        self._next_request_s = now_s
+
+    def take(self, answer: Answer) -> bool:
+        """Take a register answer; the watchdog counts as set once reading it back says so."""
+        if self.is_prepared or answer.number != TIMEOUT.number or answer.is_write:
+            return False
+        self.is_prepared = TIMEOUT.decode(answer.raw) == _WATCHDOG_UNITS
+        return True
+
+    def step(self, now_s: float, phase: Phase, feedback: Feedback | None) -> list[CanFrame]:
+        """Return the frames of this tick; `failure` is set when the attempts are used up."""
+        if phase is Phase.PREPARING:
+            return self._prepare(now_s)
+        if phase is Phase.CLEARING:
+            return self._clear(now_s, feedback)
+        return self._arm(now_s, feedback)
+
+    def _prepare(self, now_s: float) -> list[CanFrame]:
+        if now_s - self._began_s > _PREPARE_WITHIN_S:
+            self.failure = Refusal(
+                "motor_unsuitable",
+                "the motor's watchdog (register TIMEOUT) is off and could not be set, so the motor"
+                " would keep pushing if the daemon died: set it with the maker's tool",
+                {"register": "TIMEOUT"},
+            )
+            return []
+        if now_s < self._next_request_s:
+            return []
+        self._next_request_s = now_s + ANSWER_WITHIN_S
+        can_id = self._identity.can_id
+        return [write_request(can_id, TIMEOUT, _WATCHDOG_UNITS), read_request(can_id, TIMEOUT)]
+
+    def _clear(self, now_s: float, feedback: Feedback | None) -> list[CanFrame]:
+        """Clear a fault, where there is one; the frame's answer tells whether that worked."""
+        faulty = feedback is not None and is_fault(feedback.status)
+        if now_s - self._began_s > self._request.tries * self._request.interval_s:
+            self.failure = fault_refusal(feedback) if feedback and faulty else SILENT
+            return []
+        if faulty:
+            return [CanFrame(self._identity.can_id, codec.CLEAR_FAULT)]
+        return [self._zero_gains(feedback)]
+
+    def _arm(self, now_s: float, feedback: Feedback | None) -> list[CanFrame]:
+        frames = [self._zero_gains(feedback)]
+        if now_s >= self._next_try_s:
+            if self.tries >= self._request.tries:
+                self.failure = Refusal(
+                    "not_confirmed",
+                    f"the motor did not confirm that it is enabled, after {self.tries} tries:"
+                    " check the CAN wiring",
+                    {"tries": self.tries},
+                )
+                return []
+            self.tries += 1
+            self._next_try_s = now_s + self._request.interval_s
+            frames.append(CanFrame(self._identity.can_id, codec.ENABLE))
+        return frames
+
+    def _zero_gains(self, feedback: Feedback | None) -> CanFrame:
+        position_rad = 0.0 if feedback is None else feedback.position_rad
+        command = MitCommand(position_rad, 0.0, 0.0, 0.0, 0.0)
+        return CanFrame(self._identity.can_id, codec.encode_command(command, self._identity.ranges))

@@ -1,0 +1,32 @@
+"""The motor's faults by name, each with what to do about it."""
+
+from collections.abc import Mapping
+
+from litegripd.model.errors import Refusal
+from litegripd.model.motor import Feedback, Status, status_name
+
+REMEDIES: Mapping[int, str] = {
+    Status.OVER_VOLTAGE: "lower the supply voltage (24 V nominal, 32 V at most)",
+    Status.UNDER_VOLTAGE: "check that the 24 V supply of the power stage is on",
+    Status.OVER_CURRENT: "check that the jaws are not jammed, then enable again",
+    Status.DRIVER_HOT: "let the driver cool down, then enable again",
+    Status.COIL_HOT: "let the motor cool down, then hold with less force",
+    Status.COMMUNICATION_LOST: "enable again; if it recurs, check the CAN wiring",
+    Status.OVERLOAD: "remove what loads the jaws, then enable again",
+}
+
+SILENT = Refusal(
+    "motor_silent",
+    "the motor does not answer: check its 24 V supply, the CAN wiring and its id",
+)
+
+
+def fault_refusal(feedback: Feedback) -> Refusal:
+    """Name the fault that a feedback frame reports, with what to do about it."""
+    name = status_name(feedback.status)
+    remedy = REMEDIES.get(feedback.status, "see the motor's manual")
+    return Refusal(
+        "motor_fault",
+        f"the motor reports {name.replace('_', ' ')}: {remedy}",
+        {"status": name, "hint": remedy},
+    )

@@ -1,0 +1,108 @@
+"""The life of a motor as a literal table: in which phase which event leads to which phase.
+
+A pair that the table does not have changes nothing. Only `ENABLE`, which comes from a client's
+request alone, leads towards `ENABLED`; the one other way in is `LOST`, a motor that was enabled,
+did not answer for a moment and then says that it still is.
+"""
+
+from collections.abc import Mapping
+from enum import Enum, auto
+from types import MappingProxyType
+
+from litegripd.model.motor import MotorPhase
+
+
+class Phase(Enum):
+    """Finer than `MotorPhase`: enabling takes three steps, and silence has two degrees."""
+
+    LOOKING = auto()
+    """Reading the registers; a status counts only after them, since they hold its ranges."""
+    DISABLED = auto()
+    PREPARING = auto()
+    """Making sure that the motor's own watchdog is on."""
+    CLEARING = auto()
+    """Clearing a fault, where there is one."""
+    ARMING = auto()
+    """Zero gains, then the enable frame, until a fresh status says enabled."""
+    ENABLED = auto()
+    LOST = auto()
+    """Was enabled and stopped answering: commands are withheld, so that none can queue up."""
+    DISABLING = auto()
+    FAULT = auto()
+    SILENT = auto()
+
+
+class Event(Enum):
+    """What can happen to a motor in one tick."""
+
+    SAW_DISABLED = auto()
+    SAW_ENABLED = auto()
+    SAW_FAULT = auto()
+    NO_ANSWER = auto()
+    ENABLE = auto()
+    DISABLE = auto()
+    PREPARED = auto()
+    GAVE_UP = auto()
+
+
+_P, _E = Phase, Event
+
+TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
+    {
+        (_P.LOOKING, _E.SAW_DISABLED): _P.DISABLED,
+        (_P.LOOKING, _E.SAW_ENABLED): _P.DISABLING,
+        (_P.LOOKING, _E.SAW_FAULT): _P.FAULT,
+        (_P.DISABLED, _E.SAW_ENABLED): _P.DISABLING,
+        (_P.DISABLED, _E.SAW_FAULT): _P.FAULT,
+        (_P.DISABLED, _E.NO_ANSWER): _P.SILENT,
+        (_P.DISABLED, _E.ENABLE): _P.PREPARING,
+        (_P.DISABLED, _E.DISABLE): _P.DISABLING,
+        (_P.FAULT, _E.SAW_DISABLED): _P.DISABLED,
+        (_P.FAULT, _E.SAW_ENABLED): _P.DISABLING,
+        (_P.FAULT, _E.NO_ANSWER): _P.SILENT,
+        (_P.FAULT, _E.ENABLE): _P.PREPARING,
+        (_P.FAULT, _E.DISABLE): _P.DISABLING,
+        (_P.PREPARING, _E.PREPARED): _P.CLEARING,
+        (_P.PREPARING, _E.GAVE_UP): _P.DISABLING,
+        (_P.PREPARING, _E.DISABLE): _P.DISABLING,
+        (_P.CLEARING, _E.SAW_DISABLED): _P.ARMING,
+        (_P.CLEARING, _E.SAW_ENABLED): _P.DISABLING,
+        (_P.CLEARING, _E.GAVE_UP): _P.DISABLING,
+        (_P.CLEARING, _E.DISABLE): _P.DISABLING,
+        (_P.ARMING, _E.SAW_ENABLED): _P.ENABLED,
+        (_P.ARMING, _E.SAW_FAULT): _P.CLEARING,
+        (_P.ARMING, _E.GAVE_UP): _P.DISABLING,
+        (_P.ARMING, _E.DISABLE): _P.DISABLING,
+        (_P.ENABLED, _E.SAW_DISABLED): _P.DISABLED,
+        (_P.ENABLED, _E.SAW_FAULT): _P.FAULT,
+        (_P.ENABLED, _E.NO_ANSWER): _P.LOST,
+        (_P.ENABLED, _E.DISABLE): _P.DISABLING,
+        (_P.LOST, _E.SAW_ENABLED): _P.ENABLED,
+        (_P.LOST, _E.SAW_DISABLED): _P.LOOKING,
+        (_P.LOST, _E.SAW_FAULT): _P.FAULT,
+        (_P.LOST, _E.GAVE_UP): _P.SILENT,
+        (_P.LOST, _E.DISABLE): _P.DISABLING,
+        (_P.DISABLING, _E.SAW_DISABLED): _P.DISABLED,
+        (_P.DISABLING, _E.SAW_FAULT): _P.FAULT,
+        (_P.DISABLING, _E.NO_ANSWER): _P.SILENT,
+        (_P.SILENT, _E.SAW_DISABLED): _P.LOOKING,
+        (_P.SILENT, _E.SAW_ENABLED): _P.LOOKING,
+        (_P.SILENT, _E.SAW_FAULT): _P.LOOKING,
+        (_P.SILENT, _E.DISABLE): _P.DISABLING,
+    }
+)
+
+PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
+    {
+        Phase.LOOKING: MotorPhase.UNKNOWN,
+        Phase.DISABLED: MotorPhase.DISABLED,
+        Phase.PREPARING: MotorPhase.ENABLING,
+        Phase.CLEARING: MotorPhase.ENABLING,
+        Phase.ARMING: MotorPhase.ENABLING,
+        Phase.ENABLED: MotorPhase.ENABLED,
+        Phase.LOST: MotorPhase.SILENT,
+        Phase.DISABLING: MotorPhase.DISABLING,
+        Phase.FAULT: MotorPhase.FAULT,
+        Phase.SILENT: MotorPhase.SILENT,
+    }
+)

@@ -1,0 +1,118 @@
+"""The motor's registers: the table, and the frames on 0x7FF that read and write them."""
+
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Literal
+
+from litegripd.model.frame import CanFrame
+
+REGISTER_CAN_ID = 0x7FF
+TIMEOUT_UNIT_S = 50e-6
+MIT_MODE = 1
+
+_READ = 0x33
+_WRITE = 0x55
+_SAVE = 0xAA
+_STATUS_REQUEST = 0xCC
+_ANSWERS = (_READ, _WRITE, _SAVE)
+_ANSWER_BYTES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """One register: its number, the maker's name, and float ("f") or unsigned ("u")."""
+
+    number: int
+    name: str
+    kind: Literal["f", "u"]
+
+    def decode(self, raw: bytes) -> float | int:
+        """Read the four little-endian bytes of a value."""
+        value: float | int = struct.unpack("<f" if self.kind == "f" else "<I", raw)[0]
+        return value
+
+    def encode(self, value: float) -> bytes:
+        """Make the four little-endian bytes of a value."""
+        return struct.pack("<f", value) if self.kind == "f" else struct.pack("<I", int(value))
+
+
+MASTER_ID = Register(7, "MST_ID", "u")
+CAN_ID = Register(8, "ESC_ID", "u")
+TIMEOUT = Register(9, "TIMEOUT", "u")
+CONTROL_MODE = Register(10, "CTRL_MODE", "u")
+SERIAL = Register(15, "SN", "u")
+PMAX = Register(21, "PMAX", "f")
+VMAX = Register(22, "VMAX", "f")
+TMAX = Register(23, "TMAX", "f")
+
+REGISTERS: Mapping[int, Register] = MappingProxyType(
+    {
+        register.number: register
+        for register in (
+            Register(0, "UV_Value", "f"),
+            Register(2, "OT_Value", "f"),
+            Register(3, "OC_Value", "f"),
+            MASTER_ID,
+            CAN_ID,
+            TIMEOUT,
+            CONTROL_MODE,
+            Register(13, "hw_ver", "u"),
+            Register(14, "sw_ver", "u"),
+            SERIAL,
+            Register(20, "Gr", "f"),
+            PMAX,
+            VMAX,
+            TMAX,
+            Register(35, "can_br", "u"),
+        )
+    }
+)
+
+READ_AT_START: tuple[Register, ...] = tuple(
+    REGISTERS[number] for number in (7, 8, 9, 10, 13, 14, 15, 20, 21, 22, 23, 35)
+)
+ESSENTIAL: frozenset[Register] = frozenset({MASTER_ID, TIMEOUT, CONTROL_MODE, PMAX, VMAX, TMAX})
+"""Without these the motor cannot be used safely; the others only inform."""
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A frame that has the shape of a register answer."""
+
+    number: int
+    is_write: bool
+    raw: bytes
+
+
+def read_request(can_id: int, register: Register) -> CanFrame:
+    """Ask for a register's value."""
+    return _request(can_id, _READ, register.number, bytes(4))
+
+
+def write_request(can_id: int, register: Register, value: float) -> CanFrame:
+    """Set a register until the motor's next power cycle."""
+    return _request(can_id, _WRITE, register.number, register.encode(value))
+
+
+def status_request(can_id: int) -> CanFrame:
+    """Ask for one feedback frame; it neither energises nor feeds the motor's watchdog."""
+    return CanFrame(REGISTER_CAN_ID, struct.pack("<HBx4x", can_id, _STATUS_REQUEST))
+
+
+def parse_answer(data: bytes, can_id: int) -> Answer | None:
+    """Read a frame as a register answer of the motor `can_id`, if it has the shape of one.
+
+    Such a frame also decodes to plausible feedback, of about -12.47 rad: ask this first. The
+    three positions that feedback thereby loses lie far outside any travel below 2π.
+    """
+    if len(data) != _ANSWER_BYTES or data[:2] != can_id.to_bytes(2, "little"):
+        return None
+    if data[2] not in _ANSWERS:
+        return None
+    return Answer(data[3], data[2] == _WRITE, data[4:])
+
+
+def _request(can_id: int, opcode: int, number: int, raw: bytes) -> CanFrame:
+    return CanFrame(REGISTER_CAN_ID, struct.pack("<HBB4s", can_id, opcode, number, raw))
