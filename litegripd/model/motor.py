@@ -50,7 +50,11 @@ def is_fault(code: int) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """One feedback frame, decoded, with the time at which it was taken from the bus."""
+    """One feedback frame, decoded.
+
+    `at_s` is when the latest request was sent before it was taken from the bus. The motor answers
+    at once, so the measurement is no older than that.
+    """
 
     status: int
     position_rad: float
@@ -100,7 +104,7 @@ class MotorView:
 
     `feedback` is the latest, whatever its age; `enable_tries` counts the attempts of the present
     or latest enable; `problem` says why the motor cannot be enabled now, if so; `failure` why
-    the latest enable or disable did not succeed.
+    the latest enable or disable did not succeed; `fault` what the motor reports.
     """
 
     phase: MotorPhase
@@ -109,6 +113,7 @@ class MotorView:
     enable_tries: int = 0
     problem: Refusal | None = None
     failure: Refusal | None = None
+    fault: Refusal | None = None
 
 
 @dataclass(frozen=True, slots=True)

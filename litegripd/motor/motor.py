@@ -24,7 +24,7 @@ from litegripd.model.motor import (
 )
 from litegripd.motor import codec
 from litegripd.motor.arming import Arming
-from litegripd.motor.faults import SILENT
+from litegripd.motor.faults import SILENT, fault_refusal
 from litegripd.motor.look import Look, unsuitable
 from litegripd.motor.phases import PUBLIC, TRANSITIONS, Event, Phase
 from litegripd.motor.registers import Answer, parse_answer, status_request
@@ -67,6 +67,7 @@ class Motor:
         self._feedback: Feedback | None = None
         self._fresh = False
         self._polled_at_s = float("-inf")
+        self._asked_s = 0.0
         self._unanswered = 0
         self._last_command: MitCommand | None = None
         self._tries = 0
@@ -75,7 +76,7 @@ class Motor:
     def receive(self, now_s: float, frames: Iterable[CanFrame]) -> None:
         """Take what came over the bus since the last tick; call it once per tick, before `step`."""
         for frame in frames:
-            self._receive(now_s, frame)
+            self._receive(frame)
         if self._fresh:
             self._fresh = False
             self._unanswered = 0
@@ -88,15 +89,22 @@ class Motor:
         """Return what is known now."""
         return MotorView(
             phase=self._public_phase(),
-            feedback=self._feedback,
+            feedback=None if self._identity is None else self._feedback,
             identity=self._identity,
             enable_tries=self._tries,
             problem=self._problem(),
             failure=self._failure,
+            fault=self._fault(),
         )
 
     def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         """Do what the engine wants and return the frames to send, in their order."""
+        frames = self._step(now_s, order)
+        if frames:
+            self._asked_s = now_s
+        return frames
+
+    def _step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         if isinstance(order.request, EnableMotor):
             self._begin_enable(order.request, now_s)
         elif isinstance(order.request, DisableMotor):
@@ -110,7 +118,7 @@ class Motor:
             return self._disable(now_s)
         return self._poll(now_s) + (self._look_again(now_s) if self._phase is Phase.LOOKING else [])
 
-    def _receive(self, now_s: float, frame: CanFrame) -> None:
+    def _receive(self, frame: CanFrame) -> None:
         if frame.can_id == self._can_id:
             self.counters.foreign_commands += 1
             return
@@ -118,7 +126,7 @@ class Motor:
         if answer is not None:
             self.counters.ignored_frames += not self._take_answer(answer, frame.can_id)
         elif frame.can_id == self._master_id() and codec.is_from_motor(frame.data, self._can_id):
-            self._feedback = codec.decode_feedback(frame.data, self._ranges(), now_s)
+            self._feedback = codec.decode_feedback(frame.data, self._ranges(), self._asked_s)
             self._fresh = True
         else:
             self.counters.ignored_frames += 1
@@ -194,6 +202,12 @@ class Motor:
         if self._identity is None or self._phase is Phase.LOOKING:
             return Refusal("motor_silent", "the motor's registers are still being read: try again")
         return unsuitable(self._identity, self._configured_master_id)
+
+    def _fault(self) -> Refusal | None:
+        feedback = self._feedback
+        if self._phase is not Phase.FAULT or feedback is None:
+            return None
+        return fault_refusal(feedback)
 
     def _begin_enable(self, request: EnableMotor, now_s: float) -> None:
         if self._identity is None or self._phase not in (Phase.DISABLED, Phase.FAULT):

@@ -1,0 +1,65 @@
+"""Enabling and disabling the motor, watched until the motor itself confirms it."""
+
+from litegripd.control.actions.base import Step
+from litegripd.model.errors import Refusal
+from litegripd.model.motor import DisableMotor, EnableMotor, MotorPhase, MotorView
+from litegripd.model.results import DisableResult, EnableResult, Progress
+
+_DISABLE_WITHIN_S = 1.0
+
+
+class Enable:
+    """Enables the motor; ends when it says so, or with the reason why it does not."""
+
+    needs_power = False
+
+    def __init__(self, request: EnableMotor) -> None:
+        self._request: EnableMotor | None = request
+
+    def step(self, _now_s: float, motor: MotorView) -> Step:
+        """Ask once, then watch."""
+        if motor.phase is MotorPhase.ENABLED:
+            return Step(outcome=EnableResult(ok=True, tries=motor.enable_tries))
+        if self._request is not None:
+            request, self._request = self._request, None
+            return Step(request=request)
+        if motor.phase is MotorPhase.ENABLING:
+            return Step()
+        failure = motor.failure or motor.problem
+        if failure is not None and failure.reason != "not_confirmed":
+            return Step(outcome=failure)
+        return Step(outcome=EnableResult(ok=False, tries=motor.enable_tries))
+
+    def progress(self) -> Progress | None:
+        """There is nothing to tell."""
+        return None
+
+
+class Disable:
+    """Disables the motor; ends when it says so, or as not confirmed."""
+
+    needs_power = False
+
+    def __init__(self) -> None:
+        self._asked_s: float | None = None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Ask once, then watch; a motor with a fault is not energised either."""
+        if self._asked_s is None:
+            self._asked_s = now_s
+            return Step(request=DisableMotor())
+        if motor.phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
+            return Step(outcome=DisableResult(ok=True))
+        if now_s - self._asked_s < _DISABLE_WITHIN_S:
+            return Step()
+        return Step(outcome=motor.failure or motor.problem or _NOT_CONFIRMED)
+
+    def progress(self) -> Progress | None:
+        """There is nothing to tell."""
+        return None
+
+
+_NOT_CONFIRMED = Refusal(
+    "not_confirmed", "the motor does not confirm that it is disabled: cut its power"
+)
+"""What remains to be said when the motor answers but stays enabled."""

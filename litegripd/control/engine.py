@@ -1,0 +1,312 @@
+"""The engine: the one place that decides, in every tick, what the motor is told.
+
+Pure: `step(now_s, motor)` returns the order for this tick. Between ticks clients ask for motions
+(`start`), for a stop, or are lost; nothing of that reaches the motor but through `step`.
+"""
+
+from dataclasses import dataclass
+
+from litegripd.control.actions.base import Action, Gains
+from litegripd.control.actions.move_to_stop import Direction, MoveToStop
+from litegripd.control.actions.power import Disable, Enable
+from litegripd.control.admission import motor_refusal
+from litegripd.control.filter import LastWord, bounds_of
+from litegripd.control.jobs import JobBook
+from litegripd.control.rest import Hold, Relax, Rest
+from litegripd.control.stop import StopLatch
+from litegripd.model.calibration import Calibration
+from litegripd.model.errors import Refusal
+from litegripd.model.events import Event
+from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import Job, JobKind, OnLost, Owner, StopLevel
+from litegripd.model.motion_config import MotionConfig, move_conflict
+from litegripd.model.motor import (
+    DisableMotor,
+    EnableMotor,
+    MitCommand,
+    MotorOrder,
+    MotorPhase,
+    MotorView,
+    Ranges,
+)
+from litegripd.model.results import HoldResult, Progress, Result
+
+DEFAULT_GAINS = Gains(kp_nm_rad=100.0, kd_nm_s_rad=2.0)
+
+
+@dataclass(slots=True)
+class Keeper:
+    """The client that enabled the motor, and what becomes of the jaws when it is lost."""
+
+    client: int
+    on_lost: OnLost
+
+
+class Engine:
+    """Runs one gripper: at most one job, else a rest that holds the jaws or lets them go."""
+
+    def __init__(self, config: MotionConfig, period_s: float) -> None:
+        self.config = config
+        self.jobs = JobBook()
+        self.stop_latch = StopLatch()
+        self.calibration: Calibration | None = None
+        self.gains = DEFAULT_GAINS
+        self.motor = MotorView(MotorPhase.UNKNOWN)
+        self.ticks = 0
+        self.now_s = 0.0
+        self.command: MitCommand | None = None
+        self.limited: tuple[str, ...] = ()
+        self.rest: Rest = Relax()
+        self.calibration_problem: Refusal | None = None
+        self._period_s = period_s
+        self._action: Action | None = None
+        self._keeper: Keeper | None = None
+        self._last_word = LastWord()
+        self._must_disable = False
+        self._events: list[Event] = []
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """The calibrated travel, None while uncalibrated."""
+        calibration = self.calibration
+        return calibration.geometry if calibration and calibration.calibrated else None
+
+    def use_calibration(self, calibration: Calibration | None, problem: Refusal | None) -> None:
+        """Take a calibration, or the reason why there is none; never while a motion runs."""
+        self.calibration = calibration
+        self.calibration_problem = problem
+        if calibration is not None:
+            self.gains = Gains(
+                _given(calibration.kp_nm_rad, DEFAULT_GAINS.kp_nm_rad),
+                _given(calibration.kd_nm_s_rad, DEFAULT_GAINS.kd_nm_s_rad),
+            )
+
+    # What clients ask for, between two ticks ---------------------------------------------------
+
+    def enable(
+        self, owner: Owner, tries: int | None, detached: bool, on_lost: OnLost
+    ) -> Job | Refusal:
+        """Begin to enable the motor; `owner` becomes its keeper."""
+        refusal = self.stop_latch.refusal() or self._busy() or self.motor.problem
+        if refusal is None and self.motor.phase is MotorPhase.DISABLING:
+            refusal = Refusal("not_confirmed", "the motor is still being disabled: try again")
+        if refusal is not None:
+            return refusal
+        request = EnableMotor(tries or self.config.enable_retries, self._retry_interval_s())
+        self._keeper = Keeper(owner.client, on_lost)
+        return self._begin("enable", Enable(request), owner, detached)
+
+    def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
+        """Begin to disable the motor; ends the owner's own motion, but not another's."""
+        running = self.jobs.running
+        if running is not None and running.owner.client == owner.client:
+            self._end(Refusal("cancelled", "ended by motor.disable of the same client"))
+        refusal = self._busy()
+        if refusal is not None:
+            return refusal
+        self._keeper = None
+        return self._begin("disable", Disable(), owner, detached)
+
+    def move(
+        self, direction: Direction, owner: Owner, speed_mm_s: float | None, detached: bool
+    ) -> Job | Refusal:
+        """Begin to open or close at `speed_mm_s` (the configured speed by default)."""
+        refusal = self.stop_latch.refusal() or self._busy()
+        if refusal is not None:
+            return refusal
+        geometry = self.geometry
+        if geometry is None:
+            return self.calibration_problem or Refusal(
+                "not_calibrated",
+                "no calibration is loaded, so the closing direction would be a guess: configure"
+                ' mount = "normal" or "reverse", or a calibration file, in [gripper]',
+            )
+        speed = self.config.speed_mm_s if speed_mm_s is None else speed_mm_s
+        conflict = move_conflict(self.config, speed, geometry, self._period_s)
+        if conflict is not None:
+            data = {"requested": conflict.requested, "limit": conflict.limit}
+            return Refusal("out_of_limits", conflict.message, data)
+        refusal = motor_refusal(self.motor)
+        if refusal is not None:
+            return refusal
+        action = MoveToStop(
+            direction,
+            speed,
+            geometry=geometry,
+            config=self.config,
+            gains=self.gains,
+            period_s=self._period_s,
+        )
+        return self._begin(direction, action, owner, detached)
+
+    def hold(self, owner: Owner) -> Job | Refusal:
+        """Hold the measured position from now on."""
+        refusal = self.stop_latch.refusal() or self._busy() or motor_refusal(self.motor)
+        feedback = self.motor.feedback
+        if refusal is not None or feedback is None:
+            return refusal or Refusal("motor_silent", "no feedback has come yet: try again")
+        self.rest = Hold(feedback.position_rad, self.gains)
+        job = self.jobs.begin("hold", owner, True, self.now_s)
+        self._end(HoldResult(feedback.position_rad))
+        return job
+
+    def cancel(self, number: int, by: Owner) -> Job | Refusal:
+        """End a running job; the jaws hold where they are."""
+        job = self.jobs.get(number)
+        if job is None:
+            return Refusal("unknown_job", f"there is no job {number}, or it is no longer kept")
+        if job is self.jobs.running:
+            who = f"{by.program} (pid {by.pid})"
+            self._end(Refusal("cancelled", f"cancelled by {who}", {"by": who}))
+        return job
+
+    def stop(self, level: StopLevel, by: Owner | None, why: str | None, now_s: float) -> None:
+        """Stop, in force with the next command that is sent, and latched."""
+        stop = self.stop_latch.raise_to(level, by, why, now_s)
+        refusal = self.stop_latch.refusal()
+        if refusal is not None:
+            running = self.jobs.running
+            if running is not None and running.kind != "disable":
+                self._end(refusal)
+            self._events.append(Event("stop", refusal.message, {"level": stop.level}))
+        self._settle_into(stop.level)
+
+    def clear_stop(self, by: Owner) -> None:
+        """Allow motions again; the jaws stay as they are."""
+        if self.stop_latch.latched is not None:
+            self.stop_latch.clear()
+            text = f"stop cleared by {by.program} (pid {by.pid})"
+            self._events.append(Event("stop_cleared", text))
+
+    def client_lost(self, client: int) -> None:
+        """End what a client owned: its motion, unless detached, and its keeping of the motor."""
+        keeper = self._keeper
+        on_lost: OnLost = "hold"
+        kept = keeper is not None and keeper.client == client
+        if keeper is not None and kept:
+            on_lost = keeper.on_lost
+            self._keeper = None
+        running = self.jobs.running
+        owned = running is not None and running.owner.client == client and not running.detached
+        if running is not None and owned and running.kind != "disable":
+            text = f"the client that owned it, {running.owner.program}, went away"
+            self._end(Refusal("client_lost", text, {"on_lost": on_lost}))
+        if owned or (kept and self.jobs.running is None):
+            text = f"client lost: the jaws {_ON_LOST_TEXT[on_lost]}"
+            self._events.append(Event("client_lost", text, {"on_lost": on_lost}))
+            self._settle_into(on_lost)
+
+    def shut_down(self) -> None:
+        """Begin the daemon's end: whatever runs is cancelled and the motor disabled."""
+        self._end(Refusal("shutting_down", "the daemon is about to end"))
+        self._must_disable = True
+
+    # The tick ---------------------------------------------------------------------------------
+
+    def step(self, now_s: float, motor: MotorView) -> MotorOrder:
+        """Decide. In this order: power, fault, stop, lost client, the action, the rest."""
+        self._note_phase(motor)
+        self.ticks += 1
+        self.now_s = now_s
+        if self._must_disable:
+            self._must_disable = False
+            self.command = None
+            return MotorOrder(request=DisableMotor())
+        command, request = self._act(now_s)
+        feedback = motor.feedback
+        if motor.phase is not MotorPhase.ENABLED or feedback is None:
+            self.command, self.limited = None, ()
+            return MotorOrder(request=request)
+        command = command or self.rest.command(feedback)
+        ranges = Ranges() if motor.identity is None else motor.identity.ranges
+        bounds = bounds_of(self.geometry, self.config)
+        self.command, self.limited = self._last_word.apply(now_s, command, feedback, bounds, ranges)
+        return MotorOrder(self.command, request)
+
+    def progress(self) -> Progress | None:
+        """Tell where the running job is."""
+        return None if self._action is None else self._action.progress()
+
+    def take_events(self) -> list[Event]:
+        """Return what happened since the last call."""
+        events, self._events = self._events, []
+        return events
+
+    def _act(self, now_s: float) -> tuple[MitCommand | None, EnableMotor | DisableMotor | None]:
+        """Step the running action, if its motor is still there."""
+        action, motor = self._action, self.motor
+        if action is None:
+            return None, None
+        if action.needs_power and motor.phase is not MotorPhase.ENABLED:
+            self._end(motor_refusal(motor) or _POWER_LOST)
+            return None, None
+        step = action.step(now_s, motor)
+        if step.outcome is not None:
+            self._end(step.outcome)
+        return step.command, step.request
+
+    def _note_phase(self, motor: MotorView) -> None:
+        """Whenever the motor becomes enabled, or answers again, hold what is measured now."""
+        before, self.motor = self.motor.phase, motor
+        if motor.phase is before:
+            return
+        text = f"motor: {before.value} -> {motor.phase.value}"
+        self._events.append(Event("motor", text, {"phase": motor.phase.value}))
+        if motor.phase is MotorPhase.ENABLED and motor.feedback is not None:
+            self.rest = Hold(motor.feedback.position_rad, self.gains)
+
+    def _begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
+        job = self.jobs.begin(kind, owner, detached, self.now_s)
+        self._action = action
+        text = f"job {job.number}: {kind} by {owner.program} (pid {owner.pid}, uid {owner.uid})"
+        self._events.append(Event("job_started", text, {"job": job.number, "kind": kind}))
+        return job
+
+    def _end(self, outcome: Result | Refusal) -> None:
+        """End the running job; from a motion the jaws go over into holding where they are."""
+        action, self._action = self._action, None
+        job = self.jobs.end(outcome, self.now_s)
+        if job is None:
+            return
+        feedback = self.motor.feedback
+        if action is not None and action.needs_power and feedback is not None:
+            self.rest = Hold(feedback.position_rad, self.gains)
+        if job.kind == "enable" and isinstance(outcome, Refusal):
+            self._must_disable = True  # an enabling that is broken off may still take effect
+        how = outcome.message if isinstance(outcome, Refusal) else str(outcome)
+        text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
+        self._events.append(Event("job_ended", text, {"job": job.number, "state": job.state.value}))
+
+    def _settle_into(self, level: StopLevel) -> None:
+        """Go into what a stop or a lost client leaves behind; a hold is kept, force included."""
+        if level == "disable":
+            self._must_disable = True
+        elif level == "relax":
+            self.rest = Relax()
+
+    def _busy(self) -> Refusal | None:
+        job = self.jobs.running
+        if job is None:
+            return None
+        owner = job.owner
+        return Refusal(
+            "busy",
+            f"job {job.number}, {job.kind} by {owner.program} (pid {owner.pid}), is running:"
+            " wait for it (job.wait), cancel it (job.cancel) or stop",
+            {"job": job.number, "kind": job.kind, "owner": _wire_owner(owner)},
+        )
+
+    def _retry_interval_s(self) -> float:
+        return self.config.enable_retry_interval
+
+
+_ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
+_POWER_LOST = Refusal("not_enabled", "the motor is no longer enabled")
+
+
+def _wire_owner(owner: Owner) -> dict[str, object]:
+    return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
+
+
+def _given(value: float | None, default: float) -> float:
+    return default if value is None else value

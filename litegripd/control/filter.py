@@ -1,0 +1,140 @@
+"""The last word on every command before it is packed, whatever the action above it asked for.
+
+What it changes it names: the names appear as `limited` in the state.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from litegripd.model.geometry import Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand, Ranges
+
+PEAK_TORQUE_NM = 7.0  # of the DM4310, for a moment
+RATED_TORQUE_NM = 3.0  # for long
+PEAK_IMPULSE_NM_S = 2.0
+"""How much above the rating is "a moment": 7 N·m for 0.5 s, or less for longer."""
+
+_KP_MAX = 500.0
+_KD_MAX = 5.0
+_BRAKE_KD_NM_S_RAD = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Where commands may lie: the widened travel, or a lead and a torque where none is known."""
+
+    low_rad: float
+    high_rad: float
+    lead_rad: float
+    torque_nm: float
+
+
+def bounds_of(geometry: Geometry | None, config: MotionConfig) -> Bounds:
+    """Return the bounds for a calibrated gripper, or those of an uncalibrated one."""
+    if geometry is None:
+        return Bounds(-math.inf, math.inf, config.calib_step_rad, config.calib_tau_limit)
+    beyond_rad = config.press_overshoot * geometry.travel_rad
+    low_rad = min(geometry.closed_rad, geometry.open_rad) - beyond_rad
+    high_rad = max(geometry.closed_rad, geometry.open_rad) + beyond_rad
+    return Bounds(low_rad, high_rad, math.inf, PEAK_TORQUE_NM)
+
+
+class LastWord:
+    """Keeps commands finite, inside the travel and within the torque that the motor bears.
+
+    The torque of a command is bounded by kp·|lead| + kd·|dv| + |torque|. A command beyond that
+    is scaled towards what the motor does now, which lowers each term alike.
+    """
+
+    def __init__(self) -> None:
+        self._impulse_nm_s = 0.0
+        self._rated_only = False
+        self._last_s: float | None = None
+
+    def apply(
+        self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges
+    ) -> tuple[MitCommand, tuple[str, ...]]:
+        """Return the command that may be sent, and the names of the limits that changed it."""
+        limited: list[str] = []
+        if not all(map(math.isfinite, _fields(command))):
+            command = MitCommand(feedback.position_rad, 0.0, 0.0, _BRAKE_KD_NM_S_RAD, 0.0)
+            limited.append("not_finite")
+        inside = _inside(command, feedback, bounds)
+        if inside != command:
+            limited.append("travel")
+        budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
+        within = _within_torque(inside, feedback, budget_nm)
+        if within != inside:
+            limited.append("torque")
+        packable = _within_ranges(within, ranges)
+        if packable != within:
+            limited.append("range")
+        self._account(now_s, torque_bound_nm(packable, feedback))
+        return packable, tuple(limited)
+
+    def _account(self, now_s: float, torque_nm: float) -> None:
+        """Keep the impulse above the rating; once used up, it must drain before the next peak."""
+        elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
+        self._last_s = now_s
+        self._impulse_nm_s += (torque_nm - RATED_TORQUE_NM) * elapsed_s
+        self._impulse_nm_s = max(self._impulse_nm_s, 0.0)
+        if self._impulse_nm_s >= PEAK_IMPULSE_NM_S:
+            self._rated_only = True
+        elif self._impulse_nm_s == 0.0:
+            self._rated_only = False
+
+
+def torque_bound_nm(command: MitCommand, feedback: Feedback) -> float:
+    """Return the most torque that a command can ask for, given what the motor does now."""
+    lead_rad = abs(command.position_rad - feedback.position_rad)
+    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
+    return command.kp_nm_rad * lead_rad + command.kd_nm_s_rad * slip_rad_s + abs(command.torque_nm)
+
+
+def _fields(command: MitCommand) -> tuple[float, ...]:
+    return (
+        command.position_rad,
+        command.velocity_rad_s,
+        command.kp_nm_rad,
+        command.kd_nm_s_rad,
+        command.torque_nm,
+    )
+
+
+def _inside(command: MitCommand, feedback: Feedback, bounds: Bounds) -> MitCommand:
+    """Keep the target in the bounds; a jaw that is outside may stay, but is not led further."""
+    measured_rad = feedback.position_rad
+    low_rad = max(min(bounds.low_rad, measured_rad), measured_rad - bounds.lead_rad)
+    high_rad = min(max(bounds.high_rad, measured_rad), measured_rad + bounds.lead_rad)
+    position_rad = min(max(command.position_rad, low_rad), high_rad)
+    return replace(command, position_rad=position_rad)
+
+
+def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) -> MitCommand:
+    bound_nm = torque_bound_nm(command, feedback)
+    if bound_nm <= budget_nm:
+        return command
+    share = budget_nm / bound_nm
+    position_rad, velocity_rad_s = feedback.position_rad, feedback.velocity_rad_s
+    return replace(
+        command,
+        position_rad=position_rad + share * (command.position_rad - position_rad),
+        velocity_rad_s=velocity_rad_s + share * (command.velocity_rad_s - velocity_rad_s),
+        torque_nm=share * command.torque_nm,
+    )
+
+
+def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:
+    """Keep every field within what a frame can carry; the encoder refuses what is outside."""
+    return MitCommand(
+        _clamp(command.position_rad, ranges.position_rad),
+        _clamp(command.velocity_rad_s, ranges.velocity_rad_s),
+        min(max(command.kp_nm_rad, 0.0), _KP_MAX),
+        min(max(command.kd_nm_s_rad, 0.0), _KD_MAX),
+        _clamp(command.torque_nm, ranges.torque_nm),
+    )
+
+
+def _clamp(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)

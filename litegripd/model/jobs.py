@@ -1,0 +1,66 @@
+"""A motion as a job: whose it is, how far it is, how it ended."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import Literal, TypeAlias
+
+from litegripd.model.errors import Refusal
+from litegripd.model.results import Result
+
+JobKind: TypeAlias = Literal["enable", "disable", "open", "close", "hold"]
+OnLost: TypeAlias = Literal["hold", "relax", "disable"]
+"""What the jaws do when the client that they belonged to is lost: keep the present hold, go
+slack (zero torque), or disable the motor."""
+
+StopLevel: TypeAlias = Literal["hold", "relax", "disable"]
+STOP_LEVELS: tuple[StopLevel, ...] = ("hold", "relax", "disable")
+"""From the mildest to the strictest; a latched stop can only be raised."""
+
+
+@dataclass(frozen=True, slots=True)
+class Owner:
+    """Who asked for something: the connection's number, and the process as the kernel knows it."""
+
+    client: int
+    pid: int
+    uid: int
+    program: str
+
+
+class JobState(Enum):
+    """How far a job is."""
+
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """A latched stop."""
+
+    level: StopLevel
+    by: Owner | None
+    since_s: float
+    why: str | None
+
+
+@dataclass(slots=True)
+class Job:
+    """One motion; ends with a `result`, or with an `error` when it could not run its course."""
+
+    number: int
+    kind: JobKind
+    owner: Owner
+    detached: bool
+    started_s: float
+    state: JobState = JobState.RUNNING
+    ended_s: float | None = None
+    result: Result | None = None
+    error: Refusal | None = None
+
+    @property
+    def is_running(self) -> bool:
+        """Whether it has not ended."""
+        return self.state is JobState.RUNNING

@@ -1,0 +1,69 @@
+"""The gripper's state in one tick, as every client sees it."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from litegripd.model.geometry import Mount
+
+Mode: TypeAlias = Literal[
+    "offline", "disabled", "enabling", "holding", "moving", "relaxed", "disabling", "fault"
+]
+
+
+@dataclass(frozen=True, slots=True)
+class JobSummary:
+    """The running job, in brief; the client of its owner as `program` and `pid`."""
+
+    job: int
+    kind: str
+    phase: str | None
+    program: str
+    pid: int
+
+
+@dataclass(frozen=True, slots=True)
+class StopSummary:
+    """The latched stop, in brief; `by` names the program, None for the daemon itself."""
+
+    level: str
+    by: str | None
+    since_s: float
+    why: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class GripperState:
+    """All that is known in the tick `seq`; None where something is unknown.
+
+    Times are of CLOCK_MONOTONIC, which all processes of a machine share. `feedback_s` is when the
+    motor was asked for the measurement, `age_s` its age at `monotonic_s`; `stale` marks one that
+    is older than it should be. `command_rad` is the position that the motor was last told.
+    `limited` names the limits that changed the latest command.
+    """
+
+    seq: int
+    monotonic_s: float
+    feedback_s: float | None
+    age_s: float | None
+    stale: bool
+    bus: Literal["up", "down"]
+    motor: str
+    error_code: int | None
+    status: str | None
+    enabled: bool
+    mode: Mode
+    position_rad: float | None
+    velocity_rad_s: float | None
+    torque_nm: float | None
+    force_n: float | None
+    opening_mm: float | None
+    openness: float | None
+    driver_temperature_c: int | None
+    coil_temperature_c: int | None
+    command_rad: float | None
+    limited: tuple[str, ...]
+    calibrated: bool
+    mount: Mount | None
+    job: JobSummary | None
+    stop: StopSummary | None
+    stop_generation: int
