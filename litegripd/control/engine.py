@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from litegripd.control.actions.base import Action, Gains
 from litegripd.control.actions.move_to_stop import Direction, MoveToStop
 from litegripd.control.actions.power import Disable, Enable
-from litegripd.control.admission import motor_refusal
+from litegripd.control.admission import NOT_CALIBRATED, busy_refusal, motor_refusal
 from litegripd.control.filter import LastWord, bounds_of
 from litegripd.control.jobs import JobBook
 from litegripd.control.rest import Hold, Relax, Rest
@@ -87,12 +87,14 @@ class Engine:
         self, owner: Owner, tries: int | None, detached: bool, on_lost: OnLost
     ) -> Job | Refusal:
         """Begin to enable the motor; `owner` becomes its keeper."""
-        refusal = self.stop_latch.refusal() or self._busy() or self.motor.problem
+        refusal = self._unfree() or self.motor.problem
         if refusal is None and self.motor.phase is MotorPhase.DISABLING:
             refusal = Refusal("not_confirmed", "the motor is still being disabled: try again")
         if refusal is not None:
             return refusal
-        request = EnableMotor(tries or self.config.enable_retries, self._retry_interval_s())
+        request = EnableMotor(
+            tries or self.config.enable_retries, self.config.enable_retry_interval
+        )
         self._keeper = Keeper(owner.client, on_lost)
         return self._begin("enable", Enable(request), owner, detached)
 
@@ -101,7 +103,7 @@ class Engine:
         running = self.jobs.running
         if running is not None and running.owner.client == owner.client:
             self._end(Refusal("cancelled", "ended by motor.disable of the same client"))
-        refusal = self._busy()
+        refusal = busy_refusal(self.jobs.running)
         if refusal is not None:
             return refusal
         self._keeper = None
@@ -111,16 +113,12 @@ class Engine:
         self, direction: Direction, owner: Owner, speed_mm_s: float | None, detached: bool
     ) -> Job | Refusal:
         """Begin to open or close at `speed_mm_s` (the configured speed by default)."""
-        refusal = self.stop_latch.refusal() or self._busy()
+        refusal = self._unfree()
         if refusal is not None:
             return refusal
         geometry = self.geometry
         if geometry is None:
-            return self.calibration_problem or Refusal(
-                "not_calibrated",
-                "no calibration is loaded, so the closing direction would be a guess: configure"
-                ' mount = "normal" or "reverse", or a calibration file, in [gripper]',
-            )
+            return self.calibration_problem or NOT_CALIBRATED
         speed = self.config.speed_mm_s if speed_mm_s is None else speed_mm_s
         conflict = move_conflict(self.config, speed, geometry, self._period_s)
         if conflict is not None:
@@ -141,7 +139,7 @@ class Engine:
 
     def hold(self, owner: Owner) -> Job | Refusal:
         """Hold the measured position from now on."""
-        refusal = self.stop_latch.refusal() or self._busy() or motor_refusal(self.motor)
+        refusal = self._unfree() or motor_refusal(self.motor)
         feedback = self.motor.feedback
         if refusal is not None or feedback is None:
             return refusal or Refusal("motor_silent", "no feedback has come yet: try again")
@@ -277,6 +275,10 @@ class Engine:
         text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
         self._events.append(Event("job_ended", text, {"job": job.number, "state": job.state.value}))
 
+    def _unfree(self) -> Refusal | None:
+        """Say why no motion may be asked for: a stop, or another motion."""
+        return self.stop_latch.refusal() or busy_refusal(self.jobs.running)
+
     def _settle_into(self, level: StopLevel) -> None:
         """Go into what a stop or a lost client leaves behind; a hold is kept, force included."""
         if level == "disable":
@@ -284,28 +286,9 @@ class Engine:
         elif level == "relax":
             self.rest = Relax()
 
-    def _busy(self) -> Refusal | None:
-        job = self.jobs.running
-        if job is None:
-            return None
-        owner = job.owner
-        return Refusal(
-            "busy",
-            f"job {job.number}, {job.kind} by {owner.program} (pid {owner.pid}), is running:"
-            " wait for it (job.wait), cancel it (job.cancel) or stop",
-            {"job": job.number, "kind": job.kind, "owner": _wire_owner(owner)},
-        )
-
-    def _retry_interval_s(self) -> float:
-        return self.config.enable_retry_interval
-
 
 _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
 _POWER_LOST = Refusal("not_enabled", "the motor is no longer enabled")
-
-
-def _wire_owner(owner: Owner) -> dict[str, object]:
-    return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
 
 
 def _given(value: float | None, default: float) -> float:

@@ -27,10 +27,11 @@ class MoveResult:
 
 @dataclass(frozen=True, slots=True)
 class EnableResult:
-    """Whether the motor confirmed that it is enabled, and after how many attempts."""
+    """Whether the motor confirmed that it is enabled, after how many attempts, and if not, why."""
 
     ok: bool
     tries: int
+    message: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

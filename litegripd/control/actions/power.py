@@ -28,7 +28,8 @@ class Enable:
         failure = motor.failure or motor.problem
         if failure is not None and failure.reason != "not_confirmed":
             return Step(outcome=failure)
-        return Step(outcome=EnableResult(ok=False, tries=motor.enable_tries))
+        why = "the motor was not enabled" if failure is None else failure.message
+        return Step(outcome=EnableResult(ok=False, tries=motor.enable_tries, message=why))
 
     def progress(self) -> Progress | None:
         """There is nothing to tell."""

@@ -1,0 +1,100 @@
+"""The state that every client sees, made from the engine's and the motor's."""
+
+from typing import Literal
+
+from litegripd.control.engine import Engine
+from litegripd.control.rest import Relax
+from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import Job
+from litegripd.model.motor import Feedback, MotorPhase, status_name
+from litegripd.model.state import GripperState, JobSummary, Mode, StopSummary
+
+STALE_AFTER_PERIODS = 4.0
+STALE_AFTER_POLL_S = 0.15
+"""A disabled motor is asked at 20 Hz; three unanswered questions make its state stale."""
+
+_MODES: dict[MotorPhase, Mode] = {
+    MotorPhase.UNKNOWN: "offline",
+    MotorPhase.SILENT: "offline",
+    MotorPhase.DISABLED: "disabled",
+    MotorPhase.ENABLING: "enabling",
+    MotorPhase.DISABLING: "disabling",
+    MotorPhase.FAULT: "fault",
+}
+
+
+def snapshot(engine: Engine, now_s: float, period_s: float, bus_is_up: bool) -> GripperState:
+    """Return the state at `now_s`; what is not known is None, what is too old is marked stale."""
+    motor = engine.motor
+    feedback, geometry = motor.feedback, engine.geometry
+    enabled = motor.phase is MotorPhase.ENABLED
+    age_s = None if feedback is None else now_s - feedback.at_s
+    stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_POLL_S
+    command = engine.command
+    return GripperState(
+        seq=engine.ticks,
+        monotonic_s=now_s,
+        feedback_s=None if feedback is None else feedback.at_s,
+        age_s=age_s,
+        stale=age_s is None or age_s > stale_after_s or not bus_is_up,
+        bus="up" if bus_is_up else "down",
+        motor=motor.phase.value,
+        error_code=None if feedback is None else feedback.status,
+        status=None if feedback is None else status_name(feedback.status),
+        enabled=enabled,
+        mode=_mode(engine),
+        position_rad=None if feedback is None else feedback.position_rad,
+        velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
+        torque_nm=None if feedback is None else feedback.torque_nm,
+        force_n=_geometric("force_n", geometry, feedback),
+        opening_mm=_geometric("opening_mm", geometry, feedback),
+        openness=_geometric("openness", geometry, feedback),
+        driver_temperature_c=None if feedback is None else feedback.driver_temperature_c,
+        coil_temperature_c=None if feedback is None else feedback.coil_temperature_c,
+        command_rad=None if command is None else command.position_rad,
+        limited=engine.limited,
+        calibrated=geometry is not None,
+        mount=None if geometry is None else geometry.mount,
+        job=_job(engine, engine.jobs.running),
+        stop=_stop(engine),
+        stop_generation=engine.stop_latch.generation,
+    )
+
+
+def _mode(engine: Engine) -> Mode:
+    if engine.motor.phase is not MotorPhase.ENABLED:
+        return _MODES[engine.motor.phase]
+    if engine.jobs.running is not None:
+        return "moving"
+    return "relaxed" if isinstance(engine.rest, Relax) else "holding"
+
+
+def _geometric(
+    quantity: Literal["force_n", "opening_mm", "openness"],
+    geometry: Geometry | None,
+    feedback: Feedback | None,
+) -> float | None:
+    """Convert what was measured, where a calibration says how."""
+    if geometry is None or feedback is None:
+        return None
+    if quantity == "force_n":
+        return geometry.force_n(feedback.torque_nm)
+    if quantity == "opening_mm":
+        return geometry.opening_mm(feedback.position_rad)
+    return geometry.openness(feedback.position_rad)
+
+
+def _job(engine: Engine, job: Job | None) -> JobSummary | None:
+    if job is None:
+        return None
+    progress = engine.progress()
+    phase = None if progress is None else progress.phase
+    return JobSummary(job.number, job.kind, phase, job.owner.program, job.owner.pid)
+
+
+def _stop(engine: Engine) -> StopSummary | None:
+    stop = engine.stop_latch.latched
+    if stop is None:
+        return None
+    by = None if stop.by is None else stop.by.program
+    return StopSummary(stop.level, by, stop.since_s, stop.why)

@@ -1,0 +1,107 @@
+"""Parameters of methods: their types and ranges, checked and described from one definition."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from litegripd.model.errors import Refusal
+
+Kind: TypeAlias = Literal["number", "integer", "boolean", "string", "strings"]
+
+_MAX_TEXT = 256
+_JSON_TYPES: dict[Kind, str] = {"strings": "array"}
+_NAMED: dict[Kind, str] = {
+    "number": "a number",
+    "integer": "an integer",
+    "boolean": "true or false",
+    "string": "a string",
+    "strings": "an array of strings",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Param:
+    """One parameter of a method; `minimum` and `maximum` are included in the range."""
+
+    name: str
+    kind: Kind
+    description: str
+    required: bool = False
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+
+    def problem(self, value: object) -> str | None:
+        """Say what is wrong with `value` and what is allowed, if anything is wrong."""
+        if not self._has_type(value):
+            return f"must be {_NAMED[self.kind]}, not {_shown(value)}"
+        if isinstance(value, float) and not math.isfinite(value):
+            return f"must be a finite number, not {value}"
+        if isinstance(value, int | float) and not isinstance(value, bool):
+            low, high = self.minimum, self.maximum
+            if (low is not None and value < low) or (high is not None and value > high):
+                return f"is {_shown(value)}, it must be {self._range()}"
+        if isinstance(value, str) and len(value) > _MAX_TEXT:
+            return f"is longer than {_MAX_TEXT} characters"
+        chosen = value if isinstance(value, list) else [value]
+        if self.choices and not set(chosen) <= set(self.choices):
+            return f"is {_shown(value)}, it must be one of: {', '.join(self.choices)}"
+        return None
+
+    def json_schema(self) -> dict[str, object]:
+        """Describe the values by JSON Schema."""
+        schema: dict[str, object] = {"type": _JSON_TYPES.get(self.kind, self.kind)}
+        if self.kind == "strings":
+            schema["items"] = {"type": "string"}
+            if self.choices:
+                schema["items"] = {"type": "string", "enum": list(self.choices)}
+        elif self.choices:
+            schema["enum"] = list(self.choices)
+        if self.minimum is not None:
+            schema["minimum"] = self.minimum
+        if self.maximum is not None:
+            schema["maximum"] = self.maximum
+        return schema
+
+    def _has_type(self, value: object) -> bool:
+        if self.kind == "boolean":
+            return isinstance(value, bool)
+        if self.kind == "string":
+            return isinstance(value, str)
+        if self.kind == "strings":
+            return isinstance(value, list) and all(isinstance(item, str) for item in value)
+        if isinstance(value, bool):
+            return False
+        return isinstance(value, int if self.kind == "integer" else int | float)
+
+    def _range(self) -> str:
+        if self.minimum is None:
+            return f"at most {self.maximum:g}"
+        if self.maximum is None:
+            return f"at least {self.minimum:g}"
+        return f"{self.minimum:g} to {self.maximum:g}"
+
+
+def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) -> Refusal | None:
+    """Say why parameters are refused: unknown, missing, of the wrong type or out of range."""
+    for name, value in given.items():
+        param = declared.get(name)
+        if param is None:
+            allowed = ", ".join(declared) or "none"
+            text = f"{method} has no parameter {_shown(name)}; it has: {allowed}"
+            return Refusal("invalid_params", text, {"parameter": name[:64]})
+        problem = param.problem(value)
+        if problem is not None:
+            text = f"{method}: {name} {problem}"
+            return Refusal("invalid_params", text, {"parameter": name})
+    for param in declared.values():
+        if param.required and param.name not in given:
+            text = f"{method} needs the parameter {param.name}: {param.description}"
+            return Refusal("invalid_params", text, {"parameter": param.name})
+    return None
+
+
+def _shown(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
