@@ -44,6 +44,8 @@ class Server:
         self._connections: dict[int, Connection] = {}
         self._per_uid: Counter[int] = Counter()
         self._turns: deque[Connection] = deque()
+        self._dirty: deque[Connection] = deque()
+        self._samples_turn = False
         listener.setblocking(False)
         listener.listen(_LISTEN_BACKLOG)
         reactor.add(listener.fileno(), self)
@@ -55,30 +57,41 @@ class Server:
 
     @property
     def pending(self) -> bool:
-        """Whether a line was read but not served yet."""
-        return bool(self._turns)
+        """Whether a line waits to be served, or anything to be sent."""
+        return bool(self._turns or self._dirty) or self._service.pending
 
     def serve(self, until_s: float) -> None:
-        """Serve one line of each connection in turn while there is time for the next one.
+        """Send what waits and serve one line of each connection in turn, while there is time.
 
-        A long line that would end in the next tick waits for the begin of a period.
+        Samples and lines take turns, so that neither can starve the other. A long line that
+        would end in the next tick waits for the begin of a period.
         """
-        turns = self._turns
         now_s = time.monotonic()
-        while turns:
-            connection = turns[0]
-            line = connection.lines[0]
-            if now_s + _COST_PER_LINE_S + _COST_PER_BYTE_S * len(line) > until_s:
+        while now_s < until_s:
+            if self._dirty:
+                self._dirty.popleft().flush()
+            elif self._service.pending and (self._samples_turn or not self._turns):
+                self._samples_turn = False
+                self._service.send_one()
+            elif self._turns and now_s + _cost_s(self._turns[0].lines[0]) <= until_s:
+                self._samples_turn = True
+                self._serve_line(self._turns.popleft(), now_s)
+            else:
                 return
-            turns.popleft()
-            del connection.lines[0]
-            self.requests += 1
-            connection.requests += 1
-            self._service.handle(connection.session, line, now_s)
-            connection.flush()
-            if connection.lines:
-                turns.append(connection)
             now_s = time.monotonic()
+
+    def flush(self) -> None:
+        """Send all that waits to be sent, as far as the clients take it."""
+        while self._dirty:
+            self._dirty.popleft().flush()
+
+    def _serve_line(self, connection: Connection, now_s: float) -> None:
+        line = connection.lines.pop(0)
+        self.requests += 1
+        connection.requests += 1
+        self._service.handle(connection.session, line, now_s)
+        if connection.lines:
+            self._turns.append(connection)
 
     def on_event(self, _mask: int) -> None:
         """Let new clients in, a few at a time."""
@@ -100,9 +113,11 @@ class Server:
             return
         self._per_uid[connection.session.peer.uid] -= 1
         connection.lines.clear()
-        if connection in self._turns:
-            self._turns.remove(connection)
+        for queue in (self._turns, self._dirty):
+            if connection in queue:
+                queue.remove(connection)
         connection.close()
+        connection.session.on_write = None
         self._service.closed(connection.session, time.monotonic())
 
     def close(self) -> None:
@@ -134,6 +149,7 @@ class Server:
             return
         session = self._service.opened(peer, time.monotonic())
         connection = Connection(self._reactor, accepted, session, self)
+        session.on_write = lambda: self._dirty.append(connection)
         self._connections[session.identity] = connection
         self._per_uid[peer.uid] += 1
         self._reactor.add(accepted.fileno(), connection, select.EPOLLIN | select.EPOLLRDHUP)
@@ -150,6 +166,10 @@ class Server:
             f"{limit} connections are open {whose}, no more are let in: close one",
             {"limit": limit},
         )
+
+
+def _cost_s(line: bytes) -> float:
+    return _COST_PER_LINE_S + _COST_PER_BYTE_S * len(line)
 
 
 def _peer(connected: socket.socket) -> Peer:

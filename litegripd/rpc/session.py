@@ -18,9 +18,9 @@ class Peer:
 class Session:
     """What is kept of one connection while it lasts.
 
-    `write` queues a line to be sent. `congested` is kept by the transport: true while the client
-    has not read all it was sent, so that samples are dropped for it rather than queued.
-    `unanswered` counts the requests that wait for a motion.
+    `write` queues a line to be sent, and tells `on_write` when it is the first. `congested` is
+    kept by the transport: true while the client has not read all it was sent, so that samples
+    are dropped for it rather than queued. `unanswered` counts the requests that wait for a motion.
     """
 
     __slots__ = ("congested", "identity", "name", "on_write", "outgoing", "peer", "unanswered")
@@ -32,12 +32,12 @@ class Session:
         self.outgoing: list[bytes] = []
         self.congested = False
         self.unanswered = 0
-        self.on_write: Callable[[Session], None] | None = None
+        self.on_write: Callable[[], None] | None = None
 
     def write(self, line: bytes) -> None:
         """Queue `line`, which ends in a newline, for sending."""
         if not self.outgoing and self.on_write is not None:
-            self.on_write(self)
+            self.on_write()
         self.outgoing.append(line)
 
 
@@ -49,6 +49,13 @@ class Service(Protocol):
 
     def handle(self, session: Session, line: bytes, now_s: float) -> None:
         """Take one request line, without its newline."""
+
+    @property
+    def pending(self) -> bool:
+        """Whether samples wait to be sent."""
+
+    def send_one(self) -> None:
+        """Write one sample to its session."""
 
     def closed(self, session: Session, now_s: float) -> None:
         """End a session; what its connection owned is lost with it."""

@@ -1,0 +1,128 @@
+"""The daemon's places in the system: its socket file, and the lock that makes it the only one."""
+
+import errno
+import grp
+import logging
+import os
+import socket
+import stat
+import struct
+from pathlib import Path
+
+_log = logging.getLogger(__name__)
+
+SOCKET_MODE = 0o660
+_UCRED = struct.Struct("3i")
+
+
+class InUseError(RuntimeError):
+    """Somebody else has the socket or the channel; the message says who."""
+
+
+def runtime_directory() -> Path:
+    """Return /run/litegripd where it can be used, else the user's own runtime directory.
+
+    Raises `InUseError` where neither is possible: then the socket's path must be given.
+    """
+    shared = Path("/run/litegripd")
+    if os.access(shared, os.W_OK | os.X_OK) or os.access(shared.parent, os.W_OK | os.X_OK):
+        return shared
+    own = Path(os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{os.getuid()}")
+    if os.access(own, os.W_OK | os.X_OK):
+        return own / "litegripd"
+    raise InUseError(
+        f"neither /run/litegripd nor {own} can be written by uid {os.getuid()}:"
+        " give the socket's path with --socket"
+    )
+
+
+def claim_channel(interface: str, channel: str) -> socket.socket:
+    """Make this process the owner of a CAN channel as long as the returned socket is open.
+
+    The lock is a name in the abstract socket namespace: the kernel frees it with the process, so
+    that nothing stale can be left, and it belongs to the network namespace, as the CAN interface
+    does. Raises `InUseError` with the owner's pid.
+    """
+    where = os.path.realpath(channel) if "/" in channel else channel
+    name = f"\0litegripd/{interface}/{where}"
+    claim = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        claim.bind(name)
+        claim.listen(1)
+    except OSError as error:
+        claim.close()
+        if error.errno != errno.EADDRINUSE:
+            raise
+        owner = _listening_pid(name)
+        raise InUseError(
+            f"channel {channel} is owned by the daemon with pid {owner or 'unknown'}:"
+            " one motor has one owner; stop that daemon first"
+        ) from None
+    return claim
+
+
+def listen(path: Path, group: str | None) -> socket.socket:
+    """Bind a Unix socket at `path`, mode 0660, group `group` where it exists.
+
+    A file that no process listens on any more is replaced. Raises `InUseError` where one does,
+    where something else has the name, and where the path is not usable.
+    """
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
+        _remove_stale(path)
+        umask = os.umask(0o117)  # else the socket could be connected to before its mode is set
+        try:
+            listener.bind(str(path))
+        finally:
+            os.umask(umask)
+        _give_to_group(path, group)
+    except InUseError:
+        listener.close()
+        raise
+    except (OSError, UnicodeError) as error:
+        listener.close()
+        raise InUseError(f"the socket {path} cannot be made: {error}") from error
+    return listener
+
+
+def _remove_stale(path: Path) -> None:
+    try:
+        mode = path.lstat().st_mode
+    except FileNotFoundError:
+        return
+    if not stat.S_ISSOCK(mode):
+        raise InUseError(
+            f"{path} exists and is not a socket: move it away or give another --socket"
+        )
+    owner = _listening_pid(str(path))
+    if owner is not None:
+        raise InUseError(f"the process with pid {owner} listens on {path}: stop it first")
+    _log.info("replacing %s, on which nobody listens any more", path)
+    path.unlink()
+
+
+def _listening_pid(address: str) -> int | None:
+    """Return the pid of the process that listens on an address, None where there is none."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.setblocking(False)
+        try:
+            probe.connect(address)
+        except BlockingIOError:
+            return 0  # listened on, with a full backlog
+        except OSError:
+            return None
+        credentials = probe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
+    pid: int = _UCRED.unpack(credentials)[0]
+    return pid
+
+
+def _give_to_group(path: Path, group: str | None) -> None:
+    if group is None:
+        return
+    try:
+        os.chown(path, -1, grp.getgrnam(group).gr_gid)
+    except KeyError:
+        _log.warning("there is no group %r: only this user may use %s", group, path)
+    except PermissionError:
+        _log.warning("not allowed to give %s to group %r: only this user may use it", path, group)

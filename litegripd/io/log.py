@@ -1,0 +1,66 @@
+"""Log lines that leave without waiting; what cannot leave is counted.
+
+Under systemd each line is a datagram to the journal, sent without blocking. Elsewhere the helper
+process writes it to standard error, which may be a pipe that nobody reads or a halted terminal.
+"""
+
+import logging
+import os
+import socket
+from collections.abc import Callable
+
+JOURNAL_SOCKET = "/run/systemd/journal/socket"
+_PRIORITIES = ((logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6))
+_DEBUG_PRIORITY = 7
+
+
+class LogHandler(logging.Handler):
+    """Hands each line to a sink that never waits and says whether it took the line."""
+
+    def __init__(self, sink: Callable[[logging.LogRecord, str], bool]) -> None:
+        super().__init__()
+        self.dropped = 0
+        self._sink = sink
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Send one line."""
+        if not self._sink(record, self.format(record)):
+            self.dropped += 1
+
+
+class JournalSink:
+    """Sends lines to the journal in its native form, with the channel as a field."""
+
+    def __init__(self, channel: str) -> None:
+        self._channel = channel
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def __call__(self, record: logging.LogRecord, text: str) -> bool:
+        """Send a line; False when the journal does not take it now."""
+        priority = next((p for level, p in _PRIORITIES if record.levelno >= level), _DEBUG_PRIORITY)
+        message = text.encode(errors="replace")
+        datagram = b"PRIORITY=%d\nSYSLOG_IDENTIFIER=litegripd\nLITEGRIP_CHANNEL=%b\n" % (
+            priority,
+            self._channel.encode(),
+        )
+        datagram += b"MESSAGE\n" + len(message).to_bytes(8, "little") + message + b"\n"
+        try:
+            self._socket.sendto(datagram, JOURNAL_SOCKET)
+        except OSError:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._socket.close()
+
+
+def goes_to_journal() -> bool:
+    """Whether standard error is the journal, as the environment of a systemd unit tells."""
+    try:
+        device, inode = map(int, os.environ.get("JOURNAL_STREAM", "").split(":"))
+        status = os.fstat(2)
+    except (ValueError, OSError):
+        return False
+    return (status.st_dev, status.st_ino) == (device, inode)

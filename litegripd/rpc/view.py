@@ -1,0 +1,66 @@
+"""The forms that states, jobs and results have on the wire."""
+
+from dataclasses import fields
+from typing import Any
+
+from litegripd.model.jobs import Job, Owner
+from litegripd.model.results import Progress, Result
+from litegripd.model.state import GripperState
+from litegripd.rpc.wire import RequestId, error_object
+
+_STATE_FIELDS = tuple(field.name for field in fields(GripperState))
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    """Make a dict of a flat dataclass, field by field; `dataclasses.asdict` copies deeply."""
+    return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def state_view(state: GripperState) -> dict[str, Any]:
+    """Give a state its wire form."""
+    view: dict[str, Any] = {name: getattr(state, name) for name in _STATE_FIELDS}
+    if state.job is not None:
+        view["job"] = _plain(state.job)
+    if state.stop is not None:
+        view["stop"] = _plain(state.stop)
+    return view
+
+
+def owner_view(owner: Owner) -> dict[str, Any]:
+    """Give an owner its wire form."""
+    return _plain(owner)
+
+
+def result_view(job: Job, result: Result, state: GripperState) -> dict[str, Any]:
+    """Give a job's result its wire form, with the state in which the job ended."""
+    return {"job": job.number, **_plain(result), "state": state_view(state)}
+
+
+def job_view(job: Job, phase: str | None, ended_in: GripperState | None) -> dict[str, Any]:
+    """Give a job its wire form."""
+    result = job.result
+    return {
+        "job": job.number,
+        "kind": job.kind,
+        "state": job.state.value,
+        "owner": owner_view(job.owner),
+        "detached": job.detached,
+        "started_s": job.started_s,
+        "ended_s": job.ended_s,
+        "phase": phase,
+        "result": result_view(job, result, ended_in) if result and ended_in else None,
+        "error": None if job.error is None else error_object(job.error),
+    }
+
+
+def progress_view(
+    job: Job, request: RequestId, progress: Progress, opening_mm: float | None
+) -> dict[str, Any]:
+    """Give a progress report its wire form; `request` is the id of the request that wants it."""
+    return {
+        "job": job.number,
+        "request": request,
+        "kind": job.kind,
+        **_plain(progress),
+        "opening_mm": opening_mm,
+    }
