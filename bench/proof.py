@@ -67,6 +67,13 @@ class StateService:
     def handle(self, session: Session, line: bytes, _now_s: float) -> None:
         session.write(result_line(parse(line).identity, self.state))
 
+    @property
+    def pending(self) -> bool:
+        return False
+
+    def send_one(self) -> None:
+        pass
+
     def closed(self, session: Session, now_s: float) -> None:
         pass
 
@@ -84,11 +91,12 @@ class Rig:
         self.kills = 0
         self.ticks = 0
         self.send_failures = 0
-        self.reactor = Reactor(PERIOD_S, self.tick, self)
+        self.reactor = Reactor(PERIOD_S, self.tick)
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         listener.bind(str(folder / "rpc.sock"))
         self.server = Server(self.reactor, listener, self.service)
         self.end_s = 0.0
+        self.reactor.backlog = self.server
         self.helper = Helper(self._watch, self._unwatch, "bench.proof_helper")
         self.master, slave = pty.openpty()
         tty.setraw(self.master)
@@ -105,13 +113,6 @@ class Rig:
 
     def _unwatch(self, child: Child) -> None:
         self.reactor.remove(child.socket.fileno())
-
-    @property
-    def pending(self) -> bool:
-        return self.server.pending
-
-    def serve(self, until_s: float) -> None:
-        self.server.serve(until_s)
 
     def tick(self, now_s: float) -> None:
         self.ticks += 1

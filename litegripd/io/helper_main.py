@@ -9,6 +9,7 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 
+from litegripd.io.calibration_files import load_operation
 from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
 
 Parameters = Mapping[str, object]
@@ -23,7 +24,7 @@ def write_log(parameters: Parameters) -> None:
     os.write(sys.stderr.fileno(), str(parameters["text"]).encode())
 
 
-OPERATIONS: dict[str, Operation] = {"log": write_log}
+OPERATIONS: dict[str, Operation] = {"log": write_log, "calibration.load": load_operation}
 
 
 def serve(operations: Mapping[str, Operation]) -> None:

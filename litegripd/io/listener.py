@@ -36,29 +36,46 @@ def runtime_directory() -> Path:
     )
 
 
-def claim_channel(interface: str, channel: str) -> socket.socket:
-    """Make this process the owner of a CAN channel as long as the returned socket is open.
+class ChannelClaim:
+    """Makes this process the owner of a CAN channel until `close`, or until it dies.
 
     The lock is a name in the abstract socket namespace: the kernel frees it with the process, so
     that nothing stale can be left, and it belongs to the network namespace, as the CAN interface
-    does. Raises `InUseError` with the owner's pid.
+    does. Raises `InUseError` with the owner's pid. Register it with the loop: it lets whoever
+    asks for the owner connect, and closes the connection.
     """
-    where = os.path.realpath(channel) if "/" in channel else channel
-    name = f"\0litegripd/{interface}/{where}"
-    claim = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        claim.bind(name)
-        claim.listen(1)
-    except OSError as error:
-        claim.close()
-        if error.errno != errno.EADDRINUSE:
-            raise
-        owner = _listening_pid(name)
-        raise InUseError(
-            f"channel {channel} is owned by the daemon with pid {owner or 'unknown'}:"
-            " one motor has one owner; stop that daemon first"
-        ) from None
-    return claim
+
+    def __init__(self, interface: str, channel: str) -> None:
+        where = os.path.realpath(channel) if "/" in channel else channel
+        name = f"\0litegripd/{interface}/{where}"
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._socket.setblocking(False)
+        try:
+            self._socket.bind(name)
+            self._socket.listen()
+        except OSError as error:
+            self._socket.close()
+            if error.errno != errno.EADDRINUSE:
+                raise
+            raise InUseError(
+                f"channel {channel} is owned by the daemon with pid {_listening_pid(name)}:"
+                " one motor has one owner; stop that daemon first"
+            ) from None
+
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when somebody asks."""
+        return self._socket.fileno()
+
+    def on_event(self, _mask: int) -> None:
+        """Let one asker go; the kernel has told it the owner already."""
+        try:
+            self._socket.accept()[0].close()
+        except OSError as error:
+            _log.debug("an asker for the channel's owner was gone: %s", error)
+
+    def close(self) -> None:
+        """Free the channel."""
+        self._socket.close()
 
 
 def listen(path: Path, group: str | None) -> socket.socket:

@@ -42,14 +42,15 @@ class Backlog(Protocol):
 
 
 class Reactor:
-    """Calls `on_tick(now_s)` at an absolute rate and serves descriptors in between.
+    """Calls `on_tick(now_s)` at an absolute rate, serves descriptors and `backlog` in between.
 
     An exception in a handler is logged and its descriptor forgotten; one in the tick is logged
     and counted: neither ends the loop.
     """
 
-    def __init__(self, period_s: float, on_tick: Callable[[float], None], backlog: Backlog) -> None:
+    def __init__(self, period_s: float, on_tick: Callable[[float], None]) -> None:
         self.period_s = period_s
+        self.backlog: Backlog | None = None
         self.lateness = LatenessMeter()
         self.tick_cost = LatenessMeter()
         self.ticks = 0
@@ -57,7 +58,6 @@ class Reactor:
         self.tick_errors = 0
         self.budget_exhausted = 0
         self._on_tick = on_tick
-        self._backlog = backlog
         self._epoll = select.epoll()
         self._handlers: dict[int, Handler] = {}
         self._running = False
@@ -128,7 +128,8 @@ class Reactor:
         """Serve until the timer fires or the share is used up; tell whether it was used up."""
         left_s = self.period_s * REQUEST_SHARE
         while self._running:
-            events = self._epoll.poll(0 if self._backlog.pending else -1, _EVENTS_PER_POLL)
+            pending = self.backlog is not None and self.backlog.pending
+            events = self._epoll.poll(0 if pending else -1, _EVENTS_PER_POLL)
             started_s = time.monotonic()
             until_s = min(started_s + left_s, latest_s)
             for fd, mask in events:
@@ -137,7 +138,8 @@ class Reactor:
                 if time.monotonic() >= until_s:
                     break
                 self._dispatch(fd, mask)
-            self._backlog.serve(until_s)
+            if self.backlog is not None:
+                self.backlog.serve(until_s)
             ended_s = time.monotonic()
             left_s -= ended_s - started_s
             if left_s <= 0.0:

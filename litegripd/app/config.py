@@ -1,0 +1,217 @@
+"""The daemon's configuration: TOML to frozen values, refused as a whole when anything is wrong.
+
+The tables below are the one definition: what is not in them is unknown.
+"""
+
+import dataclasses
+import math
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from litegripd.io.bus import BusSettings
+
+if sys.version_info >= (3, 11):
+    import tomllib
+else:
+    import tomli as tomllib
+
+DIRECTORY = Path("/etc/litegripd")
+MOTOR_TYPES = ("DM4310",)
+MAX_STANDARD_ID = 0x7FE  # 0x7FF carries register traffic
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; the message names file, key and what is allowed."""
+
+
+@dataclass(frozen=True, slots=True)
+class MotorConfig:
+    """The motor on the bus; `master_id` None is found by register MST_ID."""
+
+    type: str = "DM4310"
+    can_id: int = 0x08
+    master_id: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class GripperConfig:
+    """What the motor moves; `mount` a template's name or a calibration file's path."""
+
+    mount: str | None = None
+    stroke_mm: float = 120.0
+
+
+@dataclass(frozen=True, slots=True)
+class ControlConfig:
+    """The control thread: its rate, its priority (0: ordinary) and its CPUs (empty: all)."""
+
+    rate_hz: int = 200
+    priority: int = 50
+    cpus: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class RpcConfig:
+    """The socket; `path` None is chosen by the channel's name, `group` may use it."""
+
+    socket: str | None = None
+    group: str = "litegrip"
+
+
+@dataclass(frozen=True, slots=True)
+class Config:
+    """The whole configuration of one channel, and the file that it came from, if any."""
+
+    channel: str
+    bus: BusSettings
+    motor: MotorConfig = field(default_factory=MotorConfig)
+    gripper: GripperConfig = field(default_factory=GripperConfig)
+    control: ControlConfig = field(default_factory=ControlConfig)
+    rpc: RpcConfig = field(default_factory=RpcConfig)
+    source: Path | None = None
+
+
+_RANGES: Mapping[tuple[str, str], tuple[float, float]] = {
+    ("bus", "bitrate"): (10_000, 1_000_000),
+    ("motor", "can_id"): (0x01, MAX_STANDARD_ID),
+    ("motor", "master_id"): (0x00, MAX_STANDARD_ID),
+    ("gripper", "stroke_mm"): (1.0, 1000.0),
+    ("control", "rate_hz"): (100, 1000),
+    ("control", "priority"): (0, 99),
+}
+_CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {("motor", "type"): MOTOR_TYPES}
+_TYPES: Mapping[tuple[str, str], type] = {
+    ("bus", "interface"): str,
+    ("bus", "channel"): str,
+    ("bus", "bitrate"): int,
+    ("motor", "type"): str,
+    ("motor", "can_id"): int,
+    ("motor", "master_id"): int,
+    ("gripper", "mount"): str,
+    ("gripper", "stroke_mm"): float,
+    ("control", "rate_hz"): int,
+    ("control", "priority"): int,
+    ("control", "cpus"): list,
+    ("rpc", "socket"): str,
+    ("rpc", "group"): str,
+}
+_TABLES = ("bus", "motor", "gripper", "control", "rpc")
+_NAMED = {str: "a string", int: "an integer", float: "a number", list: "an array of integers"}
+
+
+def find(channel: str, directory: Path = DIRECTORY) -> Path | None:
+    """Return the file for a channel: its own, else the common one, else None."""
+    candidates = (directory / f"{channel}.toml", directory / "litegripd.toml")
+    return next((path for path in candidates if path.is_file()), None)
+
+
+def load(channel: str, path: Path | None) -> Config:
+    """Read the configuration of `channel`; without a file, the defaults.
+
+    Raises `ConfigError` for a file that cannot be read, is not TOML, or has an unknown key, a
+    wrong type or an impossible value.
+    """
+    if path is None:
+        return _build(channel, {}, None)
+    try:
+        with path.open("rb") as file:
+            content = tomllib.load(file)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from error
+    return _build(channel, content, path)
+
+
+def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Config:
+    where = "defaults" if source is None else str(source)
+    for table, values in content.items():
+        if table not in _TABLES:
+            raise ConfigError(f"{where}: unknown table [{table}]; allowed: {_listed(_TABLES)}")
+        if not isinstance(values, dict):
+            raise ConfigError(f"{where}: {table} must be a table, written [{table}]")
+        for key, value in values.items():
+            _check(where, table, key, value)
+    bus = dict(content.get("bus", {}))
+    control = dict(content.get("control", {}))
+    if "cpus" in control:
+        control["cpus"] = tuple(control["cpus"])
+    return Config(
+        channel=channel,
+        bus=BusSettings(
+            interface=bus.pop("interface", "socketcan"),
+            channel=bus.pop("channel", channel),
+            bitrate=bus.pop("bitrate", 1_000_000),
+            options=bus,
+        ),
+        motor=MotorConfig(**content.get("motor", {})),
+        gripper=GripperConfig(**content.get("gripper", {})),
+        control=ControlConfig(**control),
+        rpc=RpcConfig(**content.get("rpc", {})),
+        source=source,
+    )
+
+
+def _check(where: str, table: str, key: str, value: Any) -> None:
+    """Refuse an unknown key, a wrong type or an impossible value.
+
+    Further keys of [bus] are python-can's: only it knows which its interface takes.
+    """
+    kind = _TYPES.get((table, key))
+    name = f"{where}: [{table}] {key}"
+    if kind is None:
+        if table == "bus":
+            return
+        allowed = [known for owner, known in _TYPES if owner == table]
+        raise ConfigError(f"{name} is unknown; allowed: {_listed(allowed)}")
+    if not _has_type(value, kind):
+        raise ConfigError(f"{name} is {value!r}, it must be {_NAMED[kind]}")
+    low, high = _RANGES.get((table, key), (-math.inf, math.inf))
+    if kind in (int, float) and not low <= value <= high:
+        raise ConfigError(f"{name} is {value}, it must be {low:g} to {high:g}")
+    choices = _CHOICES.get((table, key))
+    if choices and value not in choices:
+        raise ConfigError(f"{name} is {value!r}, it must be one of: {_listed(choices)}")
+    if kind is str and not value:
+        raise ConfigError(f"{name} is empty; leave the key out for the default")
+
+
+def _has_type(value: Any, kind: type) -> bool:
+    if isinstance(value, bool):
+        return False
+    if kind is float:
+        return isinstance(value, int | float) and math.isfinite(value)
+    if kind is list:
+        return isinstance(value, list) and all(
+            isinstance(item, int) and not isinstance(item, bool) and item >= 0 for item in value
+        )
+    return isinstance(value, kind)
+
+
+def _listed(names: Any) -> str:
+    return ", ".join(names)
+
+
+def override(
+    config: Config, *, socket: str | None, interface: str | None, simulate: bool
+) -> Config:
+    """Apply the command line, which wins over the file.
+
+    `simulate` takes the simulated gripper in place of the bus: interface `litegrip_sim`, and,
+    where none is configured, the mount that the simulated gripper has.
+    """
+    if socket is not None:
+        config = dataclasses.replace(config, rpc=dataclasses.replace(config.rpc, socket=socket))
+    if simulate:
+        mount = config.gripper.mount or "normal"
+        gripper = dataclasses.replace(config.gripper, mount=mount)
+        options = {"mount": mount} if mount in ("normal", "reverse") else {}
+        bus = BusSettings("litegrip_sim", config.channel, config.bus.bitrate, options)
+        return dataclasses.replace(config, bus=bus, gripper=gripper)
+    if interface is not None:
+        bus = dataclasses.replace(config.bus, interface=interface)
+        return dataclasses.replace(config, bus=bus)
+    return config

@@ -1,0 +1,203 @@
+"""The daemon: builds the objects, runs the control thread, and ends it without moving the jaws."""
+
+import logging
+import signal
+import time
+from pathlib import Path
+
+from litegripd.app.config import Config
+from litegripd.app.facts import DaemonFacts, Parts
+from litegripd.app.machine import Machine
+from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
+from litegripd.io.calibration_files import found_from
+from litegripd.io.child import Child
+from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.listener import ChannelClaim, listen, runtime_directory
+from litegripd.io.log import JournalSink, LogHandler, goes_to_journal
+from litegripd.io.pumped_bus import PumpedBus
+from litegripd.io.reactor import Reactor
+from litegripd.io.realtime import acquire
+from litegripd.io.server import Server
+from litegripd.io.signals import Signals
+from litegripd.model.errors import Refusal
+from litegripd.model.events import Event
+from litegripd.model.motion_config import MotionConfig
+from litegripd.motor.look import warnings
+from litegripd.rpc.service import RpcService
+
+_log = logging.getLogger(__name__)
+
+END_WITHIN_S = 1.5
+"""So long the end waits for the motor to confirm that it is disabled."""
+
+
+def socket_path(config: Config) -> Path:
+    """Return where clients find the daemon; raises `InUseError` where no place can be used."""
+    if config.rpc.socket is not None:
+        return Path(config.rpc.socket)
+    return runtime_directory() / f"{config.channel}.sock"
+
+
+def make_bus(config: Config, period_s: float) -> FrameBus:
+    """Choose how the adapter is driven: in the control thread, or by a process of its own."""
+    if config.bus.interface in DIRECT_INTERFACES:
+        from litegripd.io.direct_bus import DirectBus  # noqa: PLC0415 - imports python-can
+
+        return DirectBus(config.bus)
+    return PumpedBus(config.bus, period_s)
+
+
+class Daemon:
+    """One channel's daemon; `run` returns after SIGTERM or SIGINT, with the motor disabled.
+
+    Raises `InUseError` when the channel or the socket belongs to another process.
+    """
+
+    def __init__(self, config: Config) -> None:
+        period_s = 1.0 / config.control.rate_hz
+        self._config = config
+        self._claim = ChannelClaim(config.bus.interface, config.bus.channel)
+        self._path = socket_path(config)
+        self._listener = listen(self._path, config.rpc.group)
+        self._machine = Machine(
+            config.motor.can_id, config.motor.master_id, MotionConfig(), period_s
+        )
+        self._facts = DaemonFacts(config, self._machine)
+        self._service = RpcService(self._machine.engine, self._facts, period_s)
+        self._reactor = Reactor(period_s, self._tick)
+        self._server = Server(self._reactor, self._listener, self._service)
+        self._reactor.backlog = self._server
+        self._helper = Helper(self._watch, self._unwatch)
+        self._bus = make_bus(config, period_s)
+        self._log_handler = self._make_log_handler()
+        self._signals = Signals({signal.SIGTERM: self._end, signal.SIGINT: self._end})
+        self._parts: Parts | None = None
+        self._ends_at_s: float | None = None
+        self._motor_was_known = False
+
+    def run(self) -> None:
+        """Run until told to end; disable the motor, confirmed, before returning."""
+        self._reactor.add(self._signals.fileno(), self._signals)
+        self._reactor.add(self._claim.fileno(), self._claim)
+        self._helper.poll(time.monotonic())
+        self._request_calibration()
+        root = logging.getLogger()
+        previous, root.handlers = root.handlers, [self._log_handler]
+        rights = acquire(self._config.control.priority, self._config.control.cpus)
+        for refused in rights.refused:
+            _log.warning("not granted, going on without: %s", refused)
+        self._parts = Parts(
+            reactor=self._reactor,
+            server=self._server,
+            service=self._service,
+            helper=self._helper,
+            bus=self._bus,
+            rights=rights,
+            log=self._log_handler,
+            bitrate=self._config.bus.bitrate,
+        )
+        self._facts.attach(self._parts)
+        _log.info("channel %s: listening on %s", self._config.channel, self._path)
+        try:
+            self._reactor.run()
+        finally:
+            root.handlers = previous
+            self._close()
+
+    def _tick(self, now_s: float) -> None:
+        """Do one period's work: bus in, machine, bus out, and then what clients are owed."""
+        received = self._bus.receive(now_s)
+        frames = self._machine.tick(now_s, received)
+        self._bus.send(frames, now_s)
+        self._service.after_tick(now_s, self._bus.is_up)
+        self._helper.poll(now_s)
+        if self._parts is not None:
+            self._parts.tick(now_s)
+        for event in self._service.take_events():
+            _log_event(event)
+        self._greet_motor()
+        if self._ends_at_s is not None and (self._machine.is_unpowered or now_s >= self._ends_at_s):
+            self._reactor.stop()
+
+    def _end(self) -> None:
+        """Begin the end: the motor is disabled in the next tick."""
+        if self._ends_at_s is None:
+            _log.info("ending: the motor is being disabled")
+            self._ends_at_s = time.monotonic() + END_WITHIN_S
+            self._machine.engine.shut_down()
+
+    def _close(self) -> None:
+        phase = self._machine.motor.view().phase.value
+        logging.getLogger(__name__).info("ended; the motor is %s", phase)
+        self._server.flush()
+        self._server.close()
+        self._path.unlink(missing_ok=True)
+        self._helper.close()
+        self._bus.close()
+        self._signals.close()
+        self._claim.close()
+        self._reactor.close()
+
+    def _greet_motor(self) -> None:
+        """Say once what the motor told about itself."""
+        identity = self._machine.motor.view().identity
+        known = identity is not None
+        if identity is not None and not self._motor_was_known:
+            serial = identity.registers.get("SN")
+            _log.info(
+                "motor 0x%02X answers on 0x%02X, serial %s",
+                identity.can_id,
+                identity.master_id,
+                serial,
+            )
+            for warning in warnings(identity):
+                _log.warning("%s", warning)
+        self._motor_was_known = known
+
+    def _request_calibration(self) -> None:
+        parameters = {"channel": self._config.channel, "mount": self._config.gripper.mount}
+        self._helper.request("calibration.load", parameters, self._use_calibration)
+
+    def _use_calibration(self, result: HelperResult) -> None:
+        engine = self._machine.engine
+        if result.error is not None or not isinstance(result.value, dict):
+            refusal = Refusal("calibration_unreadable", f"no calibration: {result.error}")
+            _log.error("%s", refusal.message)
+            engine.use_calibration(None, refusal)
+            return
+        found = found_from(result.value)
+        for skipped in found.skipped:
+            _log.warning("calibration passed over: %s", skipped)
+        engine.use_calibration(found.calibration, None)
+        if found.calibration is None or found.path is None:
+            _log.warning("no calibration for channel %s: motions are refused", self._config.channel)
+            return
+        self._facts.calibration_file = str(found.path)
+        geometry = found.calibration.geometry
+        turning = "increasing" if geometry.close_sign > 0 else "decreasing"
+        _log.info(
+            "calibration %s: mount %s, closing by %s radians, %.1f mm of travel",
+            found.path,
+            geometry.mount,
+            turning,
+            geometry.travel_mm,
+        )
+
+    def _watch(self, child: Child) -> None:
+        self._reactor.add(child.socket.fileno(), self._helper)
+
+    def _unwatch(self, child: Child) -> None:
+        self._reactor.remove(child.socket.fileno())
+
+    def _make_log_handler(self) -> LogHandler:
+        if goes_to_journal():
+            return LogHandler(JournalSink(self._config.channel))
+        handler = LogHandler(lambda _record, text: self._helper.post("log", {"text": text + "\n"}))
+        form = "%(asctime)s %(levelname)-7s %(message)s"
+        handler.setFormatter(logging.Formatter(form, "%H:%M:%S"))
+        return handler
+
+
+def _log_event(event: Event) -> None:
+    level = logging.WARNING if event.kind in ("stop", "refused", "client_lost") else logging.INFO
+    _log.log(level, "%s", event.message)

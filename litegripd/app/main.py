@@ -1,0 +1,69 @@
+"""The command `litegripd`: one daemon for one CAN channel, in the foreground."""
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from litegripd.app.config import ConfigError, find, load, override
+from litegripd.app.daemon import Daemon
+from litegripd.app.facts import daemon_version
+from litegripd.io.listener import InUseError
+
+EXIT_USAGE = 2
+EXIT_IN_USE = 3
+_CHANNEL_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-")
+_MAX_CHANNEL = 64
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the daemon; return its exit code."""
+    arguments = _parser().parse_args(argv)
+    logging.basicConfig(level=logging.INFO, format="litegripd: %(message)s")
+    try:
+        path = arguments.config or find(arguments.channel)
+        config = override(
+            load(arguments.channel, path),
+            socket=arguments.socket,
+            interface=arguments.interface,
+            simulate=arguments.simulate,
+        )
+        daemon = Daemon(config)
+    except ConfigError as error:
+        print(f"litegripd: {error}", file=sys.stderr)
+        return EXIT_USAGE
+    except InUseError as error:
+        print(f"litegripd: {error}", file=sys.stderr)
+        return EXIT_IN_USE
+    daemon.run()
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="litegripd",
+        description="Own one CAN channel with a LiteGrip gripper and let many processes use it.",
+        epilog="Exit codes: 0 ended by SIGTERM or SIGINT, 2 usage or configuration, 3 the channel"
+        " or the socket belongs to another process.",
+    )
+    parser.add_argument("channel", type=_channel, help="the CAN channel, e.g. can0")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="this configuration file only")
+    parser.add_argument("--socket", metavar="PATH", help="where clients connect")
+    parser.add_argument("--interface", metavar="NAME", help="python-can interface (socketcan)")
+    parser.add_argument("--simulate", action="store_true", help="a simulated gripper, no hardware")
+    parser.add_argument("--version", action="version", version=f"litegripd {daemon_version()}")
+    return parser
+
+
+def _channel(text: str) -> str:
+    if not 0 < len(text) <= _MAX_CHANNEL or text[0] == "." or not set(text) <= _CHANNEL_CHARACTERS:
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: a channel's name has letters, digits, _ . - (at most {_MAX_CHANNEL}, no"
+            " leading dot); give a device path as [bus] channel in the configuration"
+        )
+    return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,140 @@
+"""The command `litegrip-sim`: a simulated gripper as a process of its own.
+
+It reads the command line, opens the terminal or the bus, and ends cleanly on SIGTERM and SIGINT.
+The serving itself is in `litegripd.sim.server`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import sys
+from collections.abc import Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+import can
+
+from litegripd.sim.gripper import SimulatedGripper, build_gripper
+from litegripd.sim.parameters import MOUNTS
+from litegripd.sim.server import PtyServer, StopSignal, serve_bus
+
+EXIT_OK, EXIT_BUS, EXIT_USAGE = 0, 1, 2
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the simulator until a signal ends it; return the process's exit code.
+
+    0 after a signal, 1 when the bus or the terminal cannot be opened or fails, 2 for bad usage.
+    """
+    arguments = _parser().parse_args(argv)
+    try:
+        gripper = build_gripper(
+            mount=arguments.mount,
+            seed=arguments.seed,
+            object_mm=arguments.object_mm,
+            object_stiffness_nm_rad=arguments.object_stiffness,
+            can_id=arguments.can_id,
+            master_id=arguments.master_id,
+        )
+        if arguments.link is not None:
+            _check_link(arguments.link)
+        if not arguments.pty and arguments.channel is None:
+            raise ValueError("--interface needs --channel, such as --channel vcan0")
+        if arguments.pty and (arguments.channel is not None or arguments.bitrate is not None):
+            raise ValueError("--channel and --bitrate belong to --interface, not to --pty")
+        if not arguments.pty and arguments.link is not None:
+            raise ValueError("--link belongs to --pty")
+    except ValueError as error:
+        print(f"litegrip-sim: {error}", file=sys.stderr)
+        return EXIT_USAGE
+    with _stop_on_signals() as stop:
+        try:
+            if arguments.pty:
+                _run_pty(gripper, arguments.link, stop)
+            else:
+                _run_bus(gripper, arguments, stop)
+        except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
+            print(f"litegrip-sim: the bus cannot be used: {error}", file=sys.stderr)
+            return EXIT_BUS
+    return EXIT_OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="litegrip-sim", description="A simulated LiteGrip gripper on a CAN bus."
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version('litegripd')}")
+    where = parser.add_mutually_exclusive_group(required=True)
+    where.add_argument(
+        "--pty",
+        action="store_true",
+        help="serve as an SLCAN adapter on a pseudo-terminal; its path is the first line printed",
+    )
+    where.add_argument("--interface", metavar="NAME", help="serve on this python-can interface")
+    parser.add_argument("--channel", metavar="CH", help="channel of --interface, such as vcan0")
+    parser.add_argument("--bitrate", type=int, help="bit rate of --interface in bit/s")
+    parser.add_argument("--link", type=Path, help="also make a symbolic link to the terminal")
+    parser.add_argument("--mount", choices=MOUNTS, default="normal")
+    parser.add_argument("--seed", type=int, help="add reproducible noise to the reports")
+    parser.add_argument("--object-mm", type=float, help="width of an object between the jaws")
+    parser.add_argument(
+        "--object-stiffness", type=float, default=250.0, metavar="NM_RAD", help="in N·m/rad"
+    )
+    parser.add_argument("--can-id", type=_identifier, default=0x08, help="the motor's id")
+    parser.add_argument("--master-id", type=_identifier, default=0x18, help="id of its answers")
+    return parser
+
+
+def _identifier(text: str) -> int:
+    """Read an identifier such as 8 or 0x08."""
+    return int(text, 0)
+
+
+def _check_link(link: Path) -> None:
+    if link.exists() and not link.is_symlink():
+        raise ValueError(f"--link {link} exists and is no symbolic link; choose another path")
+
+
+def _run_pty(gripper: SimulatedGripper, link: Path | None, stop: StopSignal) -> None:
+    server = PtyServer(gripper)
+    try:
+        if link is not None:
+            link.unlink(missing_ok=True)
+            link.symlink_to(server.path)
+        print(server.path, flush=True)
+        server.run(stop)
+    finally:
+        server.close()
+        if link is not None and link.is_symlink() and str(link.readlink()) == server.path:
+            link.unlink()
+
+
+def _run_bus(gripper: SimulatedGripper, arguments: argparse.Namespace, stop: StopSignal) -> None:
+    options = {} if arguments.bitrate is None else {"bitrate": arguments.bitrate}
+    with can.Bus(
+        interface=arguments.interface, channel=arguments.channel, ignore_config=True, **options
+    ) as bus:
+        print(f"serving on {arguments.interface} {arguments.channel}", flush=True)
+        serve_bus(gripper, bus, lambda: stop.is_set)
+
+
+@contextlib.contextmanager
+def _stop_on_signals() -> Iterator[StopSignal]:
+    """Turn SIGTERM and SIGINT into a request to end, and put the old handlers back after."""
+    stop = StopSignal()
+    before = {
+        number: signal.signal(number, lambda *_: stop.set())
+        for number in (signal.SIGTERM, signal.SIGINT)
+    }
+    try:
+        yield stop
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        stop.close()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
