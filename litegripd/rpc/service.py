@@ -35,10 +35,10 @@ class RpcService:
     def __init__(self, engine: Engine, facts: Facts, period_s: float) -> None:
         self.refused = 0
         self._engine = engine
-        self._reporter = Reporter(engine, period_s)
+        self.reporter = Reporter(engine, period_s)
         self._subscriptions = Subscriptions()
         self._waiting = WaitingRoom()
-        self._handlers = Handlers(engine, facts, self._subscriptions, self._reporter)
+        self._handlers = Handlers(engine, facts, self._subscriptions, self.reporter)
         self._last_session = 0
         self._events: list[Event] = []
 
@@ -65,7 +65,7 @@ class RpcService:
         if isinstance(request, BadRequest):
             self._refuse(session, request.identity, request.refusal)
         elif request.method == "state.get" and not request.params and request.identity is not None:
-            session.write(result_line(request.identity, self._reporter.state_line()))
+            session.write(result_line(request.identity, self.reporter.state_line()))
         else:
             self._call(session, request, now_s)
 
@@ -73,8 +73,8 @@ class RpcService:
 
     def after_tick(self, now_s: float, bus_is_up: bool) -> None:
         """Answer whoever waits for a job that has ended; find what is to be sent."""
-        self._reporter.tick(now_s, bus_is_up)
-        self._reporter.keep_end_states()
+        self.reporter.tick(now_s, bus_is_up)
+        self.reporter.keep_end_states()
         self._answer_waiters()
         self._send_progress(now_s)
         self._subscriptions.tick(now_s)
@@ -86,7 +86,7 @@ class RpcService:
 
     def send_one(self) -> None:
         """Send one sample; the transport calls this in the time that it has."""
-        self._subscriptions.send_one(self._reporter.state())
+        self._subscriptions.send_one(self.reporter.state())
 
     def take_events(self) -> list[Event]:
         """Return what happened since the last call."""
@@ -162,8 +162,8 @@ class RpcService:
             text = "the job has ended so long ago that it is no longer kept"
             return error_line(waiter.request, Refusal("unknown_job", text))
         if waiter.wants_job:
-            return result_line(waiter.request, encode(self._reporter.job(job)))
-        result = self._reporter.result(job)
+            return result_line(waiter.request, encode(self.reporter.job(job)))
+        result = self.reporter.result(job)
         if result is None:
             ended = job.error or Refusal("internal_error", f"job {job.number} ended without result")
             return error_line(waiter.request, ended)
@@ -174,6 +174,6 @@ class RpcService:
         if job is None or progress is None:
             return
         for waiter in self._waiting.due_progress(job.number, now_s):
-            opening_mm = self._reporter.state().opening_mm
+            opening_mm = self.reporter.state().opening_mm
             view = progress_view(job, waiter.request, progress, opening_mm)
             waiter.session.write(notification_line("job.progress", encode(view)))

@@ -1,0 +1,33 @@
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from litegrip_client import LiteGrip
+from litegrip_client.connection import Connection
+from tests.client.fake_daemon import FakeDaemon
+
+
+@pytest.fixture(autouse=True)
+def _no_daemon_of_this_machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("LITEGRIPD_SOCKET", raising=False)
+    monkeypatch.delenv("LITEGRIP_CHANNEL", raising=False)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "xdg"))
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[FakeDaemon]:
+    with FakeDaemon(tmp_path / "can0.sock") as daemon:
+        yield daemon
+
+
+@pytest.fixture
+def connection(daemon: FakeDaemon) -> Iterator[Connection]:
+    with Connection(daemon.path, timeout_s=20.0) as connection:
+        yield connection
+
+
+@pytest.fixture
+def gripper(daemon: FakeDaemon) -> Iterator[LiteGrip]:
+    with LiteGrip(socket_path=daemon.path) as gripper:
+        yield gripper

@@ -1,0 +1,51 @@
+"""What several tests of the client need: threads whose errors are seen, and interrupts."""
+
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from litegrip_client.connection import Connection
+from tests.client.fake_daemon import DEADLINE_S
+
+
+def in_thread(target: Callable[[], Any]) -> Callable[[], Any]:
+    """Run `target` in a thread; calling what this returns waits for its result."""
+    box: list[Any] = []
+
+    def run() -> None:
+        try:
+            box.append(target())
+        except BaseException as error:  # noqa: BLE001 - raised by the caller's thread
+            box.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+
+    def result() -> Any:
+        thread.join(DEADLINE_S)
+        assert not thread.is_alive()
+        if isinstance(box[0], BaseException):
+            raise box[0]
+        return box[0]
+
+    return result
+
+
+def interrupt_main_thread() -> None:
+    signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+
+
+def interrupt_when_main_thread_reads(connection: Connection) -> None:
+    """Send an interrupt to the main thread as soon as it waits for `connection`."""
+    main = threading.main_thread().ident
+
+    def interrupt() -> None:
+        deadline_s = time.monotonic() + DEADLINE_S
+        while connection._multiplexer._leader != main and time.monotonic() < deadline_s:
+            os.sched_yield()
+        interrupt_main_thread()
+
+    in_thread(interrupt)

@@ -1,0 +1,338 @@
+"""Every command of litegripctl: what it asks, what it shows, how it ends."""
+
+import json
+import os
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from litegrip_client.ctl.main import main
+from litegripd.model.errors import ERROR_TABLE, ErrorKind
+from tests.client.fake_daemon import MOVE, STATE, FakeDaemon, Request
+from tests.client.helpers import interrupt_main_thread
+
+Ctl = Callable[..., tuple[int, str, str]]
+
+
+@pytest.fixture
+def ctl(daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]) -> Ctl:
+    def run(*arguments: str) -> tuple[int, str, str]:
+        code = main(["--socket", daemon.path, *arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run
+
+
+JOBS = {
+    "jobs": [
+        {
+            "job": 4,
+            "kind": "open",
+            "state": "running",
+            "phase": "travel",
+            "owner": {"program": "pick.py\x1b[2J", "pid": 77},
+        },
+        {"job": 3, "kind": "close", "state": "done", "phase": None, "owner": None},
+    ]
+}
+JOBS_SHOWN = """\
+JOB  KIND   STATE    PHASE   OWNER
+4    open   running  travel  pick.py?[2J (pid 77)
+3    close  done     -       unknown (pid None)
+"""
+HEALTH = {"verdict": "ok", "control": {"late_us": {"p99": 120}}, "bus": {"errors": []}}
+DOCUMENT = {"openrpc": "1.2.6", "methods": [{"name": "stop", "summary": "Stop."}]}
+STOP = {"level": "relax", "generation": 4, "state": STATE}
+
+SHOWN: list[tuple[list[str], str, Any, str]] = [
+    (["enable"], "motor.enable", {"ok": True, "tries": 1, "state": STATE}, "enabled\n"),
+    (["disable"], "motor.disable", {"ok": True, "state": STATE}, "disabled\n"),
+    (["open"], "motion.open", MOVE, "open: pressed, at 35.25 mm\n"),
+    (["close"], "motion.close", MOVE, "close: pressed, at 35.25 mm\n"),
+    (["open", "--no-wait"], "motion.open", {"job": 6}, "open: job 6 started\n"),
+    (["hold"], "motion.hold", {"state": STATE}, "holding at 35.25 mm\n"),
+    (["stop"], "stop", STOP, "stopped: relax, until: litegripctl clear\n"),
+    (["clear"], "stop.clear", {"generation": 5, "state": STATE}, "no stop is in force\n"),
+    (
+        ["jobs"],
+        "job.list",
+        JOBS,
+        JOBS_SHOWN,
+    ),
+    (["jobs"], "job.list", {"jobs": []}, "no jobs\n"),
+    (
+        ["cancel", "4"],
+        "job.cancel",
+        {"job": 4, "state": "cancelled"},
+        "job 4 cancelled, the jaws hold\n",
+    ),
+    (
+        ["health"],
+        "health",
+        HEALTH,
+        "verdict              ok\ncontrol.late_us.p99  120\nbus.errors           --\n",
+    ),
+    (["info"], "info.get", {"version": "1", "x": [1]}, "version  1\nx[0]     1\n"),
+    (["discover"], "rpc.discover", DOCUMENT, "stop  Stop.\n"),
+    (["watch", "--count", "1"], "state.subscribe", {"subscription": 1, "state": STATE}, ""),
+    (["state"], "state.get", STATE, ""),
+]
+
+
+@pytest.mark.parametrize(("arguments", "method", "result", "text"), SHOWN)
+def test_what_is_shown(
+    daemon: FakeDaemon, ctl: Ctl, arguments: list[str], method: str, result: Any, text: str
+) -> None:
+    daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
+    daemon.handlers[method] = lambda request: result
+    code, out, err = ctl(*arguments)
+    assert (code, err) == (0, "")
+    assert out == text or (not text and "35.25 mm" in out)
+    code, out, err = ctl(*arguments, "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out) == (result["state"] if method == "state.subscribe" else result)
+    assert out.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("arguments", "method", "params"),
+    [
+        (["enable"], "motor.enable", {"detach": True}),
+        (["enable", "--retries", "4"], "motor.enable", {"detach": True, "retries": 4}),
+        (["disable"], "motor.disable", {"detach": True}),
+        (["open"], "motion.open", {"detach": True, "progress": True}),
+        (
+            ["close", "--speed", "12.5"],
+            "motion.close",
+            {"detach": True, "progress": True, "speed_mm_s": 12.5},
+        ),
+        (["open", "--no-wait"], "motion.open", {"detach": True, "wait": False}),
+        (["stop", "--level", "relax"], "stop", {"level": "relax"}),
+        (["stop", "--why", "smoke"], "stop", {"level": "hold", "why": "smoke"}),
+        (["cancel", "12"], "job.cancel", {"job": 12}),
+        (["watch", "--hz", "50", "--count", "1"], "state.subscribe", {"hz": 50.0}),
+    ],
+)
+def test_what_is_asked(
+    daemon: FakeDaemon, ctl: Ctl, arguments: list[str], method: str, params: dict[str, Any]
+) -> None:
+    daemon.handlers[method] = lambda request: request.fail("internal_error", -32603)
+    code, _, _ = ctl(*arguments)
+    assert code == 70
+    (request,) = daemon.wait_for(method)
+    guards = {"sent_s", "stop_generation"} if method.startswith("mot") else set()
+    guards -= {"sent_s", "stop_generation"} if method == "motor.disable" else set()
+    assert request.params.keys() == params.keys() | guards
+    assert request.params.items() >= params.items()
+    assert daemon.requests[0].params == {"client": "litegripctl"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "method", "result", "text"),
+    [
+        (
+            ["enable"],
+            "motor.enable",
+            {"ok": False, "tries": 3, "state": STATE, "message": "no feedback"},
+            "NOT enabled: no feedback (tries: 3)\n",
+        ),
+        (
+            ["disable"],
+            "motor.disable",
+            {"ok": False, "state": STATE},
+            "NOT disabled: the motor does not confirm it\n",
+        ),
+        (
+            ["open"],
+            "motion.open",
+            {**MOVE, "ok": False, "outcome": "blocked"},
+            "open: NOT ok: blocked, at 35.25 mm\n",
+        ),
+        (
+            ["cancel", "3"],
+            "job.cancel",
+            {"job": 3, "state": "done"},
+            "job 3 had ended already: done\n",
+        ),
+    ],
+)
+def test_what_ended_but_not_well_ends_with_1(
+    daemon: FakeDaemon, ctl: Ctl, arguments: list[str], method: str, result: Any, text: str
+) -> None:
+    daemon.handlers[method] = lambda request: result
+    assert ctl(*arguments) == (1, text, "")
+    code, out, _ = ctl(*arguments, "--json")
+    assert (code, json.loads(out)) == (1, result)
+
+
+@pytest.mark.parametrize(("verdict", "code"), [("ok", 0), ("degraded", 1), ("down", 2)])
+def test_health_ends_by_the_verdict(daemon: FakeDaemon, ctl: Ctl, verdict: str, code: int) -> None:
+    daemon.handlers["health"] = lambda request: {"verdict": verdict}
+    assert ctl("health")[0] == code
+
+
+@pytest.mark.parametrize("kind", ERROR_TABLE, ids=lambda kind: kind.reason)
+def test_every_error_ends_with_its_exit_code(daemon: FakeDaemon, ctl: Ctl, kind: ErrorKind) -> None:
+    daemon.handlers["state.get"] = lambda request: request.fail(
+        kind.reason, kind.code, "what", retryable=kind.retryable, hint="do this"
+    )
+    assert ctl("state") == (kind.exit_code, "", "litegripctl: what\n  do this\n")
+    code, out, err = ctl("--json", "state")
+    assert (code, err) == (kind.exit_code, "")
+    data = {"reason": kind.reason, "retryable": kind.retryable, "hint": "do this"}
+    assert json.loads(out) == {"error": {"code": kind.code, "message": "what", "data": data}}
+
+
+@pytest.mark.parametrize(
+    ("reason", "code", "hint"),
+    [
+        ("stopped", -32021, "litegripctl clear"),
+        ("busy", -32020, "litegripctl jobs"),
+        ("motor_silent", -32032, "try again"),
+        ("internal_error", -32603, "journalctl -u litegripd@can0"),
+    ],
+)
+def test_there_is_always_a_hint(
+    daemon: FakeDaemon, ctl: Ctl, reason: str, code: int, hint: str
+) -> None:
+    retryable = reason == "motor_silent"
+    daemon.handlers["state.get"] = lambda request: request.fail(
+        reason, code, "first\nsecond\x1b", retryable=retryable
+    )
+    _, _, err = ctl("state")
+    what, then = err.splitlines()
+    assert what == "litegripctl: first second "
+    assert hint in then
+
+
+def test_a_state_in_full(daemon: FakeDaemon, ctl: Ctl) -> None:
+    assert ctl("state")[1].splitlines() == [
+        "mode         holding (motor enabled, bus up)",
+        "opening      35.25 mm, 50% open",
+        "position     +0.2500 rad",
+        "command      +0.2600 rad",
+        "velocity     +0.0000 rad/s",
+        "torque       +0.500 N·m, force about +5.0 N",
+        "temperature  driver 31 °C, coil 33 °C",
+        "status       enabled",
+        "calibrated   yes, mount reverse",
+        "age          0.002 s",
+    ]
+
+
+def test_a_stale_state_says_so_first_and_unknown_figures_are_no_numbers(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    unknown = dict.fromkeys(name for name, value in STATE.items() if isinstance(value, float))
+    daemon.handlers["state.get"] = lambda request: {
+        **STATE,
+        **unknown,
+        "stale": True,
+        "age_s": 0.42,
+        "limited": ["speed"],
+        "job": {"job": 4, "kind": "open", "phase": "travel", "owner": {"program": "p", "pid": 1}},
+        "stop": {"level": "hold", "by": {"program": "q", "pid": 2}, "why": "smoke"},
+    }
+    lines = ctl("state")[1].splitlines()
+    assert lines[0] == "STALE, 0.4 s old: these are the last known figures"
+    assert "opening      -- mm, -- open" in lines
+    assert lines[-4:] == [
+        "age          STALE, 0.4 s old",
+        "limited      speed",
+        "job          4 open, travel, by p (pid 1)",
+        "stop         hold, by q (pid 2): smoke (clear it with: litegripctl clear)",
+    ]
+
+
+def watched(daemon: FakeDaemon, *states: dict[str, Any]) -> None:
+    def subscribe(request: Request) -> None:
+        request.reply({"subscription": 1, "state": STATE})
+        for seq, state in enumerate(states):
+            sample = {"subscription": 1, "seq": seq, "dropped": 0, "monotonic_s": 1.0}
+            request.notify("state.sample", {**sample, "state": state})
+
+    daemon.handlers["state.subscribe"] = subscribe
+    daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
+
+
+def test_watch_on_a_pipe_is_a_line_for_each_state(daemon: FakeDaemon, ctl: Ctl) -> None:
+    moving = {**STATE, "job": {"job": 4, "kind": "open"}, "stop": {"level": "hold"}}
+    watched(daemon, moving, {**STATE, "stale": True, "age_s": 0.4})
+    code, out, _ = ctl("watch", "--count", "3")
+    assert code == 0
+    assert out.splitlines() == [
+        "holding      35.25 mm   +0.2500 rad   +0.500 N·m   33 °C",
+        "holding      35.25 mm   +0.2500 rad   +0.500 N·m   33 °C  job 4 open  STOP hold",
+        "holding      35.25 mm   +0.2500 rad   +0.500 N·m   33 °C  STALE, 0.4 s old",
+    ]
+    assert daemon.methods()[-1] == "state.unsubscribe"
+
+
+def test_watch_as_json_is_an_object_for_each_state(daemon: FakeDaemon, ctl: Ctl) -> None:
+    watched(daemon, {**STATE, "seq": 8})
+    _, out, _ = ctl("watch", "--count", "2", "--json")
+    assert [json.loads(line)["seq"] for line in out.splitlines()] == [7, 8]
+
+
+def test_watch_and_a_daemon_that_goes_away(daemon: FakeDaemon, ctl: Ctl) -> None:
+    def subscribe(request: Request) -> None:
+        request.reply({"subscription": 1, "state": STATE})
+        request.hang_up()
+
+    daemon.handlers["state.subscribe"] = subscribe
+    code, out, err = ctl("watch")
+    assert (code, out.count("\n")) == (3, 1)
+    assert "the daemon ended the connection" in err
+
+
+def test_ctrl_c_cancels_the_motion(daemon: FakeDaemon, ctl: Ctl) -> None:
+    job = {"job": 6, "state": "running", "owner": {"pid": os.getpid()}}
+    daemon.handlers["motion.open"] = lambda request: interrupt_main_thread()
+    daemon.handlers["job.list"] = lambda request: {"jobs": [job]}
+    daemon.handlers["job.cancel"] = lambda request: {**job, "state": "cancelled"}
+    text = "litegripctl: interrupted: job 6 cancelled, the jaws hold\n"
+    assert ctl("open") == (130, "", text)
+    code, out, _ = ctl("open", "--json")
+    assert (code, json.loads(out)["error"]["data"]["reason"]) == (130, "interrupted")
+
+
+@pytest.mark.parametrize(
+    ("jobs", "cancelled", "text"),
+    [
+        ([], None, "no motion was running"),
+        ([6], {"job": 6, "state": "done"}, "job 6 had ended, done"),
+        ([6], None, "could NOT be cancelled: gone\n  it may go on; stop it with: litegripctl stop"),
+    ],
+)
+def test_ctrl_c_tells_what_it_could_not_do(
+    daemon: FakeDaemon, ctl: Ctl, jobs: list[int], cancelled: Any, text: str
+) -> None:
+    owner = {"pid": os.getpid()}
+    daemon.handlers["motion.open"] = lambda request: interrupt_main_thread()
+    daemon.handlers["job.list"] = lambda request: {
+        "jobs": [{"job": number, "state": "running", "owner": owner} for number in jobs]
+    }
+
+    def cancel(request: Request) -> Any:
+        if cancelled is None:
+            request.fail("unknown_job", -32012, "gone")
+        return cancelled
+
+    daemon.handlers["job.cancel"] = cancel
+    code, _, err = ctl("open")
+    assert code == 130
+    assert text in err
+
+
+def test_ctrl_c_elsewhere_is_quiet(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["state.get"] = lambda request: interrupt_main_thread()
+    assert ctl("state") == (130, "", "")
+
+
+def test_a_strange_answer_is_no_traceback(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["job.cancel"] = lambda request: {"else": 1}
+    code, _, err = ctl("cancel", "3")
+    assert code == 70
+    assert "not as expected" in err

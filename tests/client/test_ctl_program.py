@@ -1,0 +1,166 @@
+"""litegripctl as a program: its command line, a terminal, a pipe that closes, no daemon."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from litegrip_client.ctl.main import main
+from litegripd.model.errors import ERROR_TABLE
+from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = [sys.executable, "-m", "litegrip_client.ctl"]
+
+
+def start(*arguments: str, **streams: Any) -> subprocess.Popen[bytes]:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"}
+    return subprocess.Popen([*COMMAND, *arguments], env=environment, **streams)
+
+
+def samples(daemon: FakeDaemon, count: int) -> None:
+    def subscribe(request: Request) -> None:
+        request.reply({"subscription": 1, "state": STATE})
+        for seq in range(count):
+            sample = {"subscription": 1, "seq": seq, "dropped": 0, "monotonic_s": 1.0}
+            request.notify("state.sample", {**sample, "state": STATE})
+
+    daemon.handlers["state.subscribe"] = subscribe
+    daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
+
+
+def on_a_terminal(*arguments: str) -> tuple[int, str]:
+    terminal, inner = os.openpty()
+    process = start(*arguments, stdout=inner, stderr=inner)
+    os.close(inner)
+    shown = b""
+    while True:
+        try:
+            piece = os.read(terminal, 4096)
+        except OSError:  # how a terminal says that its program has gone
+            break
+        shown += piece
+    os.close(terminal)
+    return process.wait(DEADLINE_S), shown.decode()
+
+
+def test_a_motion_on_a_terminal_shows_a_bar_and_then_the_result(daemon: FakeDaemon) -> None:
+    def move(request: Request) -> Any:
+        for step in (0, 5, 10):
+            request.progress(step)
+        return MOVE
+
+    daemon.handlers["motion.open"] = move
+    code, shown = on_a_terminal("--socket", daemon.path, "open")
+    assert code == 0
+    frames = [frame.partition("\x1b[K")[0] for frame in shown.split("\r") if frame.strip()]
+    assert frames[:3] == [
+        f"[{'.' * 24}]  12.50 mm  +0.30 N·m  travel",
+        f"[{'#' * 12}{'.' * 12}]  12.50 mm  +0.30 N·m  travel",
+        f"[{'#' * 24}]  12.50 mm  +0.30 N·m  travel",
+    ]
+    assert shown.endswith("\r\x1b[Kopen: pressed, at 35.25 mm\r\n")
+
+
+def test_watch_on_a_terminal_is_one_line(daemon: FakeDaemon) -> None:
+    samples(daemon, 3)
+    code, shown = on_a_terminal("--socket", daemon.path, "watch", "--count", "4")
+    assert (code, shown.count("\n"), shown.count("\r")) == (0, 1, 5)
+
+
+def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
+    samples(daemon, 100)
+    process = start(
+        "--socket", daemon.path, "watch", stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    first = process.stdout.readline()
+    process.stdout.close()
+    deadline_s = time.monotonic() + DEADLINE_S
+    request = daemon.wait_for("state.subscribe")[0]
+    seq = 100
+    while process.poll() is None and time.monotonic() < deadline_s:
+        sample = {"subscription": 1, "seq": seq, "dropped": 0, "monotonic_s": 1.0, "state": STATE}
+        try:
+            request.notify("state.sample", sample)
+        except OSError:
+            break
+        seq += 1
+    code = process.wait(DEADLINE_S)
+    error = process.stderr.read()
+    process.stderr.close()
+    assert (b"35.25 mm" in first, code, error) == (True, 141, b"")
+
+
+def test_a_state_answers_at_once(daemon: FakeDaemon, tmp_path: Path) -> None:
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        "PYTHONPYCACHEPREFIX": str(tmp_path / "cache"),
+        "PYTHONDONTWRITEBYTECODE": "",
+    }
+    figures = []
+    for _ in range(6):
+        start_s = time.perf_counter()
+        arguments = ["--socket", daemon.path, "state", "--json"]
+        subprocess.run([*COMMAND, *arguments], env=environment, check=True, capture_output=True)
+        figures.append(time.perf_counter() - start_s)
+    assert min(figures) < 0.15, f"litegripctl state takes {figures} s"
+
+
+def test_without_a_daemon(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["-c", "nodaemon7", "state"]) == 3
+    what, hint = capsys.readouterr().err.splitlines()
+    assert what.startswith("litegripctl: no daemon can be reached for channel nodaemon7 (/run/")
+    assert "systemctl start litegripd@nodaemon7" in hint
+
+
+def test_a_channel_that_was_asked_for_must_be_the_daemons(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
+    assert main(["state"]) == 0
+    assert main(["-c", "can1", "state"]) == 4
+    assert "has channel can0, not can1" in capsys.readouterr().err
+    monkeypatch.setenv("LITEGRIP_CHANNEL", "can2")
+    assert main(["state"]) == 4
+    assert main(["state", "-c", "can0"]) == 0
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        [],
+        ["fly"],
+        ["open", "--speed", "0"],
+        ["open", "--speed", "nan"],
+        ["open", "--speed", "fast"],
+        ["watch", "--hz", "-1"],
+        ["watch", "--count", "0"],
+        ["watch", "--count", "²"],
+        ["stop", "--level", "gently"],
+        ["cancel"],
+        ["cancel", "x"],
+        ["-c", "../etc", "state"],
+        ["-c", "can0", "--socket", "/x", "state"],
+    ],
+)
+def test_wrong_usage_ends_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(arguments)
+    assert caught.value.code == 2
+    assert "litegripctl" in capsys.readouterr().err
+
+
+def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["--help"])
+    assert caught.value.code == 0
+    listed = capsys.readouterr().out.partition("exit codes:")[2].split("\n")
+    codes = {int(line.split()[0]) for line in listed if line[2:3].isdigit()}
+    assert codes == {0, 1, 2, 130, 141} | {kind.exit_code for kind in ERROR_TABLE}

@@ -1,0 +1,97 @@
+import os
+import socket
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from litegrip_client import discovery
+from litegrip_client.discovery import check_channel, connect, socket_paths
+from litegrip_client.errors import CommandError, ConnectError
+from tests.client.fake_daemon import FakeDaemon
+
+
+def test_where_the_daemon_is_looked_for() -> None:
+    xdg = {"XDG_RUNTIME_DIR": "/xdg"}
+    assert socket_paths("can1", None, xdg) == [
+        "/run/litegripd/can1.sock",
+        "/xdg/litegripd/can1.sock",
+    ]
+    assert socket_paths("can1", None, {})[1] == f"/run/user/{os.getuid()}/litegripd/can1.sock"
+    assert socket_paths("can1", None, {"LITEGRIPD_SOCKET": "/s"} | xdg) == ["/s"]
+    assert socket_paths("can1", "/p", {"LITEGRIPD_SOCKET": "/s"}) == ["/p"]
+
+
+@pytest.mark.parametrize("channel", ["can0", "vcan-1", "a.b_c", "0", "-", "_", "x" * 64])
+def test_channels(channel: str) -> None:
+    assert check_channel(channel) == channel
+
+
+@pytest.mark.parametrize(
+    "channel",
+    ["", ".", "..", ".can0", "../can0", "a/b", "can 0", "can0\n", "\0", "kän0", "x" * 65, 5, None],
+)
+def test_what_cannot_be_a_channel(channel: object) -> None:
+    with pytest.raises(CommandError, match="cannot be a channel") as caught:
+        check_channel(channel)  # type: ignore[arg-type]
+    assert caught.value.reason == "invalid_params"
+
+
+@given(st.text(max_size=70))
+def test_no_channel_leaves_the_directory(channel: str) -> None:
+    try:
+        paths = socket_paths(channel, None, {"XDG_RUNTIME_DIR": "/xdg"})
+    except CommandError:
+        return
+    assert [str(Path(os.path.normpath(path)).parent) for path in paths] == [
+        "/run/litegripd",
+        "/xdg/litegripd",
+    ]
+
+
+def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    dead = tmp_path / "can3.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        listener.bind(str(dead))
+    with pytest.raises(ConnectError) as caught:
+        connect("can3")
+    own = f"{tmp_path}/xdg/litegripd/can3.sock"
+    assert caught.value.message == (
+        f"no daemon can be reached for channel can3 ({dead}: refused: nobody listens; "
+        f"{own}: missing)"
+    )
+    assert "systemctl start litegripd@can3" in str(caught.value)
+    assert "litegripd can3 --simulate" in str(caught.value)
+    assert GROUP_HINT not in str(caught.value)
+    assert caught.value.data["tried"] == [str(dead), own]
+    assert caught.value.reason == "no_daemon"
+
+
+GROUP_HINT = "group litegrip"
+
+
+def test_without_the_right_the_error_names_the_group(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(path: str, timeout_s: float) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(discovery, "Connection", refuse)
+    with pytest.raises(ConnectError, match="permission denied") as caught:
+        connect("can0", "/somewhere")
+    assert GROUP_HINT in str(caught.value)
+
+
+def test_a_path_that_is_too_long_is_told(tmp_path: Path) -> None:
+    with pytest.raises(ConnectError, match="too long"):
+        connect("can0", "/" + "x" * 200)
+
+
+def test_a_daemon_of_the_user_is_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path / "none"))
+    (tmp_path / "xdg/litegripd").mkdir(parents=True)
+    with FakeDaemon(tmp_path / "xdg/litegripd/can4.sock") as daemon, connect("can4") as connection:
+        assert connection.path == daemon.path
+        assert connection.greet("test")["daemon"] == "litegripd"

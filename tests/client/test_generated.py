@@ -1,0 +1,50 @@
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def generate(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(root / "docs/generate.py"), *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def a_copy(tmp_path: Path) -> Path:
+    for name in (
+        "docs/generate.py",
+        "docs/errors.md",
+        "litegrip_client/_error_table.py",
+        "litegripd/__init__.py",
+        "litegripd/model/__init__.py",
+        "litegripd/model/errors.py",
+    ):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
+    return tmp_path
+
+
+def test_nothing_generated_is_stale() -> None:
+    done = generate(ROOT, "--check")
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> None:
+    root = a_copy(tmp_path)
+    (root / "docs/errors.md").unlink()
+    (root / "litegrip_client/_error_table.py").write_text("old")
+    stale = generate(root, "--check")
+    assert stale.returncode == 1
+    assert stale.stdout.split("\n") == [
+        "litegrip_client/_error_table.py is stale",
+        "docs/errors.md is stale",
+        "",
+    ]
+    assert not (root / "docs/errors.md").exists()
+    assert generate(root).returncode == 0
+    assert generate(root, "--check").returncode == 0
+    assert (root / "docs/errors.md").read_bytes() == (ROOT / "docs/errors.md").read_bytes()

@@ -1,0 +1,80 @@
+"""What importing the client brings in, and how long it takes."""
+
+import os
+import statistics
+import subprocess
+import sys
+import sysconfig
+import time
+from pathlib import Path
+
+import litegrip_client
+
+ROOT = Path(__file__).resolve().parents[2]
+LIMIT_S = 0.045
+
+
+def run(code: str, cache: Path) -> str:
+    environment = {**os.environ, "PYTHONPYCACHEPREFIX": str(cache), "PYTHONPATH": str(ROOT)}
+    environment.pop("PYTHONDONTWRITEBYTECODE", None)
+    done = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    return done.stdout
+
+
+def test_only_the_standard_library_is_imported(tmp_path: Path) -> None:
+    code = (
+        "import sys; before = set(sys.modules); import litegrip_client, litegrip_client.results, "
+        "litegrip_client.subscription, litegrip_client.ctl.main; "
+        "print(*sorted({name.partition('.')[0] for name in set(sys.modules) - before}))"
+    )
+    names = set(run(code, tmp_path).split())
+    assert "litegrip_client" in names
+    assert names - {"litegrip_client"} <= sys.stdlib_module_names
+
+
+def test_no_file_of_a_site_directory_is_loaded_by_the_program(tmp_path: Path) -> None:
+    code = (
+        "import sys; before = set(sys.modules); import litegrip_client.ctl.main; "
+        "print(*(getattr(sys.modules[n], '__file__', None) or '' "
+        "for n in set(sys.modules) - before), sep='\\n')"
+    )
+    site = sysconfig.get_path("purelib")
+    assert not [path for path in run(code, tmp_path).splitlines() if path.startswith(site)]
+
+
+def test_importing_is_quick(tmp_path: Path) -> None:
+    """The figure stands in the message; a machine that is busy gets three chances."""
+
+    def seconds(code: str) -> float:
+        start_s = time.perf_counter()
+        run(code, tmp_path)
+        return time.perf_counter() - start_s
+
+    run("import litegrip_client", tmp_path)
+    figures = []
+    for _ in range(3):
+        turns = [(seconds("import litegrip_client"), seconds("pass")) for _ in range(7)]
+        figures.append(statistics.median(one - bare for one, bare in turns))
+        if figures[-1] < LIMIT_S:
+            break
+    assert min(figures) < LIMIT_S, f"import litegrip_client takes {figures} s"
+
+
+def test_what_is_exported_is_there() -> None:
+    for name in litegrip_client.__all__:
+        assert getattr(litegrip_client, name).__name__ == name
+    assert litegrip_client.__version__
+    assert not hasattr(litegrip_client, "grasp")
+
+
+def test_a_copy_that_is_not_installed_has_the_version_of_a_source(tmp_path: Path) -> None:
+    code = (
+        "import importlib.metadata as m\n"
+        "def missing(name): raise m.PackageNotFoundError(name)\n"
+        "m.version = missing\n"
+        "import litegrip_client\n"
+        "print(litegrip_client.__version__)"
+    )
+    assert run(code, tmp_path).strip() == "0.0.0+source"

@@ -1,0 +1,205 @@
+import math
+import os
+import signal
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from litegrip_client.connection import Connection
+from litegrip_client.errors import ConnectError, LiteGripError
+from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
+from tests.client.helpers import in_thread, interrupt_main_thread
+
+
+def test_answers_in_the_other_order_reach_who_asked(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    first = in_thread(lambda: connection.call("first"))
+    (one,) = daemon.wait_for("first")
+    second = in_thread(lambda: connection.call("second"))
+    (two,) = daemon.wait_for("second")
+    two.reply({"n": 2})
+    assert second() == {"n": 2}
+    one.reply({"n": 1})
+    assert first() == {"n": 1}
+
+
+def test_the_leader_leaves_and_a_follower_takes_over(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    calls = [in_thread(lambda: connection.call("wait", timeout_s=math.inf)) for _ in range(8)]
+    requests = daemon.wait_for("wait", 8)
+    for request in requests:
+        request.reply({"id": request.identity})
+    assert {call()["id"] for call in calls} == {request.identity for request in requests}
+
+
+def test_many_threads_at_once_each_get_their_own_answers(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    daemon.handlers["echo"] = lambda request: request.params
+
+    def work(number: int) -> bool:
+        return all(
+            connection.call("echo", {"number": number, "turn": turn})
+            == {"number": number, "turn": turn}
+            for turn in range(100)
+        )
+
+    workers = [in_thread(lambda number=number: work(number)) for number in range(4)]  # type: ignore[misc]
+    assert all(worker() for worker in workers)
+
+
+def test_progress_comes_in_the_calling_thread_and_may_make_calls(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    def move(request: Request) -> None:
+        request.progress(1)
+        request.progress(2)
+        request.reply({"ok": True})
+
+    seen: list[tuple[int, int, dict[str, Any]]] = []
+
+    def note(data: dict[str, Any]) -> None:
+        seen.append((threading.get_ident(), data["step"], connection.call("state.get")))
+
+    daemon.handlers["motion.open"] = move
+    assert connection.call("motion.open", {}, None, note) == {"ok": True}
+    assert seen == [(threading.get_ident(), 1, STATE), (threading.get_ident(), 2, STATE)]
+
+
+def test_progress_read_by_another_thread_reaches_the_caller(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    seen: list[int] = []
+    noted = threading.Event()
+
+    def note(data: dict[str, Any]) -> None:
+        seen.append(data["step"])
+        noted.set()
+
+    other = in_thread(lambda: connection.call("other"))
+    (first,) = daemon.wait_for("other")
+    mover = in_thread(lambda: connection.call("motion.open", None, None, note))
+    (motion,) = daemon.wait_for("motion.open")
+    motion.progress(5)
+    assert noted.wait(DEADLINE_S)
+    motion.reply({"ok": True})
+    assert mover() == {"ok": True}
+    assert seen == [5]
+    first.reply({})
+    other()
+
+
+def test_an_interrupted_call_leaves_the_connection_usable(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    daemon.handlers["wait"] = lambda request: interrupt_main_thread()
+    with pytest.raises(KeyboardInterrupt):
+        connection.call("wait", timeout_s=math.inf)
+    daemon.requests[0].reply({"late": True})
+    assert connection.call("state.get") == STATE
+
+
+def test_interrupts_at_any_moment_lose_nothing(daemon: FakeDaemon, connection: Connection) -> None:
+    def echo(request: Request) -> None:
+        request.reply(request.params)
+        interrupt_main_thread()
+
+    daemon.handlers["echo"] = echo
+    daemon.handlers["plain"] = lambda request: request.params
+    interrupted = 0
+    for turn in range(300):
+        try:
+            assert connection.call("echo", {"turn": turn}) == {"turn": turn}
+            while True:  # the interrupt is on its way
+                os.sched_yield()
+        except KeyboardInterrupt:
+            interrupted += 1
+        assert connection.call("plain", {"turn": turn}) == {"turn": turn}
+    assert interrupted == 300
+
+
+def test_an_interrupt_of_the_leader_does_not_leave_the_others_waiting(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    followers: list[Callable[[], Any]] = []
+
+    def lead(request: Request) -> None:
+        followers.append(in_thread(lambda: connection.call("follow")))
+
+    def follow(request: Request) -> None:
+        interrupt_main_thread()
+
+    daemon.handlers["lead"] = lead
+    daemon.handlers["follow"] = follow
+    with pytest.raises(KeyboardInterrupt):
+        connection.call("lead", timeout_s=math.inf)
+    (request,) = daemon.wait_for("follow")
+    request.reply({"followed": True})
+    assert followers[0]() == {"followed": True}
+
+
+def test_a_signal_handler_during_a_call_gets_a_clear_refusal(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    caught: list[LiteGripError] = []
+
+    def handler(number: int, frame: object) -> None:
+        try:
+            connection.call("state.get")
+        except LiteGripError as error:
+            caught.append(error)
+        daemon.requests[0].reply({"went": "on"})
+
+    before = signal.signal(signal.SIGUSR1, handler)
+    try:
+        daemon.handlers["wait"] = lambda request: signal.pthread_kill(
+            threading.main_thread().ident or 0, signal.SIGUSR1
+        )
+        assert connection.call("wait") == {"went": "on"}
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert [error.reason for error in caught] in (["reentrant"], [])
+    assert connection.call("state.get") == STATE
+
+
+def test_a_closed_connection_says_so_and_wakes_who_waits(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    waiting = in_thread(lambda: connection.call("wait", timeout_s=math.inf))
+    daemon.wait_for("wait")
+    connection.close()
+    with pytest.raises(ConnectError, match="was closed"):
+        waiting()
+    with pytest.raises(ConnectError, match="was closed"):
+        connection.call("state.get")
+    connection.close()
+
+
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_a_forked_child_is_refused_and_its_close_does_not_hurt(
+    daemon: FakeDaemon, connection: Connection
+) -> None:
+    connection.call("state.get")
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        said = "nothing"
+        try:
+            connection.call("state.get")
+        except ConnectError as error:
+            said = f"{error.reason}: {error}"
+        finally:
+            connection.close()
+            os.write(writing, said.encode())
+            os._exit(0)
+    os.close(writing)
+    os.waitpid(child, 0)
+    said = os.read(reading, 10_000).decode()
+    os.close(reading)
+    assert said.startswith("forked: this connection belongs to process")
+    assert "connect anew in the child" in said
+    assert connection.call("state.get") == STATE

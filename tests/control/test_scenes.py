@@ -1,0 +1,54 @@
+"""Scenes of opening, closing, holding and stopping, on both mounts."""
+
+import pytest
+
+from litegripd.model.motor import MotorPhase
+from tests.world import CAN_ID, PERIOD_S, World
+
+MOUNTS = ("normal", "reverse")
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_open_and_close_press_onto_the_stops(mount: str) -> None:
+    world = World(mount)
+    client = world.enabled()
+    for method, opening_mm in (("motion.open", 120.0), ("motion.close", 0.0)):
+        result = client.result(method)
+        assert (result["ok"], result["stalled"], result["reached"]) == (True, True, False)
+        assert result["outcome"] == "pressed_home"
+        assert world.gripper.opening_mm == pytest.approx(opening_mm, abs=2.0)
+        assert result["state"]["mount"] == mount
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_a_move_takes_the_time_that_its_speed_says(mount: str) -> None:
+    world = World(mount)
+    client = world.enabled()
+    client.result("motion.close")
+    began_s = world.now_s
+    client.send("motion.open", speed_mm_s=25.0)
+    world.run_until(lambda: world.gripper.opening_mm > 100.0)
+    start_mm = 0.0
+    assert (world.gripper.opening_mm - start_mm) / (world.now_s - began_s) == pytest.approx(
+        25, rel=0.1
+    )
+
+
+def test_the_motor_is_streamed_to_in_every_period_while_enabled() -> None:
+    world = World()
+    client = world.enabled()
+    since_s = world.now_s
+    client.result("motion.open")
+    world.run(0.5)
+    client.result("motion.close")
+    client.leave()
+    world.run(0.5)
+    assert world.longest_gap_s(since_s) == pytest.approx(PERIOD_S)
+    assert world.state.enabled
+
+
+def test_nothing_is_energised_until_a_client_asks() -> None:
+    world = World().start()
+    world.run(5.0)
+    assert world.phase is MotorPhase.DISABLED
+    assert not [s for s in world.sent if s.frame.can_id == CAN_ID]

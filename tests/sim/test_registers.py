@@ -1,0 +1,102 @@
+import math
+import struct
+
+import pytest
+
+from tests.sim.driving import ENABLE, SAVE, STATUS, Driver, command, read
+
+FIRST_VALUES: dict[int, float] = {
+    0: 15.0,
+    2: 100.0,
+    7: 0x18,
+    8: 0x08,
+    9: 2000,
+    10: 1,
+    20: 10.0,
+    21: 12.5,
+    22: 30.0,
+    23: 10.0,
+    35: 4,
+}
+
+
+@pytest.mark.parametrize(("rid", "value"), FIRST_VALUES.items())
+def test_first_values(rid: int, value: float) -> None:
+    driver = Driver()
+    found = driver.read_float(rid) if isinstance(value, float) else driver.read_int(rid)
+    assert found == value
+
+
+@pytest.mark.parametrize("rid", [0, 2, 3, 7, 8, 9, 10, 13, 14, 15, 20, 21, 22, 23, 35])
+def test_every_documented_register_answers(rid: int) -> None:
+    assert any(Driver().read(rid))
+
+
+def test_a_write_is_echoed_and_unsaved_it_is_lost_with_the_power() -> None:
+    driver = Driver()
+    assert driver.write(9, 8000) == struct.pack("<I", 8000)
+    assert driver.read_int(9) == 8000
+    driver.gripper.power_cycle()
+    assert driver.read_int(9) == 2000
+
+
+def test_a_saved_write_outlives_the_power() -> None:
+    driver = Driver()
+    driver.write(9, 8000)
+    (answer,) = driver.gripper.receive(0.0, SAVE)
+    assert answer.data == bytes([8, 0, 0xAA, 1, 0, 0, 0, 0])
+    driver.write(9, 1)
+    driver.gripper.power_cycle()
+    assert driver.read_int(9) == 8000
+
+
+def test_saving_is_refused_while_enabled() -> None:
+    driver = Driver()
+    driver.write(9, 8000)
+    driver.arm()
+    assert driver.gripper.receive(0.0, SAVE) == []
+    driver.gripper.power_cycle()
+    assert driver.read_int(9) == 2000
+
+
+@pytest.mark.parametrize("rid", [13, 14, 15, 20])
+def test_read_only_registers_answer_a_write_with_what_they_hold(rid: int) -> None:
+    driver = Driver()
+    before = driver.read(rid)
+    assert driver.write(rid, 77) == before
+    assert driver.read(rid) == before
+
+
+@pytest.mark.parametrize(
+    ("rid", "value"), [(21, math.nan), (21, -1.0), (21, math.inf), (10, 5), (10, 0), (7, 0x800)]
+)
+def test_a_value_out_of_range_is_refused(rid: int, value: float) -> None:
+    driver = Driver()
+    before = driver.read(rid)
+    assert driver.write(rid, value) == before
+
+
+def test_a_write_answer_decodes_as_a_feedback_frame_far_from_here() -> None:
+    driver = Driver()
+    feedback = driver.ask(read(9))
+    assert feedback.position_rad == pytest.approx(-12.5, abs=0.05)
+
+
+def test_changed_ranges_scale_the_feedback() -> None:
+    driver = Driver()
+    true_rad = driver.gripper.position_rad
+    driver.write(21, 25.0)
+    assert driver.ask(STATUS).position_rad == pytest.approx(true_rad / 2, abs=4e-4)
+
+
+def test_changed_ids_are_used_at_once() -> None:
+    driver = Driver()
+    driver.write(8, 0x09)
+    assert driver.gripper.receive(0.0, command()) == []
+    assert driver.gripper.receive(0.0, ENABLE) == []
+    driver = Driver()
+    (answer,) = driver.gripper.receive(0.0, read(7))
+    assert answer.can_id == 0x18
+    driver.gripper.motor.registers.write(7, struct.pack("<I", 0))
+    (answer,) = driver.gripper.receive(0.0, STATUS)
+    assert answer.can_id == 0

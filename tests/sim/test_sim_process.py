@@ -1,0 +1,187 @@
+"""The command `litegrip-sim`, as a user runs it."""
+
+import fcntl
+import os
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import threading
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import can
+import pytest
+
+from litegripd.app.sim_main import main
+from litegripd.model.frame import CanFrame
+from litegripd.sim.gripper import build_gripper
+from litegripd.sim.server import serve_bus
+from tests.sim.driving import (
+    DISABLE,
+    ENABLE,
+    STATUS,
+    Feedback,
+    command,
+    decode,
+    write,
+)
+from tests.sim.simulator_process import DEADLINE_S, simulator
+
+
+def open_slcan(path: str) -> can.BusABC:
+    return can.Bus(
+        interface="slcan",
+        channel=path,
+        bitrate=1_000_000,
+        sleep_after_open=0,
+        ignore_config=True,
+    )
+
+
+def ask(bus: can.BusABC, frame: CanFrame) -> Feedback:
+    bus.send(can.Message(arbitration_id=frame.can_id, is_extended_id=False, data=frame.data))
+    deadline_s = time.monotonic() + DEADLINE_S
+    while time.monotonic() < deadline_s:
+        answer = bus.recv(1.0)
+        if answer is not None:
+            return decode(CanFrame(answer.arbitration_id, bytes(answer.data)))
+    raise AssertionError("the motor did not answer")
+
+
+def test_it_serves_a_gripper_on_a_terminal_to_an_slcan_bus() -> None:
+    with simulator("--pty", "--object-mm", "55") as process:
+        with open_slcan(process.first_line) as bus:
+            ask(bus, write(9, 0))  # a busy machine may be slower than the motor's 100 ms
+            start_rad = ask(bus, STATUS).position_rad
+            ask(bus, command())
+            assert ask(bus, ENABLE).status == 1
+            deadline_s = time.monotonic() + DEADLINE_S
+            while ask(bus, command(kd=2.0, tau=1.0)).torque_nm < 0.9:
+                assert time.monotonic() < deadline_s
+            assert ask(bus, command(kd=2.0, tau=1.0)).position_rad > start_rad
+            assert ask(bus, DISABLE).status == 0
+        assert process.end() == (0, "")
+
+
+def test_clients_may_come_and_go() -> None:
+    with simulator("--pty") as process:
+        for _ in range(3):
+            with open_slcan(process.first_line) as bus:
+                assert ask(bus, STATUS).status == 0
+        assert process.end(signal.SIGINT) == (0, "")
+
+
+def test_a_terminal_left_and_taken_again_is_raw_and_silent() -> None:
+    with simulator("--pty") as process:
+        for _ in range(2):
+            fd = os.open(process.first_line, os.O_RDWR | os.O_NOCTTY)
+            try:
+                local_flags = termios.tcgetattr(fd)[3]
+                assert not local_flags & (termios.ECHO | termios.ICANON)
+                os.write(fd, b"V\r")
+                assert os.read(fd, 100) == b"V1013\r"
+            finally:
+                os.close(fd)
+        assert process.end()[0] == 0
+
+
+def test_a_client_that_stops_reading_cannot_hang_it() -> None:
+    with simulator("--pty") as process:
+        fd = os.open(process.first_line, os.O_RDWR | os.O_NOCTTY)
+        try:
+            os.write(fd, b"S8\rO\r")
+            written = 0
+            while written < 300_000:  # far more answers than a terminal holds
+                written += os.write(fd, b"t7FF80800CC0000000000\r" * 50)
+            unread = struct.unpack("i", fcntl.ioctl(fd, termios.FIONREAD, bytes(4)))[0]
+            assert unread > 0
+        finally:
+            os.close(fd)
+        with open_slcan(process.first_line) as bus:
+            assert ask(bus, STATUS).motor_id == 8
+        assert process.end() == (0, "")
+
+
+def test_a_link_leads_to_the_terminal_and_goes_with_the_process(tmp_path: Path) -> None:
+    link = tmp_path / "gripper"
+    link.symlink_to("/dev/null")  # left over from a process that was killed
+    with simulator("--pty", "--link", str(link)) as process:
+        assert str(link.readlink()) == process.first_line
+        with open_slcan(str(link)) as bus:
+            assert ask(bus, STATUS).status == 0
+        assert process.end() == (0, "")
+    assert not link.is_symlink()
+
+
+def test_it_serves_on_a_bus_of_python_can() -> None:
+    with (
+        can.Bus(interface="virtual", channel="serve", ignore_config=True) as motor_side,
+        can.Bus(interface="virtual", channel="serve", ignore_config=True) as bus,
+    ):
+        stopped = threading.Event()
+        thread = threading.Thread(
+            target=serve_bus, args=(build_gripper(), motor_side, stopped.is_set)
+        )
+        thread.start()
+        try:
+            bus.send(can.Message(arbitration_id=0x08, is_extended_id=True, data=ENABLE.data))
+            bus.send(can.Message(arbitration_id=0x08, is_extended_id=False, is_remote_frame=True))
+            assert ask(bus, STATUS).status == 0
+            ask(bus, command())
+            assert ask(bus, ENABLE).status == 1
+        finally:
+            stopped.set()
+            thread.join(DEADLINE_S)
+        assert not thread.is_alive()
+
+
+def test_the_process_on_a_bus_of_python_can_ends_cleanly() -> None:
+    with simulator("--interface", "virtual", "--channel", "x") as process:
+        assert process.first_line == "serving on virtual x"
+        assert process.end() == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error"),
+    [
+        (["--pty", "--object-mm", "500"], "less than 120 mm wide"),
+        (["--pty", "--can-id", "0x7FF"], "can_id must be 1 to 0x7FE"),
+        (["--pty", "--channel", "can0"], "belong to --interface"),
+        (["--interface", "virtual"], "needs --channel"),
+        (["--interface", "virtual", "--channel", "x", "--link", "y"], "belongs to --pty"),
+        (["--pty", "--link", "/dev/null"], "no symbolic link"),
+    ],
+)
+def test_bad_usage_is_explained_with_exit_code_2(
+    arguments: list[str], error: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(arguments) == 2
+    assert error in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [[], ["--pty", "--interface", "virtual"], ["--mount", "up"]])
+def test_the_parser_refuses_with_exit_code_2(arguments: list[str]) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(arguments)
+    assert ended.value.code == 2
+
+
+@pytest.mark.parametrize("interface", ["socketcan", "no_such_interface"])
+def test_a_bus_that_cannot_be_opened_gives_exit_code_1(
+    interface: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["--interface", interface, "--channel", "nosuchcan0"]) == 1
+    assert "the bus cannot be used" in capsys.readouterr().err
+
+
+def test_the_version_is_the_package_s() -> None:
+    found = subprocess.run(
+        [sys.executable, "-m", "litegripd.app.sim_main", "--version"],
+        capture_output=True,
+        check=True,
+        timeout=DEADLINE_S,
+    )
+    assert found.stdout.decode() == f"litegrip-sim {version('litegripd')}\n"

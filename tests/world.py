@@ -1,0 +1,213 @@
+"""The whole daemon but its sockets, in virtual time: engine, motor, RPC service, simulated gripper.
+
+A scene moves time with `run` or `run_until`; nothing in it waits. The same scene gives the same
+result every time.
+"""
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from litegripd.app.machine import Machine
+from litegripd.model.calibration import Calibration
+from litegripd.model.frame import CanFrame
+from litegripd.model.geometry import Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import MotorPhase, Ranges
+from litegripd.model.state import GripperState
+from litegripd.motor import codec
+from litegripd.rpc.service import RpcService
+from litegripd.rpc.session import Peer, Session
+from litegripd.sim.gripper import SimulatedGripper
+from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+
+PERIOD_S = 0.005
+CAN_ID = 0x08
+FRAME_TIME_S = 130e-6
+
+
+class FixedFacts:
+    """Facts that need no daemon."""
+
+    def hello(self) -> dict[str, object]:
+        return {"daemon": "litegripd"}
+
+    def health(self, now_s: float) -> dict[str, object]:
+        return {"verdict": "ok", "at_s": now_s}
+
+    def info(self) -> dict[str, object]:
+        return {"channel": "virtual"}
+
+
+@dataclass(slots=True)
+class Sent:
+    """One frame that the daemon sent, and when."""
+
+    at_s: float
+    frame: CanFrame
+
+
+@dataclass(slots=True)
+class Client:
+    """A client of the service: sends requests, keeps what it is sent."""
+
+    world: "World"
+    session: Session
+    last_id: int = 0
+    notifications: list[dict[str, Any]] = field(default_factory=list)
+    answers: dict[int, dict[str, Any]] = field(default_factory=dict)
+
+    def send(self, method: str, **params: Any) -> int:
+        """Send a request; return its id."""
+        self.last_id += 1
+        request = {"jsonrpc": "2.0", "id": self.last_id, "method": method, "params": params}
+        self.world.service.handle(self.session, json.dumps(request).encode(), self.world.now_s)
+        return self.last_id
+
+    def read(self) -> None:
+        """Take what has been written to this client."""
+        for line in self.session.outgoing:
+            message = json.loads(line)
+            if "method" in message:
+                self.notifications.append(message)
+            else:
+                self.answers[message["id"]] = message
+        self.session.outgoing.clear()
+
+    def call(self, method: str, within_s: float = 20.0, **params: Any) -> dict[str, Any]:
+        """Send a request and let time pass until it is answered; return the whole answer."""
+        number = self.send(method, **params)
+
+        def answered() -> bool:
+            self.read()
+            return number in self.answers
+
+        self.world.run_until(answered, within_s)
+        return self.answers[number]
+
+    def result(self, method: str, **params: Any) -> dict[str, Any]:
+        """Call a method that is expected to succeed; return its result."""
+        answer = self.call(method, **params)
+        assert "result" in answer, answer
+        result: dict[str, Any] = answer["result"]
+        return result
+
+    def refusal(self, method: str, **params: Any) -> str:
+        """Call a method that is expected to be refused; return the stable reason."""
+        answer = self.call(method, **params)
+        assert "error" in answer, answer
+        reason: str = answer["error"]["data"]["reason"]
+        return reason
+
+    def leave(self) -> None:
+        """End the connection, as a crash or a kill would."""
+        self.world.service.closed(self.session, self.world.now_s)
+
+
+class World:
+    """One daemon and one simulated gripper on a virtual bus with a virtual clock."""
+
+    def __init__(
+        self,
+        mount: str = "normal",
+        calibrated: bool = True,
+        config: MotionConfig | None = None,
+        parameters: SimulatorParameters | None = None,
+        master_id: int | None = None,
+    ) -> None:
+        closed_rad, open_rad = limits_of_mount(mount)
+        if parameters is None:
+            parameters = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
+        self.now_s = 1000.0
+        self.gripper = SimulatedGripper(parameters)
+        self.machine = Machine(CAN_ID, master_id, config or MotionConfig(), PERIOD_S)
+        self.engine = self.machine.engine
+        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
+        self.sent: list[Sent] = []
+        self.bus_is_up = True
+        self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
+        self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
+        self._in_flight: list[CanFrame] = []
+        self._last_pid = 100
+        if calibrated:
+            geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
+            self.engine.use_calibration(Calibration(geometry), None)
+
+    def client(self) -> Client:
+        """Let a new client connect."""
+        self._last_pid += 1
+        peer = Peer(self._last_pid, 1000, 1000, f"program{self._last_pid}")
+        return Client(self, self.service.opened(peer, self.now_s))
+
+    def tick(self) -> None:
+        """Let one period pass."""
+        self.now_s += PERIOD_S
+        self.gripper.advance(self.now_s)
+        received, self._in_flight = self._in_flight, []
+        for frame in self.machine.tick(self.now_s, received):
+            self.sent.append(Sent(self.now_s, frame))
+            if not self.lose_to_motor(frame):
+                answers = self.gripper.receive(self.now_s + FRAME_TIME_S, frame)
+                self._in_flight += [f for f in answers if not self.lose_from_motor(f)]
+        self.service.after_tick(self.now_s, self.bus_is_up)
+        while self.service.pending:
+            self.service.send_one()
+
+    def inject(self, frame: CanFrame) -> None:
+        """Let a frame arrive that the motor did not send."""
+        self._in_flight.append(frame)
+
+    def run(self, duration_s: float) -> None:
+        """Let time pass."""
+        for _ in range(round(duration_s / PERIOD_S)):
+            self.tick()
+
+    def run_until(self, condition: Callable[[], bool], within_s: float = 20.0) -> None:
+        """Let time pass until a condition holds; fail when it does not within a while."""
+        ends_s = self.now_s + within_s
+        while not condition():
+            assert self.now_s < ends_s, f"did not happen within {within_s} s"
+            self.tick()
+
+    def start(self) -> "World":
+        """Let the daemon find its motor."""
+        self.run_until(lambda: self.phase is MotorPhase.DISABLED, 2.0)
+        return self
+
+    def enabled(self) -> Client:
+        """Let a client find the motor and enable it; return the client."""
+        self.start()
+        client = self.client()
+        assert client.result("motor.enable")["ok"]
+        return client
+
+    @property
+    def phase(self) -> MotorPhase:
+        """The motor's phase as the daemon knows it."""
+        return self.machine.motor.view().phase
+
+    @property
+    def state(self) -> GripperState:
+        """The state that clients see now."""
+        self.service.reporter.refresh()
+        return self.service.reporter.state()
+
+    def commands_since(self, since_s: float) -> list[tuple[float, Any]]:
+        """Return the MIT commands that were sent since a time, decoded, with their times."""
+        return [
+            (sent.at_s, codec.decode_command(sent.frame.data, Ranges()))
+            for sent in self.sent
+            if sent.at_s >= since_s and sent.frame.can_id == CAN_ID and is_command(sent.frame)
+        ]
+
+    def longest_gap_s(self, since_s: float) -> float:
+        """Return the longest time between two frames to the motor's own id since a time."""
+        times = [s.at_s for s in self.sent if s.frame.can_id == CAN_ID and s.at_s >= since_s]
+        times.append(self.now_s)
+        return max(later - earlier for earlier, later in zip(times, times[1:], strict=False))
+
+
+def is_command(frame: CanFrame) -> bool:
+    """Whether a frame to the motor is an MIT command and not enable, disable, clear or zero."""
+    return frame.data[:7] != b"\xff" * 7
