@@ -7,6 +7,7 @@ result every time.
 import json
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import Any
 
 from litegripd.app.machine import Machine
@@ -205,7 +206,7 @@ class World:
         """Return the longest time between two frames to the motor's own id since a time."""
         times = [s.at_s for s in self.sent if s.frame.can_id == CAN_ID and s.at_s >= since_s]
         times.append(self.now_s)
-        return max(later - earlier for earlier, later in zip(times, times[1:], strict=False))
+        return max(later - earlier for earlier, later in pairwise(times))
 
 
 def is_command(frame: CanFrame) -> bool:

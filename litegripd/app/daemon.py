@@ -81,6 +81,7 @@ class Daemon:
         self._reactor.add(self._claim.fileno(), self._claim)
         self._helper.poll(time.monotonic())
         self._request_calibration()
+        self._bus.receive(time.monotonic())  # opens the adapter, which may take many periods
         root = logging.getLogger()
         previous, root.handlers = root.handlers, [self._log_handler]
         rights = acquire(self._config.control.priority, self._config.control.cpus)
