@@ -105,6 +105,11 @@ def _run_pty(gripper: SimulatedGripper, link: Path | None, stop: StopSignal) -> 
             link.symlink_to(server.path)
         print(server.path, flush=True)
         server.run(stop)
+        if server.dropped:
+            print(
+                f"litegrip-sim: {server.dropped} answers dropped, the client did not read them",
+                file=sys.stderr,
+            )
     finally:
         server.close()
         if link is not None and link.is_symlink() and str(link.readlink()) == server.path:

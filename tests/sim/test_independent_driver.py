@@ -63,6 +63,8 @@ def test_it_reads_registers_moves_the_jaws_and_lets_go(controller: DaMiaoControl
     assert motor.get_register(23) == 10.0
     motor.ensure_control_mode("MIT")
     motor.set_can_timeout(20_000)  # a busy machine may be slower than the motor's 100 ms
+    # The driver takes the answer to a write for feedback from -12.2 rad: read on past it.
+    assert motor.get_register(9) == 400_000
     ask = motor.request_motor_feedback
     state = answered(motor, ask)
     assert state["status"] == "DISABLED"

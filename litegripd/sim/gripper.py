@@ -1,0 +1,164 @@
+"""A whole gripper in one object: the motor's firmware, the mechanics, and a hand on the world.
+
+Everything that happens on its bus passes through `receive`, the one place where frames enter and
+leave. It knows no bus and no clock; all times come from the caller.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from dataclasses import replace
+
+from litegripd.model.frame import CanFrame
+from litegripd.sim.motor import SimulatedMotor
+from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import GrippedObject, Plant
+
+
+class SimulatedGripper:
+    """A simulated gripper: the same inputs at the same times give the same outputs.
+
+    `seed` gives the reports a noise of at most one code; without one they are exact. Every method
+    may be called from any thread.
+    """
+
+    def __init__(
+        self, parameters: SimulatorParameters | None = None, *, seed: int | None = None
+    ) -> None:
+        self._parameters = SimulatorParameters() if parameters is None else parameters
+        self._plant = Plant(self._parameters)
+        self._motor = SimulatedMotor(self._plant, self._parameters, seed=seed)
+        self._lock = threading.RLock()
+
+    @property
+    def parameters(self) -> SimulatorParameters:
+        """The figures that this gripper was built from."""
+        return self._parameters
+
+    @property
+    def motor(self) -> SimulatedMotor:
+        """The motor's firmware, to look at its status, registers and temperatures."""
+        return self._motor
+
+    @property
+    def position_rad(self) -> float:
+        """True mechanical position; the motor reports it shifted by its own zero."""
+        return self._plant.position_rad
+
+    @property
+    def velocity_rad_s(self) -> float:
+        """True velocity in motor radians per second."""
+        return self._plant.velocity_rad_s
+
+    @property
+    def opening_mm(self) -> float:
+        """True opening, 0 at the calibrated closed limit."""
+        return self._plant.opening_mm
+
+    @property
+    def motor_torque_nm(self) -> float:
+        """Torque that the motor makes now, before the filter of its report."""
+        return self._plant.motor_torque_nm
+
+    def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
+        """Hand one frame of the bus to the motor at `now_s`; return its immediate answers."""
+        with self._lock:
+            return self._motor.receive(now_s, frame)
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass until `now_s`. Raises `ValueError` for a time that is not finite."""
+        with self._lock:
+            self._motor.advance(now_s)
+
+    def put_object(
+        self,
+        *,
+        width_mm: float,
+        stiffness_nm_rad: float = 250.0,
+        damping_nm_s_rad: float = 0.4,
+        friction_nm: float = 0.0,
+        yield_mm_s: float = 0.0,
+        yield_torque_nm: float = 0.0,
+    ) -> None:
+        """Put an object between the jaws, in place of any other.
+
+        See `GrippedObject` for the figures. Raises `ValueError` for one that is out of range, and
+        when the jaws are narrower than the object.
+        """
+        item = GrippedObject(
+            width_mm=width_mm,
+            stiffness_nm_rad=stiffness_nm_rad,
+            damping_nm_s_rad=damping_nm_s_rad,
+            friction_nm=friction_nm,
+            yield_mm_s=yield_mm_s,
+            yield_torque_nm=yield_torque_nm,
+        )
+        with self._lock:
+            if width_mm > self.opening_mm:
+                raise ValueError(
+                    f"an object of {width_mm:g} mm does not fit between the jaws, "
+                    f"which are {self.opening_mm:.1f} mm apart; open them first"
+                )
+            self._plant.put(item)
+
+    def remove_object(self) -> None:
+        """Take away what is between the jaws, at once."""
+        with self._lock:
+            self._plant.put(None)
+
+    def push(self, torque_nm: float) -> None:
+        """Push the jaws by hand with this torque (motor's direction) from now on; 0 lets go.
+
+        Raises `ValueError` for a torque that is not finite.
+        """
+        if not math.isfinite(torque_nm):
+            raise ValueError(f"torque_nm must be finite, not {torque_nm!r}")
+        with self._lock:
+            self._plant.push(torque_nm)
+
+    def set_supply(self, volts: float) -> None:
+        """Set the voltage of the power stage (24 V is normal, 0 V is unplugged).
+
+        Raises `ValueError` for a voltage that is negative or not finite.
+        """
+        if not math.isfinite(volts) or volts < 0:
+            raise ValueError(f"volts must be finite and not negative, but is {volts!r}")
+        with self._lock:
+            self._motor.set_supply(volts)
+
+    def power_cycle(self, *, turns: int = 0) -> None:
+        """Switch the motor off and on again; its position comes back off by `turns` turns."""
+        with self._lock:
+            self._motor.power_cycle(turns=turns)
+
+
+def build_gripper(
+    *,
+    mount: str = "normal",
+    seed: int | None = None,
+    object_mm: float | None = None,
+    object_stiffness_nm_rad: float = 250.0,
+    can_id: int = 0x08,
+    master_id: int = 0x18,
+) -> SimulatedGripper:
+    """Build a gripper of the nominal geometry from the few figures that a user chooses.
+
+    With an object of `object_mm` the jaws start at least 10 mm wider than it, as far as the travel
+    of 120 mm allows. Raises `ValueError` for a figure that is out of range.
+    """
+    closed_rad, open_rad = limits_of_mount(mount)
+    nominal = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
+    opening_mm = nominal.initial_opening_mm
+    if object_mm is not None:
+        travel_mm = abs(closed_rad - open_rad) * nominal.rad_to_mm
+        if not 0 <= object_mm < travel_mm:
+            raise ValueError(
+                f"the object must be 0 mm to less than {travel_mm:.0f} mm wide, not {object_mm:g}"
+            )
+        opening_mm = min(max(opening_mm, object_mm + 10.0), travel_mm)
+    parameters = replace(nominal, can_id=can_id, master_id=master_id, initial_opening_mm=opening_mm)
+    gripper = SimulatedGripper(parameters, seed=seed)
+    if object_mm is not None:
+        gripper.put_object(width_mm=object_mm, stiffness_nm_rad=object_stiffness_nm_rad)
+    return gripper

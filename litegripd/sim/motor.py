@@ -1,0 +1,258 @@
+"""The firmware of the DM4310 in MIT mode: frames in, frames out.
+
+It behaves as field reports say that the real one does, including what surprises drivers: a
+set-point stored while disabled, a watchdog that register traffic does not feed, positions that
+wrap. It never speaks unasked. The mechanics are in `plant`; buses and clocks are elsewhere, time
+is an argument.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+
+from litegripd.model.frame import CanFrame
+from litegripd.sim import registers as reg
+from litegripd.sim.codec import (
+    MitCommand,
+    decode_command,
+    encode_feedback,
+    position_code,
+    to_code,
+)
+from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import STEP_S, STEPS_PER_S, Plant
+from litegripd.sim.thermal import Thermal
+
+REGISTER_CAN_ID = 0x7FF
+READ, WRITE, SAVE, STATUS = 0x33, 0x55, 0xAA, 0xCC
+ENABLE, DISABLE, ZERO, CLEAR = 0xFC, 0xFD, 0xFE, 0xFB
+
+# Status nibbles (motor's manual). 0 and 1 are states, the others latch as faults.
+DISABLED, ENABLED = 0x0, 0x1
+OVER_VOLTAGE, UNDER_VOLTAGE = 0x8, 0x9
+DRIVER_HOT, COIL_HOT, COMMUNICATION_LOST = 0xB, 0xC, 0xD
+
+_SPECIAL = b"\xff" * 7
+_FREE = MitCommand(0.0, 0.0, 0.0, 0.0, 0.0)
+_HEAT_STEPS = 40  # temperatures and their trips every 10 ms
+_NEVER = 1 << 62
+
+
+class SimulatedMotor:
+    """One motor on the bus. Not thread-safe; the owner serialises calls.
+
+    With a `seed`, reported position, velocity and torque carry a noise of at most one code that
+    is the same for the same seed; without one the reports are exact.
+    """
+
+    def __init__(
+        self, plant: Plant, parameters: SimulatorParameters, *, seed: int | None = None
+    ) -> None:
+        self._plant = plant
+        self._driver_trip_c = parameters.driver_trip_c
+        self._registers = reg.Registers(can_id=parameters.can_id, master_id=parameters.master_id)
+        self._ranges = self._registers.ranges
+        self._thermal = Thermal(parameters, _HEAT_STEPS * STEP_S)
+        self._noise = None if seed is None else random.Random(seed)  # noqa: S311 - not a secret
+        self._supply_v = parameters.rated_supply_v
+        self._offset_rad = 0.0  # reported position minus mechanical position
+        self._stored = _FREE
+        self._enabled = False
+        self._fault = 0
+        self._origin_s: float | None = None
+        self._step = 0
+        self._heat_step = _HEAT_STEPS
+        self._watchdog_step = _NEVER
+
+    @property
+    def status(self) -> int:
+        """The status nibble: 0 disabled, 1 enabled, 8 to E a latched fault."""
+        return self._fault or (ENABLED if self._enabled else DISABLED)
+
+    @property
+    def registers(self) -> reg.Registers:
+        """The motor's registers."""
+        return self._registers
+
+    @property
+    def coil_c(self) -> float:
+        """Temperature of the coil in °C."""
+        return self._thermal.coil_c
+
+    @property
+    def driver_c(self) -> float:
+        """Temperature of the driver in °C."""
+        return self._thermal.driver_c
+
+    @property
+    def reported_position_rad(self) -> float:
+        """Position as the firmware counts it, before it is coded (and wrapped)."""
+        return self._plant.position_rad + self._offset_rad
+
+    def advance(self, now_s: float) -> None:
+        """Let time pass until `now_s`; the first call sets where time begins.
+
+        A time in the past changes nothing. Raises `ValueError` for a time that is not finite.
+        """
+        if not math.isfinite(now_s):
+            raise ValueError(f"now_s must be a finite time in seconds, not {now_s!r}")
+        if self._origin_s is None:
+            self._origin_s = now_s
+        # A time meant to fall on a step may be a rounding error before it.
+        until = int((now_s - self._origin_s) * STEPS_PER_S + 1e-4)
+        while self._step < until:
+            stop = min(until, self._heat_step, self._watchdog_step)
+            self._plant.run(stop - self._step)
+            self._step = stop
+            if stop == self._watchdog_step:
+                self._trip(COMMUNICATION_LOST)
+            if stop == self._heat_step:
+                self._heat_step += _HEAT_STEPS
+                self._thermal.step(self._plant.take_mean_square_torque(_HEAT_STEPS * STEP_S))
+                self._check_limits()
+
+    def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
+        """Take one frame off the bus at `now_s` and return the motor's immediate answers."""
+        self.advance(now_s)
+        if frame.can_id == self._registers.can_id:
+            return self._receive_own(now_s, frame.data)
+        if frame.can_id == REGISTER_CAN_ID:
+            return self._receive_register(frame.data)
+        return []
+
+    def set_supply(self, volts: float) -> None:
+        """Set the voltage of the power stage; the logic has its own supply and keeps answering."""
+        self._supply_v = volts
+        self._plant.set_supply(volts)
+        self._check_limits()
+
+    def power_cycle(self, *, turns: int = 0) -> None:
+        """Switch off and on: disabled, no fault, unsaved registers and the turn count lost.
+
+        The position comes back within one turn, [-π, π), plus `turns` whole turns.
+        """
+        self._registers.power_cycle()
+        self._ranges = self._registers.ranges
+        reported = self.reported_position_rad
+        within = (reported + math.pi) % math.tau - math.pi
+        self._offset_rad += within - reported + turns * math.tau
+        self._stored = _FREE
+        self._fault = 0
+        self._disarm()
+        self._check_limits()
+
+    def _receive_own(self, now_s: float, data: bytes) -> list[CanFrame]:
+        if len(data) != 8:
+            return []
+        if data[:7] == _SPECIAL and CLEAR <= data[7] <= ZERO:
+            self._special(data[7])
+        elif self._registers[reg.CTRL_MODE] == reg.MODE_MIT:
+            self._stored = decode_command(data, self._ranges)
+            if self._enabled:
+                self._apply()
+        else:
+            return []
+        self._feed_watchdog(now_s)
+        return [self._feedback()]
+
+    def _special(self, code: int) -> None:
+        if code == ENABLE:
+            if not self._fault:
+                self._enabled = True
+                self._apply()
+        elif code == DISABLE:
+            self._disarm()
+        elif code == ZERO:
+            if not self._enabled:
+                self._offset_rad = -self._plant.position_rad
+        else:
+            self._fault = 0
+            self._disarm()
+            self._check_limits()
+
+    def _receive_register(self, data: bytes) -> list[CanFrame]:
+        if len(data) < 4 or int.from_bytes(data[:2], "little") != self._registers.can_id:
+            return []
+        operation, rid = data[2], data[3]
+        if operation == STATUS:
+            return [self._feedback()]
+        if operation == SAVE:
+            if self._enabled:
+                return []
+            self._registers.save()
+            return [self._answer(data[:4], bytes(4))]
+        if operation == WRITE and len(data) == 8:
+            self._registers.write(rid, data[4:])
+            self._ranges = self._registers.ranges
+        elif operation != READ:
+            return []
+        value = self._registers.read(rid)
+        return [] if value is None else [self._answer(data[:4], value)]
+
+    def _answer(self, head: bytes, value: bytes) -> CanFrame:
+        return CanFrame(self._registers.master_id, head + value)
+
+    def _apply(self) -> None:
+        command = self._stored
+        self._plant.drive(
+            position_rad=command.position_rad - self._offset_rad,
+            velocity_rad_s=command.velocity_rad_s,
+            kp_nm_rad=command.kp_nm_rad,
+            kd_nm_s_rad=command.kd_nm_s_rad,
+            torque_nm=command.torque_nm,
+        )
+
+    def _feed_watchdog(self, now_s: float) -> None:
+        timeout_s = self._registers.timeout_s
+        if not self._enabled or timeout_s == 0.0:
+            self._watchdog_step = _NEVER
+            return
+        elapsed_s = now_s - (self._origin_s or 0.0)
+        expiry = math.ceil((elapsed_s + timeout_s) * STEPS_PER_S - 1e-4)
+        self._watchdog_step = max(expiry, self._step + 1)
+
+    def _trip(self, fault: int) -> None:
+        self._fault = fault
+        self._disarm()
+
+    def _disarm(self) -> None:
+        self._enabled = False
+        self._watchdog_step = _NEVER
+        self._plant.brake()
+
+    def _check_limits(self) -> None:
+        """Latch the first limit that is exceeded; a latched fault stays until it is cleared."""
+        if self._fault:
+            return
+        if self._supply_v < self._registers[reg.UV_VALUE]:
+            self._trip(UNDER_VOLTAGE)
+        elif self._supply_v > self._registers[reg.OV_VALUE]:
+            self._trip(OVER_VOLTAGE)
+        elif self._thermal.driver_c >= self._driver_trip_c:
+            self._trip(DRIVER_HOT)
+        elif self._thermal.coil_c >= self._registers[reg.OT_VALUE]:
+            self._trip(COIL_HOT)
+
+    def _feedback(self) -> CanFrame:
+        plant, ranges = self._plant, self._ranges
+        codes = (
+            position_code(self.reported_position_rad, ranges.position_rad),
+            to_code(plant.velocity_rad_s, -ranges.velocity_rad_s, ranges.velocity_rad_s, 12),
+            to_code(plant.measured_torque_nm, -ranges.torque_nm, ranges.torque_nm, 12),
+        )
+        if self._noise is not None:
+            codes = self._with_noise(self._noise, codes)
+        data = encode_feedback(
+            motor_id=self._registers.can_id,
+            status=self.status,
+            codes=codes,
+            driver_c=self._thermal.driver_c,
+            coil_c=self._thermal.coil_c,
+        )
+        return CanFrame(self._registers.master_id, data)
+
+    @staticmethod
+    def _with_noise(noise: random.Random, codes: tuple[int, int, int]) -> tuple[int, int, int]:
+        position, velocity, torque = (code + int(noise.random() * 3) - 1 for code in codes)
+        return position & 0xFFFF, min(max(velocity, 0), 0xFFF), min(max(torque, 0), 0xFFF)
