@@ -1,0 +1,50 @@
+# Everything needs Python 3.10 or newer and nothing else: the virtual environment is made here.
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.installed
+
+.PHONY: help run demo test check format bench clean
+
+help:
+	@echo "make run     the daemon on a simulated gripper, in the foreground"
+	@echo "make demo    that daemon, and two processes that use it; ends by itself"
+	@echo "make test    the tests"
+	@echo "make check   format, lint, types, import layers, generated files, tests"
+	@echo "make format  put all sources into the project's format"
+	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
+	@echo "make clean   remove the virtual environment and all caches"
+
+$(STAMP): pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit("Python 3.10 or newer is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 10) else 0)'
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@touch $@
+
+run: $(STAMP)
+	@$(BIN)/python examples/run_simulated.py
+
+demo: $(STAMP)
+	@$(BIN)/python examples/demo.py
+
+test: $(STAMP)
+	$(BIN)/python -m pytest
+
+check: $(STAMP)
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python docs/generate.py --check
+	$(BIN)/python -m pytest
+
+format: $(STAMP)
+	$(BIN)/ruff format .
+	$(BIN)/ruff check --fix .
+
+bench: $(STAMP)
+	$(BIN)/python -m bench
+
+clean:
+	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

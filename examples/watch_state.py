@@ -1,0 +1,33 @@
+"""Watch the gripper while somebody else moves it: a second process, reading only.
+
+python examples/watch_state.py [CHANNEL] [SOCKET]
+"""
+
+import contextlib
+import sys
+
+from litegrip_client import LiteGrip, LiteGripError
+
+BAR_WIDTH = 40
+
+
+def main() -> None:
+    """Print the state five times a second until interrupted or until the daemon ends."""
+    channel = sys.argv[1] if len(sys.argv) > 1 else "can0"
+    socket_path = sys.argv[2] if len(sys.argv) > 2 else None
+    with LiteGrip(channel, socket_path=socket_path) as gripper:
+        for state in gripper.states(hz=5):
+            opening_mm = state.opening_mm or 0.0
+            filled = round(BAR_WIDTH * (state.openness or 0.0))
+            bar = "=" * filled + " " * (BAR_WIDTH - filled)
+            job = state.job["kind"] if state.job else "-"
+            stale = " STALE" if state.stale else ""
+            print(f"[{bar}] {opening_mm:6.1f} mm  {state.mode:<9} {job:<6}{stale}", flush=True)
+
+
+if __name__ == "__main__":
+    with contextlib.suppress(KeyboardInterrupt):
+        try:
+            main()
+        except LiteGripError as error:
+            sys.exit(f"watch_state: {error}")
