@@ -1,0 +1,202 @@
+"""Write the files that are made from the daemon's own tables; `--check` only compares.
+
+    python docs/generate.py           write what is stale
+    python docs/generate.py --check   exit 1 when something is stale, and say what
+
+A further file is a further row of `GENERATED`: its path, and the function that makes its text.
+"""
+
+import argparse
+import inspect
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+from litegripd.model.errors import ERROR_TABLE  # noqa: E402
+from litegripd.model.state import GripperState  # noqa: E402
+from litegripd.rpc.methods import METHODS, Method  # noqa: E402
+from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
+from litegripd.rpc.schema import Param  # noqa: E402
+from litegripd.rpc.wire import MAX_LINE_BYTES  # noqa: E402
+
+
+@dataclass(frozen=True, slots=True)
+class Generated:
+    """One generated file: where it is, below the root of the project, and what makes its text."""
+
+    path: str
+    make: Callable[[], str]
+
+    @property
+    def file(self) -> Path:
+        """Where the file is."""
+        return ROOT / self.path
+
+    def is_stale(self) -> bool:
+        """Whether the file is missing or does not say what it should."""
+        return not self.file.exists() or self.file.read_text(encoding="utf-8") != self.make()
+
+
+def client_error_table() -> str:
+    """Make the client's table: reason to exception and exit code, code to reason."""
+    reasons = (f'    "{row.reason}": ("{row.exception}", {row.exit_code}),' for row in ERROR_TABLE)
+    codes = (f'    {row.code}: "{row.reason}",' for row in ERROR_TABLE)
+    return "\n".join(
+        (
+            '"""Reasons, codes and exit codes of errors: made by docs/generate.py, not by hand."""',
+            "",
+            "REASONS: dict[str, tuple[str, int]] = {",
+            *reasons,
+            "}",
+            '"""Reason of an error: the name of its exception, the exit code of litegripctl."""',
+            "",
+            "CODES: dict[int, str] = {",
+            *codes,
+            "}",
+            '"""JSON-RPC code of an error: its reason."""',
+            "",
+        )
+    )
+
+
+def errors_page() -> str:
+    """Make the page on errors."""
+    rows = (
+        f"| `{row.reason}` | {row.code} | `{row.exception}` | {row.exit_code} "
+        f"| {'yes' if row.retryable else 'no'} | {row.meaning} |"
+        for row in ERROR_TABLE
+    )
+    return "\n".join(
+        (
+            "# Errors",
+            "",
+            "<!-- Made by docs/generate.py from the daemon's table; not to be edited. -->",
+            "",
+            "Every error on the wire carries a number for JSON-RPC, a message for a person and,",
+            "in `data`, a `reason` that does not change. `litegrip_client` raises the exception",
+            "of the reason, `litegripctl` ends with its exit code. *Retryable* says whether the",
+            "same request may succeed later unchanged.",
+            "",
+            "| reason | code | exception | exit code | retryable | meaning |",
+            "| --- | --- | --- | --- | --- | --- |",
+            *rows,
+            "",
+        )
+    )
+
+
+def protocol_page() -> str:
+    """Make the page on the protocol: what holds for all methods, and each method."""
+    sections = [PROTOCOL_HEAD, *map(_method_section, METHODS), _state_section()]
+    return "\n".join(sections)
+
+
+def _method_section(method: Method) -> str:
+    lines = [f"### `{method.name}`", "", method.summary, "", f"Result: {method.result}", ""]
+    if method.params:
+        lines += ["| parameter | type | allowed | meaning |", "| --- | --- | --- | --- |"]
+        lines += [
+            f"| `{param.name}`{' (required)' if param.required else ''} | {param.kind} "
+            f"| {_allowed(param)} | {param.description} |"
+            for param in method.params
+        ]
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _allowed(param: Param) -> str:
+    if param.choices:
+        names = param.choices if len(param.choices) < MANY else ("the fields of the state",)
+        return ", ".join(names)
+    bounds = (param.minimum, param.maximum)
+    if bounds == (None, None):
+        return ""
+    low, high = ("" if bound is None else f"{bound:g}" for bound in bounds)
+    return f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
+
+
+def _state_section() -> str:
+    hints = get_type_hints(GripperState)
+    rows = (f"| `{name}` | {_type_name(hint)} |" for name, hint in hints.items())
+    about = inspect.getdoc(GripperState) or ""
+    return "\n".join(
+        ("## The state", "", about, "", "| field | type |", "| --- | --- |", *rows, "")
+    )
+
+
+def _type_name(hint: Any) -> str:
+    """Name a type as JSON knows it; the names do not depend on Python's version."""
+    if get_origin(hint) is Literal:
+        return ", ".join(f'"{choice}"' for choice in get_args(hint))
+    if get_origin(hint) is tuple:
+        return "array of strings"
+    if get_origin(hint) in (Union, UnionType):
+        return ", or ".join(map(_type_name, get_args(hint)))
+    return JSON_NAMES.get(hint, "object")
+
+
+MANY = 10
+JSON_NAMES = {
+    int: "integer",
+    float: "number",
+    bool: "boolean",
+    str: "string",
+    type(None): "null",
+}
+PROTOCOL_HEAD = f"""# Protocol {PROTOCOL_VERSION}
+
+<!-- Made by docs/generate.py from the daemon's tables; not to be edited. -->
+
+JSON-RPC 2.0 over a Unix stream socket, one JSON text a line, UTF-8, parameters by name. The
+socket is `/run/litegripd/<channel>.sock`, or `$XDG_RUNTIME_DIR/litegripd/<channel>.sock` for a
+user who may not write there.
+
+- A line is at most {MAX_LINE_BYTES} bytes; a longer one is refused and the connection closed.
+  Batches, duplicate keys, NaN, Infinity, unknown parameters and requests without an `id` are
+  refused and the connection stays open. `id` is a string or an integer.
+- Requests of one connection run concurrently: answers come when they are done, by `id`.
+- A motion answers with its result when it ends. With `"wait": false` it answers `{{"job": n}}` at
+  once, and outlives its connection; so it does with `"detach": true`. With `"progress": true`
+  the connection gets `job.progress` notifications, at most 20 a second, with the `request` that
+  they belong to.
+- A motion that could not run its course (cancelled, stopped, a fault, its client lost) answers
+  with an error. [errors.md](errors.md) lists all reasons.
+- Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a
+  motion that was sent before a stop never runs after it.
+- Subscriptions send `state.sample` notifications: `subscription`, `seq`, `dropped`,
+  `monotonic_s`, `state`. The latest wins: a client that does not read loses samples and is told
+  how many; one that lets too much wait is closed.
+- A connection that the daemon closes gets a last line first, an error whose `id` is null.
+
+## Methods
+"""
+
+
+GENERATED = (
+    Generated("litegrip_client/_error_table.py", client_error_table),
+    Generated("docs/errors.md", errors_page),
+    Generated("docs/protocol.md", protocol_page),
+)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write or check the generated files."""
+    parser = argparse.ArgumentParser(description="Write the generated files.")
+    parser.add_argument("--check", action="store_true", help="only say what is stale, and exit 1")
+    check = parser.parse_args(arguments).check
+    stale = [generated for generated in GENERATED if generated.is_stale()]
+    for generated in stale:
+        if not check:
+            generated.file.write_text(generated.make(), encoding="utf-8")
+        sys.stdout.write(f"{generated.path} {'is stale' if check else 'written'}\n")
+    return 1 if check and stale else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
