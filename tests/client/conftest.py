@@ -5,7 +5,9 @@ import pytest
 
 from litegrip_client import LiteGrip
 from litegrip_client.connection import Connection
+from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon
+from tests.client.helpers import Ctl
 
 
 @pytest.fixture(autouse=True)
@@ -31,3 +33,13 @@ def connection(daemon: FakeDaemon) -> Iterator[Connection]:
 def gripper(daemon: FakeDaemon) -> Iterator[LiteGrip]:
     with LiteGrip(socket_path=daemon.path) as gripper:
         yield gripper
+
+
+@pytest.fixture
+def ctl(daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]) -> Ctl:
+    def run(*arguments: str) -> tuple[int, str, str]:
+        code = main(["--socket", daemon.path, *arguments])
+        captured = capsys.readouterr()
+        return code, captured.out, captured.err
+
+    return run

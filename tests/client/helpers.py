@@ -1,14 +1,18 @@
 """What several tests of the client need: threads whose errors are seen, and interrupts."""
 
 import os
+import resource
 import signal
 import threading
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeAlias
 
 from litegrip_client.connection import Connection
 from tests.client.fake_daemon import DEADLINE_S
+
+Ctl: TypeAlias = Callable[..., tuple[int, str, str]]
+"""Runs litegripctl: its arguments in, its exit code and its two outputs out."""
 
 
 def in_thread(target: Callable[[], Any]) -> Callable[[], Any]:
@@ -49,3 +53,9 @@ def interrupt_when_main_thread_reads(connection: Connection) -> None:
         interrupt_main_thread()
 
     in_thread(interrupt)
+
+
+def processor_time_of_children_s() -> float:
+    """Tell what the ended child processes took, whatever else the machine had to do meanwhile."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime

@@ -1,29 +1,12 @@
 """Every command of litegripctl: what it asks, what it shows, how it ends."""
 
 import json
-import os
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
-from litegrip_client.ctl.main import main
-from litegripd.model.errors import ERROR_TABLE, ErrorKind
 from tests.client.fake_daemon import MOVE, STATE, FakeDaemon, Request
-from tests.client.helpers import interrupt_main_thread
-
-Ctl = Callable[..., tuple[int, str, str]]
-
-
-@pytest.fixture
-def ctl(daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]) -> Ctl:
-    def run(*arguments: str) -> tuple[int, str, str]:
-        code = main(["--socket", daemon.path, *arguments])
-        captured = capsys.readouterr()
-        return code, captured.out, captured.err
-
-    return run
-
+from tests.client.helpers import Ctl
 
 JOBS = {
     "jobs": [
@@ -173,40 +156,6 @@ def test_health_ends_by_the_verdict(daemon: FakeDaemon, ctl: Ctl, verdict: str, 
     assert ctl("health")[0] == code
 
 
-@pytest.mark.parametrize("kind", ERROR_TABLE, ids=lambda kind: kind.reason)
-def test_every_error_ends_with_its_exit_code(daemon: FakeDaemon, ctl: Ctl, kind: ErrorKind) -> None:
-    daemon.handlers["state.get"] = lambda request: request.fail(
-        kind.reason, kind.code, "what", retryable=kind.retryable, hint="do this"
-    )
-    assert ctl("state") == (kind.exit_code, "", "litegripctl: what\n  do this\n")
-    code, out, err = ctl("--json", "state")
-    assert (code, err) == (kind.exit_code, "")
-    data = {"reason": kind.reason, "retryable": kind.retryable, "hint": "do this"}
-    assert json.loads(out) == {"error": {"code": kind.code, "message": "what", "data": data}}
-
-
-@pytest.mark.parametrize(
-    ("reason", "code", "hint"),
-    [
-        ("stopped", -32021, "litegripctl clear"),
-        ("busy", -32020, "litegripctl jobs"),
-        ("motor_silent", -32032, "try again"),
-        ("internal_error", -32603, "journalctl -u litegripd@can0"),
-    ],
-)
-def test_there_is_always_a_hint(
-    daemon: FakeDaemon, ctl: Ctl, reason: str, code: int, hint: str
-) -> None:
-    retryable = reason == "motor_silent"
-    daemon.handlers["state.get"] = lambda request: request.fail(
-        reason, code, "first\nsecond\x1b", retryable=retryable
-    )
-    _, _, err = ctl("state")
-    what, then = err.splitlines()
-    assert what == "litegripctl: first second "
-    assert hint in then
-
-
 def test_a_state_in_full(daemon: FakeDaemon, ctl: Ctl) -> None:
     assert ctl("state")[1].splitlines() == [
         "mode         holding (motor enabled, bus up)",
@@ -274,65 +223,3 @@ def test_watch_as_json_is_an_object_for_each_state(daemon: FakeDaemon, ctl: Ctl)
     watched(daemon, {**STATE, "seq": 8})
     _, out, _ = ctl("watch", "--count", "2", "--json")
     assert [json.loads(line)["seq"] for line in out.splitlines()] == [7, 8]
-
-
-def test_watch_and_a_daemon_that_goes_away(daemon: FakeDaemon, ctl: Ctl) -> None:
-    def subscribe(request: Request) -> None:
-        request.reply({"subscription": 1, "state": STATE})
-        request.hang_up()
-
-    daemon.handlers["state.subscribe"] = subscribe
-    code, out, err = ctl("watch")
-    assert (code, out.count("\n")) == (3, 1)
-    assert "the daemon ended the connection" in err
-
-
-def test_ctrl_c_cancels_the_motion(daemon: FakeDaemon, ctl: Ctl) -> None:
-    job = {"job": 6, "state": "running", "owner": {"pid": os.getpid()}}
-    daemon.handlers["motion.open"] = lambda request: interrupt_main_thread()
-    daemon.handlers["job.list"] = lambda request: {"jobs": [job]}
-    daemon.handlers["job.cancel"] = lambda request: {**job, "state": "cancelled"}
-    text = "litegripctl: interrupted: job 6 cancelled, the jaws hold\n"
-    assert ctl("open") == (130, "", text)
-    code, out, _ = ctl("open", "--json")
-    assert (code, json.loads(out)["error"]["data"]["reason"]) == (130, "interrupted")
-
-
-@pytest.mark.parametrize(
-    ("jobs", "cancelled", "text"),
-    [
-        ([], None, "no motion was running"),
-        ([6], {"job": 6, "state": "done"}, "job 6 had ended, done"),
-        ([6], None, "could NOT be cancelled: gone\n  it may go on; stop it with: litegripctl stop"),
-    ],
-)
-def test_ctrl_c_tells_what_it_could_not_do(
-    daemon: FakeDaemon, ctl: Ctl, jobs: list[int], cancelled: Any, text: str
-) -> None:
-    owner = {"pid": os.getpid()}
-    daemon.handlers["motion.open"] = lambda request: interrupt_main_thread()
-    daemon.handlers["job.list"] = lambda request: {
-        "jobs": [{"job": number, "state": "running", "owner": owner} for number in jobs]
-    }
-
-    def cancel(request: Request) -> Any:
-        if cancelled is None:
-            request.fail("unknown_job", -32012, "gone")
-        return cancelled
-
-    daemon.handlers["job.cancel"] = cancel
-    code, _, err = ctl("open")
-    assert code == 130
-    assert text in err
-
-
-def test_ctrl_c_elsewhere_is_quiet(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["state.get"] = lambda request: interrupt_main_thread()
-    assert ctl("state") == (130, "", "")
-
-
-def test_a_strange_answer_is_no_traceback(daemon: FakeDaemon, ctl: Ctl) -> None:
-    daemon.handlers["job.cancel"] = lambda request: {"else": 1}
-    code, _, err = ctl("cancel", "3")
-    assert code == 70
-    assert "not as expected" in err

@@ -1,3 +1,4 @@
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,16 +16,9 @@ def generate(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 
 def a_copy(tmp_path: Path) -> Path:
-    for name in (
-        "docs/generate.py",
-        "docs/errors.md",
-        "litegrip_client/_error_table.py",
-        "litegripd/__init__.py",
-        "litegripd/model/__init__.py",
-        "litegripd/model/errors.py",
-    ):
-        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / name).write_bytes((ROOT / name).read_bytes())
+    skipped = shutil.ignore_patterns("__pycache__")
+    for name in ("docs", "litegripd", "litegrip_client"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=skipped)
     return tmp_path
 
 

@@ -1,0 +1,1 @@
+"""`litegripctl`: look at a gripper and drive it from the command line."""

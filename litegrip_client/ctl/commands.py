@@ -1,0 +1,210 @@
+"""The commands of `litegripctl`: each makes its calls, has the result shown, gives an exit code.
+
+Errors are raised; what they look like and which exit code they have is not decided here.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable, Mapping
+
+from litegrip_client.connection import Connection
+from litegrip_client.ctl import render
+from litegrip_client.ctl.output import Output
+from litegrip_client.errors import CancelledError
+from litegrip_client.link import ACTION_TIMEOUT_S
+from litegrip_client.motions import Motion
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any, TypeAlias
+
+OK = 0
+NOT_OK = 1
+INTERRUPTED = 130
+
+_ENDING = ("cancelled", "running")
+"""States of a job after its cancelling; one that still runs ends with the next tick."""
+
+
+class Run:
+    """What a command works with."""
+
+    __slots__ = ("connection", "options", "output")
+
+    def __init__(self, connection: Connection, options: Namespace, output: Output) -> None:
+        self.connection = connection
+        self.options = options
+        self.output = output
+
+
+Command: TypeAlias = Callable[[Run], int]
+
+
+def state(run: Run) -> int:
+    """Show the state."""
+    data = run.connection.call("state.get")
+    run.output.result(data, render.state(data))
+    return OK
+
+
+def watch(run: Run) -> int:
+    """Show states until the count is reached or Ctrl-C is pressed."""
+    seen = 0
+    with run.connection.subscribe_state(run.options.hz) as samples:
+        for sample in samples:
+            if run.output.live:
+                run.output.line(render.state_line(sample.state))
+            else:
+                run.output.result(sample.state, render.state_line(sample.state))
+            seen += 1
+            if run.options.count is not None and seen >= run.options.count:
+                break
+    run.output.end_line()
+    return OK
+
+
+def enable(run: Run) -> int:
+    """Enable the motor, for longer than this program runs."""
+    params: dict[str, Any] = {"detach": True}
+    if run.options.retries is not None:
+        params["retries"] = run.options.retries
+    data = run.connection.run(
+        run.connection.prepare_guarded("motor.enable", params), ACTION_TIMEOUT_S
+    )
+    failure = f"NOT enabled: {data.get('message') or data.get('reason')} (tries: {data['tries']})"
+    run.output.result(data, "enabled" if data["ok"] else render.plain(failure))
+    return OK if data["ok"] else NOT_OK
+
+
+def disable(run: Run) -> int:
+    """Disable the motor."""
+    data = run.connection.call("motor.disable", {"detach": True}, ACTION_TIMEOUT_S)
+    run.output.result(
+        data, "disabled" if data["ok"] else "NOT disabled: the motor does not confirm it"
+    )
+    return OK if data["ok"] else NOT_OK
+
+
+def move(run: Run) -> int:
+    """Open or close, as `options.command` says. The motion outlives this program's death."""
+    params: dict[str, Any] = {"detach": True}
+    if run.options.speed is not None:
+        params["speed_mm_s"] = run.options.speed
+    method = f"motion.{run.options.command}"
+    if run.options.no_wait:
+        call = run.connection.prepare_guarded(method, {**params, "wait": False})
+        data = run.connection.run(call)
+        run.output.result(data, f"{run.options.command}: job {data['job']} started")
+        return OK
+
+    def show(progress: dict[str, Any]) -> None:
+        if run.output.live:
+            run.output.line(render.progress(progress))
+
+    motion = Motion(run.connection, method, params, show)
+    try:
+        data = motion.run()
+    except KeyboardInterrupt:
+        run.output.erase_line()
+        _report_cancelled(motion, run.output)
+        return INTERRUPTED
+    run.output.erase_line()
+    run.output.result(data, render.move(run.options.command, data))
+    return OK if data["ok"] else NOT_OK
+
+
+def _report_cancelled(motion: Motion, output: Output) -> None:
+    hint = ""
+    if motion.cancel_error is not None:
+        text = f"interrupted, but the motion could NOT be cancelled: {motion.cancel_error.message}"
+        hint = "it may go on; stop it with: litegripctl stop"
+    elif motion.cancelled is None:
+        text = "interrupted: no motion was running, the jaws hold"
+    elif motion.cancelled["state"] in _ENDING:
+        text = f"interrupted: job {motion.cancelled['job']} cancelled, the jaws hold"
+    else:
+        text = f"interrupted: job {motion.cancelled['job']} had ended, {motion.cancelled['state']}"
+    output.error(CancelledError(text, reason="interrupted"), hint)
+
+
+def hold(run: Run) -> int:
+    """Hold the measured position."""
+    data = run.connection.run(run.connection.prepare_guarded("motion.hold", {}))
+    opening = render.figure(data["state"].get("opening_mm"), ".2f", "mm")
+    run.output.result(data, f"holding at {opening}")
+    return OK
+
+
+def stop(run: Run) -> int:
+    """Latch a stop."""
+    params = {"level": run.options.level}
+    if run.options.why is not None:
+        params["why"] = run.options.why
+    data = run.connection.call("stop", params)
+    run.output.result(data, f"stopped: {data['level']}, until: litegripctl clear")
+    return OK
+
+
+def clear(run: Run) -> int:
+    """Clear a stop."""
+    run.output.result(run.connection.call("stop.clear"), "no stop is in force")
+    return OK
+
+
+def jobs(run: Run) -> int:
+    """List the jobs."""
+    data = run.connection.call("job.list")
+    run.output.result(data, render.jobs(data["jobs"]) if data["jobs"] else "no jobs")
+    return OK
+
+
+def cancel(run: Run) -> int:
+    """Cancel a job."""
+    data = run.connection.call("job.cancel", {"job": run.options.job})
+    done = data["state"] in _ENDING
+    text = "cancelled, the jaws hold" if done else f"had ended already: {data['state']}"
+    run.output.result(data, render.plain(f"job {data['job']} {text}"))
+    return OK if done else NOT_OK
+
+
+def health(run: Run) -> int:
+    """Show the daemon's figures; the exit code tells its verdict."""
+    data = run.connection.call("health")
+    run.output.result(data, render.tree(data))
+    return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
+
+
+def info(run: Run) -> int:
+    """Show what does not change."""
+    return _tree(run.connection.call("info.get"), run.output)
+
+
+def _tree(data: Mapping[str, Any], output: Output) -> int:
+    output.result(data, render.tree(data))
+    return OK
+
+
+def discover(run: Run) -> int:
+    """Show which methods the daemon has."""
+    data = run.connection.call("rpc.discover")
+    run.output.result(data, render.methods(data))
+    return OK
+
+
+COMMANDS: Mapping[str, Command] = {
+    "state": state,
+    "watch": watch,
+    "enable": enable,
+    "disable": disable,
+    "open": move,
+    "close": move,
+    "hold": hold,
+    "stop": stop,
+    "clear": clear,
+    "jobs": jobs,
+    "cancel": cancel,
+    "health": health,
+    "info": info,
+    "discover": discover,
+}

@@ -1,0 +1,87 @@
+"""The program `litegripctl`: connect, run one command, and end with the right exit code."""
+
+import io
+import os
+import sys
+from argparse import Namespace
+
+from litegrip_client.connection import Connection
+from litegrip_client.ctl.commands import COMMANDS, INTERRUPTED, Run
+from litegrip_client.ctl.options import parse
+from litegrip_client.ctl.output import Output
+from litegrip_client.discovery import connect
+from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
+
+PIPE_CLOSED = 141
+"""As the shell reports a program that SIGPIPE (13) ended: 128 + 13."""
+
+# In this program's words; the daemon's hints are in those of the protocol.
+_HINTS = {
+    "stopped": "when it is safe again: litegripctl clear",
+    "sent_before_stop": "when it is safe again: litegripctl clear, then once more",
+    "not_enabled": "first: litegripctl enable",
+    "busy": "see: litegripctl jobs",
+    "unknown_job": "see: litegripctl jobs",
+    "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
+}
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run `litegripctl`; return its exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without "°" is no reason to fail
+    options = parse(arguments)
+    output = Output(as_json=options.json)
+    try:
+        code = _run(options, output)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _abandon_output()
+        return PIPE_CLOSED
+    return code
+
+
+def _run(options: Namespace, output: Output) -> int:
+    try:
+        with connect(options.channel, options.socket) as connection:
+            _check(connection.greet("litegripctl"), connection, options)
+            return COMMANDS[options.command](Run(connection, options, output))
+    except LiteGripError as error:
+        output.error(error, _hint(error, options.channel))
+        return exit_code(error)
+    except (KeyError, TypeError, AttributeError) as error:
+        strange = ProtocolError(f"the daemon's answer is not as expected: {error!r}")
+        output.error(strange, _hint(strange, options.channel))
+        return exit_code(strange)
+    except KeyboardInterrupt:
+        output.end_line()
+        return INTERRUPTED
+
+
+def _check(hello: dict[str, object], connection: Connection, options: Namespace) -> None:
+    if options.channel_chosen and options.socket is None and hello["channel"] != options.channel:
+        raise CommandError(
+            f"the daemon at {connection.path} has channel {hello['channel']}, "
+            f"not {options.channel}",
+            reason="wrong_gripper",
+            data={"hint": "see the variable LITEGRIPD_SOCKET"},
+        )
+
+
+def _hint(error: LiteGripError, channel: str) -> str:
+    own = _HINTS.get(error.reason or "") or error.hint
+    if own:
+        return own
+    return "try again" if error.retryable else f"see: journalctl -u litegripd@{channel}"
+
+
+def _abandon_output() -> None:
+    # Else the interpreter, when it ends, complains that it cannot write what is left.
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, sys.stdout.fileno())
+    os.close(nowhere)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

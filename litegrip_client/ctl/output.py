@@ -1,0 +1,77 @@
+"""Where `litegripctl` writes: results as text or JSON, and one line that is written anew.
+
+It must not decide what is said.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+
+from litegrip_client.errors import LiteGripError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+
+class Output:
+    """Standard output and standard error, for a person or (`as_json`) for a program."""
+
+    def __init__(self, *, as_json: bool) -> None:
+        self.as_json = as_json
+        self.live = sys.stdout.isatty() and not as_json
+        """Whether a line can be written over."""
+        self._open_line = False
+
+    def result(self, data: Mapping[str, Any], text: str) -> None:
+        """Print a result: as it came, or as `text`."""
+        self.end_line()
+        print(json.dumps(data, ensure_ascii=False) if self.as_json else text, flush=True)
+
+    def line(self, text: str) -> None:
+        """Write `text` over the line before, if that was written by this, too."""
+        sys.stdout.write(f"\r{text}\x1b[K")
+        sys.stdout.flush()
+        self._open_line = True
+
+    def erase_line(self) -> None:
+        """Take away the line that `line` wrote."""
+        if self._open_line:
+            sys.stdout.write("\r\x1b[K")
+            sys.stdout.flush()
+            self._open_line = False
+
+    def end_line(self) -> None:
+        """Keep the line that `line` wrote, and go on below it."""
+        if self._open_line:
+            sys.stdout.write("\n")
+            sys.stdout.flush()
+            self._open_line = False
+
+    def error(self, error: LiteGripError, hint: str) -> None:
+        """Say what went wrong in one line, and what to do in another."""
+        self.end_line()
+        if self.as_json:
+            data = {"reason": error.reason, **error.data}
+            print(
+                json.dumps(
+                    {"error": {"code": error.code, "message": error.message, "data": data}},
+                    ensure_ascii=False,
+                ),
+                flush=True,
+            )
+        else:
+            self.note(error.message)
+            if hint:
+                print(f"  {one_line(hint)}", file=sys.stderr)
+
+    def note(self, text: str) -> None:
+        """Tell a person something that is no result."""
+        print(f"litegripctl: {one_line(text)}", file=sys.stderr)
+
+
+def one_line(text: str) -> str:
+    """Make one printable line of a text that may come from the daemon."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)

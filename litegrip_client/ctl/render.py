@@ -1,0 +1,175 @@
+"""How `litegripctl` shows things to a person: results in, text out.
+
+Takes the wire's objects as they are, so that an older or newer daemon is still shown; prints
+nothing itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any, TypeAlias
+
+Data: TypeAlias = "Mapping[str, Any]"
+
+_LABEL_WIDTH = 12
+_BAR_WIDTH = 24
+
+
+def figure(value: object, form: str, unit: str) -> str:
+    """Show a number with its unit, or `--` when it is not known."""
+    shown = format(value, form) if isinstance(value, int | float) else "--"
+    return f"{shown} {unit}".rstrip()
+
+
+def plain(text: object) -> str:
+    """Show a text that comes from elsewhere without what could steer a terminal."""
+    return "".join(letter if letter.isprintable() else "?" for letter in str(text))
+
+
+def state(data: Data) -> str:
+    """Show a state in aligned lines."""
+    rows = [
+        ("mode", f"{data.get('mode')} (motor {data.get('motor')}, bus {data.get('bus')})"),
+        ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {_openness(data)} open"),
+        ("position", figure(data.get("position_rad"), "+.4f", "rad")),
+        ("command", figure(data.get("command_rad"), "+.4f", "rad")),
+        ("velocity", figure(data.get("velocity_rad_s"), "+.4f", "rad/s")),
+        ("torque", _torque(data)),
+        ("temperature", _temperature(data)),
+        ("status", str(data.get("status"))),
+        ("calibrated", f"yes, mount {data.get('mount')}" if data.get("calibrated") else "no"),
+        ("age", age(data)),
+    ]
+    if data.get("limited"):
+        rows.append(("limited", ", ".join(map(str, data["limited"]))))
+    if data.get("job"):
+        rows.append(("job", _job(data["job"])))
+    if data.get("stop"):
+        rows.append(("stop", _stop(data["stop"])))
+    lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows]
+    if data.get("stale"):
+        lines.insert(0, f"{age(data)}: these are the last known figures")
+    return "\n".join(lines)
+
+
+def state_line(data: Data) -> str:
+    """Show a state in one line."""
+    parts = [
+        f"{data.get('mode')!s:<9}",
+        f"{figure(data.get('opening_mm'), '7.2f', 'mm'):>10}",
+        f"{figure(data.get('position_rad'), '+.4f', 'rad'):>12}",
+        f"{figure(data.get('torque_nm'), '+.3f', 'N·m'):>11}",
+        f"{figure(data.get('coil_temperature_c'), '.0f', '°C'):>6}",
+    ]
+    if data.get("job"):
+        parts.append(f"job {data['job'].get('job')} {data['job'].get('kind')}")
+    if data.get("stop"):
+        parts.append(f"STOP {data['stop'].get('level')}")
+    if data.get("stale"):
+        parts.append(age(data))
+    return plain("  ".join(parts))
+
+
+def age(data: Data) -> str:
+    """Show how old a state's feedback is, in capitals when it is too old."""
+    seconds = data.get("age_s")
+    if data.get("stale"):
+        return f"STALE, {figure(seconds, '.1f', 's')} old" if seconds is not None else "STALE"
+    return figure(seconds, ".3f", "s")
+
+
+def progress(data: Data) -> str:
+    """Show how far a motion is, with a bar, in one line."""
+    total = data.get("total_steps") or 0
+    share = min(1.0, max(0.0, data.get("step", 0) / total)) if total > 0 else 0.0
+    bar = ("#" * round(share * _BAR_WIDTH)).ljust(_BAR_WIDTH, ".")
+    opening = figure(data.get("opening_mm"), "6.2f", "mm")
+    torque = figure(data.get("torque_nm"), "+.2f", "N·m")
+    return plain(f"[{bar}] {opening}  {torque}  {data.get('phase')}")
+
+
+def move(name: str, data: Data) -> str:
+    """Show how a motion ended."""
+    opening = figure(data.get("state", {}).get("opening_mm"), ".2f", "mm")
+    verdict = "" if data.get("ok") else "NOT ok: "
+    return plain(f"{name}: {verdict}{data.get('outcome')}, at {opening}")
+
+
+def jobs(rows: list[Data]) -> str:
+    """Show jobs as a table."""
+    table = [("JOB", "KIND", "STATE", "PHASE", "OWNER")]
+    table += [
+        (
+            str(row.get("job")),
+            plain(row.get("kind")),
+            plain(row.get("state")),
+            plain(row.get("phase") or "-"),
+            plain(owner(row.get("owner") or {})),
+        )
+        for row in rows
+    ]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in table
+    )
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def owner(data: Data) -> str:
+    """Show who owns something."""
+    return f"{data.get('program') or data.get('client') or 'unknown'} (pid {data.get('pid')})"
+
+
+def tree(data: Data) -> str:
+    """Show nested figures, one in a line, with dotted names."""
+    rows = list(_leaves(data, ""))
+    width = max((len(name) for name, _ in rows), default=0)
+    return "\n".join(f"{name:<{width}}  {plain(value)}" for name, value in rows)
+
+
+def methods(document: Data) -> str:
+    """Show the methods of an OpenRPC document."""
+    rows = {row.get("name", ""): row.get("summary", "") for row in document.get("methods", [])}
+    return tree(dict(sorted(rows.items())))
+
+
+def _leaves(value: object, name: str) -> Iterator[tuple[str, object]]:
+    if isinstance(value, Mapping) and value:
+        for key, inner in value.items():
+            yield from _leaves(inner, f"{name}.{key}" if name else str(key))
+    elif isinstance(value, list) and value:
+        for index, inner in enumerate(value):
+            yield from _leaves(inner, f"{name}[{index}]")
+    else:
+        yield name, "--" if value is None or value in ({}, []) else value
+
+
+def _openness(data: Data) -> str:
+    openness = data.get("openness")
+    return f"{openness:.0%}" if isinstance(openness, int | float) else "--"
+
+
+def _torque(data: Data) -> str:
+    torque = figure(data.get("torque_nm"), "+.3f", "N·m")
+    return f"{torque}, force about {figure(data.get('force_n'), '+.1f', 'N')}"
+
+
+def _temperature(data: Data) -> str:
+    driver = figure(data.get("driver_temperature_c"), ".0f", "°C")
+    return f"driver {driver}, coil {figure(data.get('coil_temperature_c'), '.0f', '°C')}"
+
+
+def _job(job: Data) -> str:
+    by = owner(job.get("owner") or {})
+    return f"{job.get('job')} {job.get('kind')}, {job.get('phase')}, by {by}"
+
+
+def _stop(stop: Data) -> str:
+    by = stop.get("by")
+    who = owner(by) if isinstance(by, Mapping) else by
+    why = f": {stop['why']}" if stop.get("why") else ""
+    return f"{stop.get('level')}, by {who}{why} (clear it with: litegripctl clear)"

@@ -1,0 +1,87 @@
+"""Which socket belongs to a channel, and what to say when no daemon answers there."""
+
+import errno
+import os
+import re
+from collections.abc import Mapping
+
+from litegrip_client.connection import DEFAULT_TIMEOUT_S, Connection
+from litegrip_client.errors import CommandError, ConnectError
+
+SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
+SYSTEM_DIRECTORY = "/run/litegripd"
+GROUP = "litegrip"
+
+_CHANNEL = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
+
+
+def check_channel(channel: str) -> str:
+    """Return `channel` if it can be one; raises `CommandError`.
+
+    A channel becomes part of a path, so it must not be able to leave the directory.
+    """
+    if not isinstance(channel, str) or _CHANNEL.fullmatch(channel) is None:
+        raise CommandError(
+            f"{channel!r:.80} cannot be a channel: 1 to 64 letters, digits, '_', '-' and '.', "
+            "and no '.' in front",
+            reason="invalid_params",
+            data={"hint": "name the daemon's channel, can0 for example"},
+        )
+    return channel
+
+
+def socket_paths(
+    channel: str, path: str | None = None, environment: Mapping[str, str] | None = None
+) -> list[str]:
+    """List where the daemon of `channel` may be found, in the order to try.
+
+    An explicit `path` or else `LITEGRIPD_SOCKET` is the only one when given.
+    """
+    check_channel(channel)
+    environment = os.environ if environment is None else environment
+    chosen = path if path is not None else environment.get(SOCKET_VARIABLE)
+    if chosen:
+        return [os.fspath(chosen)]
+    own = environment.get("XDG_RUNTIME_DIR") or f"/run/user/{os.getuid()}"
+    return [f"{SYSTEM_DIRECTORY}/{channel}.sock", f"{own}/litegripd/{channel}.sock"]
+
+
+def connect(
+    channel: str, path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
+) -> Connection:
+    """Connect to the daemon of `channel`; raises `ConnectError` that tells what was tried."""
+    failures: list[tuple[str, OSError]] = []
+    for candidate in socket_paths(channel, path):
+        try:
+            return Connection(candidate, timeout_s)
+        except OSError as error:  # noqa: PERF203 - two turns at most
+            failures.append((candidate, error))
+    raise _no_daemon(channel, failures)
+
+
+def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectError:
+    tried = "; ".join(f"{path}: {_why(error)}" for path, error in failures)
+    hint = (
+        f"start one with 'systemctl start litegripd@{channel}', or try without hardware: "
+        f"'litegripd {channel} --simulate'"
+    )
+    if any(error.errno in (errno.EACCES, errno.EPERM) for _, error in failures):
+        hint = (
+            f"join the group {GROUP} ('sudo usermod -aG {GROUP} $USER', then log in anew); {hint}"
+        )
+    return ConnectError(
+        f"no daemon can be reached for channel {channel} ({tried})",
+        reason="no_daemon",
+        data={"retryable": True, "hint": hint, "tried": [path for path, _ in failures]},
+    )
+
+
+def _why(error: OSError) -> str:
+    known = {
+        errno.ENOENT: "missing",
+        errno.ECONNREFUSED: "refused: nobody listens",
+        errno.EACCES: f"permission denied: only for the group {GROUP}",
+        errno.EPERM: f"permission denied: only for the group {GROUP}",
+        errno.EAGAIN: "the daemon accepts no connection in time",
+    }
+    return known.get(error.errno or 0, error.strerror or str(error))

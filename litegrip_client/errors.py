@@ -1,0 +1,136 @@
+"""The client's exceptions, and how the daemon's error objects become them.
+
+Which reason is which exception stands in `_error_table`, generated from the daemon's own table.
+This module must not know single reasons.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from litegrip_client._error_table import CODES, REASONS
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+INTERNAL_EXIT_CODE = 70
+"""For what has no better exit code: EX_SOFTWARE of sysexits.h."""
+
+
+class LiteGripError(Exception):
+    """Whatever the daemon or the connection to it refuses or fails to do.
+
+    `reason` is stable and meant for programs (see docs/errors.md), `code` is the JSON-RPC error
+    code or None for what the client found out itself, `message` a sentence for a person, and
+    `data` all that came with it.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        reason: str | None = None,
+        code: int | None = None,
+        data: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.reason = reason
+        self.code = code
+        self.data: dict[str, Any] = dict(data or {})
+
+    @property
+    def retryable(self) -> bool:
+        """Whether the same request may succeed later unchanged."""
+        return self.data.get("retryable") is True
+
+    @property
+    def hint(self) -> str | None:
+        """What to do about it, where that is known."""
+        hint = self.data.get("hint")
+        return hint if isinstance(hint, str) else None
+
+    @property
+    def owner(self) -> dict[str, Any] | None:
+        """Who holds what was asked for: a mapping with pid, program and so on."""
+        owner = self.data.get("owner")
+        return owner if isinstance(owner, dict) else None
+
+    def __str__(self) -> str:
+        return f"{self.message}\n{self.hint}" if self.hint else self.message
+
+
+class ProtocolError(LiteGripError):
+    """Client and daemon do not speak the same protocol, or one of them speaks it wrongly."""
+
+
+class CommandError(LiteGripError):
+    """The daemon refuses the request as it stands."""
+
+
+class HardwareError(LiteGripError):
+    """The motor or its bus is not able to do it."""
+
+
+class ConnectError(LiteGripError, ConnectionError):
+    """There is no daemon to talk to, or no longer. Also a builtin `ConnectionError`."""
+
+
+class BusyError(CommandError):
+    """Another motion is running, or there is too much at once."""
+
+
+class StoppedError(CommandError):
+    """A stop is latched, or came after the request was sent."""
+
+
+class CancelledError(CommandError):
+    """The motion was cancelled before it ended by itself."""
+
+
+_CLASSES: Mapping[str, type[LiteGripError]] = {
+    kind.__name__: kind
+    for kind in (
+        LiteGripError,
+        ProtocolError,
+        CommandError,
+        HardwareError,
+        ConnectError,
+        BusyError,
+        StoppedError,
+        CancelledError,
+    )
+}
+
+
+def from_error_object(error: Any) -> LiteGripError:
+    """Make the exception for the error object of an answer.
+
+    A reason that this version does not know, from a newer daemon, becomes the exception of its
+    code, and `LiteGripError` when the code is unknown as well.
+    """
+    if not isinstance(error, dict):
+        return ProtocolError(f"the daemon sent an error that is no object: {error!r:.80}")
+    data = error.get("data")
+    data = data if isinstance(data, dict) else {}
+    reason, code = data.get("reason"), error.get("code")
+    row = REASONS.get(reason) if isinstance(reason, str) else None
+    if row is None and isinstance(code, int):
+        row = REASONS.get(CODES.get(code, ""))
+    kind = _CLASSES.get(row[0], LiteGripError) if row is not None else LiteGripError
+    return kind(
+        str(error.get("message", "the daemon gave no message")),
+        reason=reason if isinstance(reason, str) else None,
+        code=code if isinstance(code, int) else None,
+        data=data,
+    )
+
+
+def exit_code(error: LiteGripError) -> int:
+    """Give the exit code of `litegripctl` for an error: by reason, else by its class."""
+    row = REASONS.get(error.reason or "")
+    if row is not None:
+        return row[1]
+    name = type(error).__name__
+    return next((code for kind, code in REASONS.values() if kind == name), INTERNAL_EXIT_CODE)

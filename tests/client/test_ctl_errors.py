@@ -1,0 +1,120 @@
+"""How litegripctl tells errors, and what Ctrl-C does."""
+
+import json
+import os
+from typing import Any
+
+import pytest
+
+from litegripd.model.errors import ERROR_TABLE, ErrorKind
+from tests.client.fake_daemon import STATE, FakeDaemon, Request
+from tests.client.helpers import Ctl, interrupt_main_thread
+
+IN_ITS_OWN_WORDS = {
+    "stopped",
+    "sent_before_stop",
+    "not_enabled",
+    "busy",
+    "unknown_job",
+    "unknown_method",
+}
+
+
+@pytest.mark.parametrize("kind", ERROR_TABLE, ids=lambda kind: kind.reason)
+def test_every_error_ends_with_its_exit_code(daemon: FakeDaemon, ctl: Ctl, kind: ErrorKind) -> None:
+    daemon.handlers["state.get"] = lambda request: request.fail(
+        kind.reason, kind.code, "what", retryable=kind.retryable, hint="do this"
+    )
+    code, out, err = ctl("state")
+    hint = "litegripctl" if kind.reason in IN_ITS_OWN_WORDS else "do this"
+    assert (code, out) == (kind.exit_code, "")
+    assert err.startswith("litegripctl: what\n  ")
+    assert hint in err.splitlines()[1]
+    code, out, err = ctl("--json", "state")
+    assert (code, err) == (kind.exit_code, "")
+    data = {"reason": kind.reason, "retryable": kind.retryable, "hint": "do this"}
+    assert json.loads(out) == {"error": {"code": kind.code, "message": "what", "data": data}}
+
+
+@pytest.mark.parametrize(
+    ("reason", "code", "hint"),
+    [
+        ("stopped", -32021, "litegripctl clear"),
+        ("busy", -32020, "litegripctl jobs"),
+        ("motor_silent", -32032, "try again"),
+        ("internal_error", -32603, "journalctl -u litegripd@can0"),
+    ],
+)
+def test_there_is_always_a_hint(
+    daemon: FakeDaemon, ctl: Ctl, reason: str, code: int, hint: str
+) -> None:
+    retryable = reason == "motor_silent"
+    daemon.handlers["state.get"] = lambda request: request.fail(
+        reason, code, "first\nsecond\x1b", retryable=retryable
+    )
+    _, _, err = ctl("state")
+    what, then = err.splitlines()
+    assert what == "litegripctl: first second "
+    assert hint in then
+
+
+def test_watch_and_a_daemon_that_goes_away(daemon: FakeDaemon, ctl: Ctl) -> None:
+    def subscribe(request: Request) -> None:
+        request.reply({"subscription": 1, "state": STATE})
+        request.hang_up()
+
+    daemon.handlers["state.subscribe"] = subscribe
+    code, out, err = ctl("watch")
+    assert (code, out.count("\n")) == (3, 1)
+    assert "the daemon ended the connection" in err
+
+
+def test_ctrl_c_cancels_the_motion(daemon: FakeDaemon, ctl: Ctl) -> None:
+    job = {"job": 6, "state": "running", "owner": {"pid": os.getpid()}}
+    daemon.handlers["motion.open"] = lambda request: interrupt_main_thread()
+    daemon.handlers["job.list"] = lambda request: {"jobs": [job]}
+    daemon.handlers["job.cancel"] = lambda request: {**job, "state": "cancelled"}
+    text = "litegripctl: interrupted: job 6 cancelled, the jaws hold\n"
+    assert ctl("open") == (130, "", text)
+    code, out, _ = ctl("open", "--json")
+    assert (code, json.loads(out)["error"]["data"]["reason"]) == (130, "interrupted")
+
+
+@pytest.mark.parametrize(
+    ("jobs", "cancelled", "text"),
+    [
+        ([], None, "no motion was running"),
+        ([6], {"job": 6, "state": "done"}, "job 6 had ended, done"),
+        ([6], None, "could NOT be cancelled: gone\n  it may go on; stop it with: litegripctl stop"),
+    ],
+)
+def test_ctrl_c_tells_what_it_could_not_do(
+    daemon: FakeDaemon, ctl: Ctl, jobs: list[int], cancelled: Any, text: str
+) -> None:
+    owner = {"pid": os.getpid()}
+    daemon.handlers["motion.open"] = lambda request: interrupt_main_thread()
+    daemon.handlers["job.list"] = lambda request: {
+        "jobs": [{"job": number, "state": "running", "owner": owner} for number in jobs]
+    }
+
+    def cancel(request: Request) -> Any:
+        if cancelled is None:
+            request.fail("unknown_job", -32012, "gone")
+        return cancelled
+
+    daemon.handlers["job.cancel"] = cancel
+    code, _, err = ctl("open")
+    assert code == 130
+    assert text in err
+
+
+def test_ctrl_c_elsewhere_is_quiet(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["state.get"] = lambda request: interrupt_main_thread()
+    assert ctl("state") == (130, "", "")
+
+
+def test_a_strange_answer_is_no_traceback(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["job.cancel"] = lambda request: {"else": 1}
+    code, _, err = ctl("cancel", "3")
+    assert code == 70
+    assert "not as expected" in err
