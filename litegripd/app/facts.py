@@ -225,6 +225,7 @@ class Parts:
                 "refused_requests": self.service.refused,
                 "refused_connections": self.server.refused_connections,
                 "budget_exhausted": reactor.budget_exhausted,
+                "late_shares": reactor.late_shares,
             },
             "helper": {
                 "pid": self.helper.pid,

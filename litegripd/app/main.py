@@ -21,6 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the daemon; return its exit code."""
     arguments = _parser().parse_args(argv)
     logging.basicConfig(level=logging.INFO, format="litegripd: %(message)s")
+    logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs, and we tell it
     try:
         path = arguments.config or find(arguments.channel)
         config = override(

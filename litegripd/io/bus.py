@@ -39,7 +39,7 @@ class BusCounters:
     received: int = 0
     send_failures: int = 0
     ignored: int = 0
-    """Error, remote, extended and CAN FD frames, and frames cut off by the limit per tick."""
+    """Error, remote, extended and CAN FD frames, and lines of an adapter that are no frames."""
     errors: int = 0
     reopened: int = 0
     bits: float = 0.0

@@ -25,7 +25,8 @@ class Child:
         ours.setblocking(False)
         ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
         theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
-        with theirs:
+        self.socket = ours
+        try:
             self.pid = os.posix_spawn(
                 sys.executable,
                 [sys.executable, "-m", module, *arguments],
@@ -35,11 +36,17 @@ class Child:
                 setsigmask=(),
                 setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM),
             )
-        self.socket = ours
+        except OSError:
+            ours.close()
+            raise
+        finally:
+            theirs.close()
         self.pidfd = os.pidfd_open(self.pid)
 
     def send(self, packet: bytes) -> bool:
-        """Send without waiting; False when the child does not read fast enough or is gone."""
+        """Send without waiting; False when it is too long or nobody takes it now."""
+        if len(packet) > MAX_PACKET_BYTES:
+            return False
         try:
             self.socket.send(packet)
         except (BlockingIOError, ConnectionError):
@@ -58,10 +65,13 @@ class Child:
         """Whether the process has ended (without waiting)."""
         return bool(select.select((self.pidfd,), (), (), 0)[0])
 
-    def close(self) -> None:
-        """Close the pair, end the process if it still runs, and reap it; waits for its end."""
+    def close(self, grace_s: float = 0.0) -> None:
+        """Close the pair, end the process and reap it; waits for its end.
+
+        It has `grace_s` to finish what it was sent and to end by itself.
+        """
         self.socket.close()
-        if not self.has_ended:
+        if not select.select((self.pidfd,), (), (), grace_s)[0]:
             os.kill(self.pid, signal.SIGKILL)
         os.waitpid(self.pid, 0)
         os.close(self.pidfd)

@@ -1,6 +1,7 @@
 """One client's socket: splits what comes into lines, sends what is queued, within bounds."""
 
 import logging
+import re
 import select
 import socket
 from typing import Protocol
@@ -14,6 +15,7 @@ _log = logging.getLogger(__name__)
 
 MAX_UNSENT_BYTES = 262_144
 _LISTEN = select.EPOLLIN | select.EPOLLRDHUP
+_NOT_BLANK = re.compile(rb"\S")
 
 _TOO_LONG = Refusal(
     "line_too_long",
@@ -43,32 +45,52 @@ class Owner(Protocol):
 class Connection:
     """A client that has been let in.
 
-    `lines` are read and wait for their turn. A client that closes only its sending side, as
-    `socat` does at the end of its input, still gets the answers that it waits for.
+    `line` is the next one that waits for its turn, None where there is none. A client that closes
+    only its sending side, as `socat` does at the end of its input, still gets the answers that it
+    waits for; a last line without its newline counts as one.
     """
 
     def __init__(
         self, reactor: Reactor, connected: socket.socket, session: Session, owner: Owner
     ) -> None:
         self.session = session
-        self.lines: list[bytes] = []
-        self.requests = 0
+        self.line: bytes | None = None
         self._reactor = reactor
         self._socket = connected
         self._owner = owner
-        self._partial = b""
+        self._received = b""
+        self._taken = 0
         self._unsent = bytearray()
         self._half_closed = False
 
     def on_event(self, mask: int) -> None:
         """Read, write or close as the kernel tells."""
-        if mask & (select.EPOLLHUP | select.EPOLLERR):
+        if mask & select.EPOLLERR:
             self._owner.drop(self)
             return
         if mask & select.EPOLLOUT:
             self.flush()
-        if mask & (select.EPOLLIN | select.EPOLLRDHUP) and not self.lines:
+        if self.line is None and not self._half_closed:
             self._read()
+        if mask & select.EPOLLHUP and self.line is None:
+            self._owner.drop(self)  # gone for good; what it sent before, a stop say, is done
+
+    def advance(self) -> None:
+        """Go on to the next line of what has been received; blank ones do not count."""
+        text = _NOT_BLANK.search(self._received, self._taken)
+        begin = len(self._received) if text is None else text.start()
+        end = self._received.find(b"\n", begin)
+        if end < 0 and self._half_closed and begin < len(self._received):
+            end = len(self._received)
+        self.line = None if end < 0 else self._received[begin:end]
+        if end < 0:
+            self._received, self._taken = self._received[begin:], 0
+        else:
+            self._taken = end + 1
+        if len(self._received if self.line is None else self.line) > MAX_LINE_BYTES:
+            self._refuse(_TOO_LONG, bytes(self._unsent) + b"".join(self.session.outgoing))
+        else:
+            self._drop_if_done()
 
     def flush(self) -> None:
         """Send as much as the client takes now; close a client that lets too much wait."""
@@ -77,6 +99,7 @@ class Connection:
             self._unsent += b"".join(outgoing)
             outgoing.clear()
         if not self._unsent:
+            self._drop_if_done()
             return
         was_congested = self.session.congested
         try:
@@ -89,11 +112,11 @@ class Connection:
         del self._unsent[:sent]
         self.session.congested = bool(self._unsent)
         if len(self._unsent) > MAX_UNSENT_BYTES:
-            self._refuse(_BACKLOG_FULL)
-        elif self.session.congested != was_congested:
+            self._refuse(_BACKLOG_FULL, b"\n")  # ends the line that was cut off
+            return
+        if self.session.congested != was_congested:
             self._watch()
-        if self._half_closed and not self._unsent and self._owner.is_idle(self):
-            self._owner.drop(self)
+        self._drop_if_done()
 
     def close(self) -> None:
         """Close the socket; what was not sent is lost."""
@@ -108,27 +131,29 @@ class Connection:
         except OSError:
             self._owner.drop(self)
             return
+        self._received += received
         if not received:
             self._half_closed = True
             self._watch()
-            self.flush()
-            if not self._unsent and self._owner.is_idle(self):
-                self._owner.drop(self)
-            return
-        *lines, self._partial = (self._partial + received).split(b"\n")
-        if len(self._partial) > MAX_LINE_BYTES or any(len(ln) > MAX_LINE_BYTES for ln in lines):
-            self._refuse(_TOO_LONG)
-            return
-        self.lines = [line for line in lines if line.strip()]
-        if self.lines:
+        self.advance()
+        if self.line is not None:
             self._owner.take_turn(self)
 
-    def _refuse(self, refusal: Refusal) -> None:
-        """Say why in a last line, as far as the client takes it, and close."""
+    def _drop_if_done(self) -> None:
+        """Close a half-closed connection once nothing is left to be done or told."""
+        waits = self.line is not None or self.session.outgoing or self._unsent
+        if self._half_closed and not waits and self._owner.is_idle(self):
+            self._owner.drop(self)
+
+    def _refuse(self, refusal: Refusal, before: bytes) -> None:
+        """Say why in a last line after `before`, and close."""
+        self.line = None
         peer = self.session.peer
         _log.warning("closing %s (pid %d): %s", peer.program, peer.pid, refusal.message)
         try:
-            self._socket.send(b"\n" + error_line(None, refusal))  # ends a line cut off half-way
+            # Room for the reason behind what a client that does not read has left no room for.
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2 * MAX_UNSENT_BYTES)
+            self._socket.send(before + error_line(None, refusal))
         except OSError as error:
             _log.debug("the reason could not be sent: %s", error)
         self._owner.drop(self)

@@ -14,6 +14,7 @@ _log = logging.getLogger(__name__)
 
 _REOPEN_FIRST_S = 0.5
 _REOPEN_AT_MOST_S = 5.0
+_FULL_AT_MOST_S = 1.0  # a full transmit queue is transient unless it lasts
 _GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)
 _TRANSIENT = (errno.ENOBUFS, errno.EAGAIN)
 _BUS_ERRORS = (can.CanError, OSError, ValueError)
@@ -29,34 +30,30 @@ class DirectBus:
         self._bus: can.BusABC | None = None
         self._reopen_at_s = 0.0
         self._reopen_after_s = _REOPEN_FIRST_S
+        self._was_open = False
+        self._sending_failed = False
+        self._full_since_s: float | None = None
 
     @property
     def is_up(self) -> bool:
-        """Whether the last thing that was tried worked."""
+        """Whether nothing is known to be wrong."""
         return self.error is None
 
     def receive(self, now_s: float) -> list[CanFrame]:
         """Return the frames that wait, at most `MAX_FRAMES_PER_TICK`."""
-        bus = self._bus or self._open(now_s)
         frames: list[CanFrame] = []
-        if bus is None:
+        if self._bus is None:
+            self._open(now_s)
+        if self._bus is None:
             return frames
         try:
-            for _ in range(MAX_FRAMES_PER_TICK):
-                message = bus.recv(0)
-                if message is None:
-                    break
-                frame = to_frame(message)
-                if frame is None:
-                    self.counters.ignored += 1
-                    continue
-                self.counters.count(frame)
-                frames.append(frame)
+            self._read(self._bus, frames)
         except _BUS_ERRORS as error:
             self._failed(error, now_s)
-        if frames:
-            self.counters.received += len(frames)
-            self._works()
+        else:
+            if frames:
+                self._works()
+        self.counters.received += len(frames)
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
@@ -69,10 +66,13 @@ class DirectBus:
                 self._bus.send(to_message(frame))
             except _BUS_ERRORS as error:
                 self.counters.send_failures += 1
-                self._failed(error, now_s)
+                self._failed(error, now_s, sending=True)
             else:
                 self.counters.sent += 1
                 self.counters.count(frame)
+                self._full_since_s = None
+                if self._sending_failed:
+                    self._works()
 
     def close(self) -> None:
         """Close the adapter; an adapter that is gone already does not matter any more."""
@@ -83,29 +83,49 @@ class DirectBus:
                 _log.debug("closing the bus: %s", describe(error))
             self._bus = None
 
-    def _open(self, now_s: float) -> can.BusABC | None:
+    def _read(self, bus: can.BusABC, frames: list[CanFrame]) -> None:
+        """Append what waits to `frames`; what was read before an error is not lost."""
+        for _ in range(MAX_FRAMES_PER_TICK):
+            message = bus.recv(0)
+            if message is None:
+                return
+            frame = to_frame(message)
+            if frame is None:
+                self.counters.ignored += 1
+                continue
+            self.counters.count(frame)
+            frames.append(frame)
+
+    def _open(self, now_s: float) -> None:
         if now_s < self._reopen_at_s:
-            return None
+            return
         try:
             self._bus = open_bus(self._settings)
-        except (*_BUS_ERRORS, ImportError, TypeError) as error:
+        except Exception as error:  # noqa: BLE001 - an interface may raise anything
             self._down(f"cannot be opened: {describe(error)}")
             self._reopen_at_s = now_s + self._reopen_after_s
             self._reopen_after_s = min(2 * self._reopen_after_s, _REOPEN_AT_MOST_S)
-            return None
-        if self.error != "not opened yet":
+            return
+        if self._was_open:
             self.counters.reopened += 1
+        self._was_open = True
         self._reopen_after_s = _REOPEN_FIRST_S
+        self._full_since_s = None
         self._works()
-        return self._bus
 
-    def _failed(self, error: Exception, now_s: float) -> None:
+    def _failed(self, error: Exception, now_s: float, *, sending: bool = False) -> None:
         """Note what was raised; close the bus, to open it again, where nothing else helps."""
         self.counters.errors += 1
-        code = getattr(error, "error_code", None)
+        code = getattr(error, "error_code", None) or getattr(error, "errno", None)
         if code in _TRANSIENT or "buffer full" in str(error):
-            return
-        self._down(describe(error))
+            if self._full_since_s is None:
+                self._full_since_s = now_s
+            if now_s - self._full_since_s < _FULL_AT_MOST_S:
+                return
+            self._down("no frame can be sent, since nobody on the bus acknowledges any")
+        else:
+            self._down(describe(error))
+        self._sending_failed = sending
         if code in _GONE or isinstance(error, ValueError):
             self.close()
             self._reopen_at_s = now_s + self._reopen_after_s
@@ -116,6 +136,7 @@ class DirectBus:
         self.error = reason
 
     def _works(self) -> None:
+        self._sending_failed = False
         if self.error is not None:
             _log.info("CAN bus %s is up", self._settings.channel)
             self.error = None

@@ -15,6 +15,7 @@ from litegripd.io.child import Child
 _log = logging.getLogger(__name__)
 
 _RESTART_AFTER_S = 0.5
+END_WITHIN_S = 0.5
 _PACKETS_PER_EVENT = 8
 MODULE = "litegripd.io.helper_main"
 
@@ -106,10 +107,10 @@ class Helper:
             self._start()
 
     def close(self) -> None:
-        """End the helper process."""
+        """End the helper process once it has done what it was sent, or after `END_WITHIN_S`."""
         if self._child is not None:
             self._unwatch(self._child)
-            self._child.close()
+            self._child.close(END_WITHIN_S)
             self._child = None
 
     def _start(self) -> None:
@@ -134,11 +135,13 @@ class Helper:
         value = json.loads(packet[5:])
         pieces = tuple(request.pieces)
         if kind == b"r":
-            request.on_result(HelperResult(value, None, pieces))
+            _tell(request, HelperResult(value, None, pieces))
         else:
-            request.on_result(HelperResult(None, str(value), ()))
+            _tell(request, HelperResult(None, str(value), ()))
 
     def _bury(self, child: Child) -> None:
+        while packet := child.receive():
+            self._take(packet)  # what it still finished
         self.deaths += 1
         self._unwatch(child)
         child.close()
@@ -147,4 +150,12 @@ class Helper:
         _log.error("the helper process (pid %d) died; it will be started again", child.pid)
         orphans, self._requests = list(self._requests.values()), {}
         for request in orphans:
-            request.on_result(HelperResult(error="the helper process died while it worked on this"))
+            _tell(request, HelperResult(error="the helper process died while it worked on this"))
+
+
+def _tell(request: _Request, result: HelperResult) -> None:
+    """Hand a result over; a defect of who takes it must not leave the helper unserved."""
+    try:
+        request.on_result(result)
+    except Exception:  # noqa: BLE001 - whatever it is
+        _log.exception("a result of the helper process could not be used")

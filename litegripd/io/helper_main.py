@@ -21,7 +21,9 @@ PIECE_BYTES = 8192
 
 def write_log(parameters: Parameters) -> None:
     """Write `text` to standard error, waiting as long as the reader there takes."""
-    os.write(sys.stderr.fileno(), str(parameters["text"]).encode())
+    left = str(parameters["text"]).encode(errors="backslashreplace")
+    while left:
+        left = left[os.write(sys.stderr.fileno(), left) :]
 
 
 OPERATIONS: dict[str, Operation] = {"log": write_log, "calibration.load": load_operation}
@@ -51,8 +53,6 @@ def _answers(
                 yield b"p" + piece
             result = None
         yield b"r" + json.dumps(result).encode()
-    except BrokenPipeError:
-        raise
     except Exception as error:  # noqa: BLE001 - the requester gets it, whatever it is
         yield b"e" + json.dumps(f"{type(error).__name__}: {error}").encode()
 

@@ -2,6 +2,7 @@
 
 import errno
 import grp
+import hashlib
 import logging
 import os
 import socket
@@ -12,6 +13,8 @@ from pathlib import Path
 _log = logging.getLogger(__name__)
 
 SOCKET_MODE = 0o660
+LISTEN_BACKLOG = 128
+_MAX_NAME_BYTES = 107  # of a Unix socket's address (sun_path less one)
 _UCRED = struct.Struct("3i")
 
 
@@ -46,8 +49,7 @@ class ChannelClaim:
     """
 
     def __init__(self, interface: str, channel: str) -> None:
-        where = os.path.realpath(channel) if "/" in channel else channel
-        name = f"\0litegripd/{interface}/{where}"
+        name = _claim_name(interface, channel)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._socket.setblocking(False)
         try:
@@ -56,9 +58,9 @@ class ChannelClaim:
         except OSError as error:
             self._socket.close()
             if error.errno != errno.EADDRINUSE:
-                raise
+                raise InUseError(f"channel {channel} cannot be claimed: {error}") from error
             raise InUseError(
-                f"channel {channel} is owned by the daemon with pid {_listening_pid(name)}:"
+                f"channel {channel} is owned by the daemon with {_owner_of(name) or 'no pid'}:"
                 " one motor has one owner; stop that daemon first"
             ) from None
 
@@ -78,6 +80,15 @@ class ChannelClaim:
         self._socket.close()
 
 
+def _claim_name(interface: str, channel: str) -> str:
+    """Return the abstract name of a channel; different paths to one device give the same."""
+    where = os.path.realpath(channel) if channel.startswith("/") else channel
+    name = f"\0litegripd/{interface}/{where}"
+    if len(name.encode()) <= _MAX_NAME_BYTES:
+        return name
+    return f"\0litegripd/{hashlib.sha256(name.encode()).hexdigest()}"
+
+
 def listen(path: Path, group: str | None) -> socket.socket:
     """Bind a Unix socket at `path`, mode 0660, group `group` where it exists.
 
@@ -88,16 +99,18 @@ def listen(path: Path, group: str | None) -> socket.socket:
     try:
         path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
         _remove_stale(path)
-        umask = os.umask(0o117)  # else the socket could be connected to before its mode is set
+        # Set before it exists, so that nobody can connect before its mode is right.
+        umask = os.umask(0o777 & ~SOCKET_MODE)
         try:
             listener.bind(str(path))
         finally:
             os.umask(umask)
         _give_to_group(path, group)
+        listener.listen(LISTEN_BACKLOG)  # from now on it does not look stale
     except InUseError:
         listener.close()
         raise
-    except (OSError, UnicodeError) as error:
+    except (OSError, ValueError) as error:  # the latter: not encodable, or with a NUL inside
         listener.close()
         raise InUseError(f"the socket {path} cannot be made: {error}") from error
     return listener
@@ -112,26 +125,28 @@ def _remove_stale(path: Path) -> None:
         raise InUseError(
             f"{path} exists and is not a socket: move it away or give another --socket"
         )
-    owner = _listening_pid(str(path))
+    owner = _owner_of(str(path))
     if owner is not None:
-        raise InUseError(f"the process with pid {owner} listens on {path}: stop it first")
+        raise InUseError(f"the process with {owner} listens on {path}: stop it first")
     _log.info("replacing %s, on which nobody listens any more", path)
     path.unlink()
 
 
-def _listening_pid(address: str) -> int | None:
-    """Return the pid of the process that listens on an address, None where there is none."""
+def _owner_of(address: str) -> str | None:
+    """Name the process that listens on an address by its pid; None where there is none.
+
+    Raises `OSError` where that cannot be told, such as for another user's socket.
+    """
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.setblocking(False)
         try:
             probe.connect(address)
         except BlockingIOError:
-            return 0  # listened on, with a full backlog
-        except OSError:
+            return "an unknown pid"  # it is listened on, with a full backlog
+        except (ConnectionRefusedError, FileNotFoundError):
             return None
         credentials = probe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
-    pid: int = _UCRED.unpack(credentials)[0]
-    return pid
+    return f"pid {_UCRED.unpack(credentials)[0]}"
 
 
 def _give_to_group(path: Path, group: str | None) -> None:

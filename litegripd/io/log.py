@@ -23,9 +23,12 @@ class LogHandler(logging.Handler):
         self._sink = sink
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Send one line."""
-        if not self._sink(record, self.format(record)):
-            self.dropped += 1
+        """Send one line; one that cannot be made or sent is counted."""
+        try:
+            taken = self._sink(record, self.format(record))
+        except Exception:  # noqa: BLE001 - a badly written log call must not end a tick
+            taken = False
+        self.dropped += not taken
 
 
 class JournalSink:

@@ -11,6 +11,7 @@ import sys
 import threading
 import time
 from queue import SimpleQueue
+from typing import NoReturn
 
 import can
 
@@ -21,42 +22,52 @@ from litegripd.io.pumped_bus import pack_frames, unpack_order
 
 _READ_TIMEOUT_S = 0.05
 _QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropped
+_CORRUPT_AT_MOST = 50  # in a row; an adapter that gives nothing else is opened anew
 
 
-def _fail(peer: socket.socket, what: str) -> None:
-    """Tell the daemon why the pump ends, and end it from any thread."""
+def _tell(peer: socket.socket, packet: bytes) -> None:
+    """Tell the daemon something; without a daemon, end the process from any thread."""
     try:
-        peer.send(b"x" + what.encode()[: MAX_PACKET_BYTES // 2])
-    finally:
-        os._exit(1)
+        peer.send(packet)
+    except OSError:
+        os._exit(0)
+
+
+def _fail(peer: socket.socket, what: str) -> NoReturn:
+    """Tell the daemon why the pump ends, and end it from any thread."""
+    _tell(peer, b"x" + what.encode()[: MAX_PACKET_BYTES // 2])
+    os._exit(1)
 
 
 def _read(bus: can.BusABC, peer: socket.socket) -> None:
+    corrupt = 0
     while True:
         try:
             message = bus.recv(_READ_TIMEOUT_S)
-        except (ValueError, IndexError):
-            peer.send(b"i1")  # a corrupt line of an SLCAN adapter
+        except (ValueError, IndexError) as error:  # a corrupt line of an SLCAN adapter
+            corrupt += 1
+            if corrupt > _CORRUPT_AT_MOST:
+                _fail(peer, f"reading: nothing but corrupt frames: {describe(error)}")
+            _tell(peer, b"i1")
             continue
-        except (can.CanError, OSError) as error:
+        except Exception as error:  # noqa: BLE001 - an interface may raise anything
             _fail(peer, f"reading: {describe(error)}")
-            return
-        if message is None:
-            continue
-        frame = to_frame(message)
-        peer.send(b"i1" if frame is None else b"f" + pack_frames((frame,)))
+        corrupt = 0
+        if message is not None:
+            frame = to_frame(message)
+            _tell(peer, b"i1" if frame is None else b"f" + pack_frames((frame,)))
 
 
 def _write(bus: can.BusABC, peer: socket.socket, orders: "SimpleQueue[bytes]") -> None:
     while True:
         frames, deadline_s = unpack_order(orders.get())
         if time.monotonic() > deadline_s:
-            peer.send(b"d%d" % len(frames))
+            _tell(peer, b"d%d" % len(frames))
             continue
         try:
             for frame in frames:
                 bus.send(to_message(frame))
-        except (can.CanError, OSError) as error:
+        except Exception as error:  # noqa: BLE001 - an interface may raise anything
             _fail(peer, f"sending: {describe(error)}")
 
 
@@ -70,8 +81,7 @@ def main() -> None:
         bus = open_bus(BusSettings(interface, channel, bitrate, options))
     except Exception as error:  # noqa: BLE001 - an interface may raise anything; the daemon is told
         _fail(peer, f"cannot be opened: {describe(error)}")
-        return
-    peer.send(b"o")
+    _tell(peer, b"o")
     orders: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_read, args=(bus, peer), daemon=True).start()
     threading.Thread(target=_write, args=(bus, peer, orders), daemon=True).start()
@@ -79,7 +89,7 @@ def main() -> None:
         if orders.qsize() < _QUEUED_AT_MOST:
             orders.put(packet)
         else:
-            peer.send(b"d1")
+            _tell(peer, b"d%d" % len(unpack_order(packet)[0]))
     os._exit(0)  # a writer that is blocked in the adapter cannot be joined
 
 

@@ -18,6 +18,7 @@ _log = logging.getLogger(__name__)
 MODULE = "litegripd.io.pump_main"
 _RESTART_FIRST_S = 0.5
 _RESTART_AT_MOST_S = 5.0
+_END_WITHIN_S = 0.5
 _FRAME = struct.Struct("<IB3x8s")  # as the kernel's struct can_frame
 _DEADLINE = struct.Struct("<d")
 FRAME_LIFETIME_PERIODS = 2.0
@@ -80,11 +81,13 @@ class PumpedBus:
         """Return the frames that the pump has passed on since the last call."""
         child = self._child or self._spawn(now_s)
         frames: list[CanFrame] = []
-        while child is not None and len(frames) < MAX_FRAMES_PER_TICK:
+        if child is None:
+            return frames
+        for _ in range(MAX_FRAMES_PER_TICK):
             packet = child.receive()
             if packet is None:
                 if child.has_ended:
-                    self._bury(child, now_s)
+                    self._bury(child, frames, now_s)
                 break
             self._take(packet, frames)
         return frames
@@ -106,7 +109,7 @@ class PumpedBus:
     def close(self) -> None:
         """End the pump."""
         if self._child is not None:
-            self._child.close()
+            self._child.close(_END_WITHIN_S)
             self._child = None
 
     def _take(self, packet: bytes, frames: list[CanFrame]) -> None:
@@ -133,7 +136,8 @@ class PumpedBus:
             return None
         settings = self._settings
         described = json.dumps(
-            [settings.interface, settings.channel, settings.bitrate, dict(settings.options)]
+            [settings.interface, settings.channel, settings.bitrate, dict(settings.options)],
+            default=str,  # a date, say, which TOML has: python-can then says that it is none of its
         )
         try:
             self._child = self._start(MODULE, (described,))
@@ -142,7 +146,9 @@ class PumpedBus:
             self._restart_at_s = now_s + self._restart_after_s
         return self._child
 
-    def _bury(self, child: Child, now_s: float) -> None:
+    def _bury(self, child: Child, frames: list[CanFrame], now_s: float) -> None:
+        while packet := child.receive():
+            self._take(packet, frames)  # its last words came between the last look and its end
         child.close()
         self._child = None
         self.counters.reopened += 1

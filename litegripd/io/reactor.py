@@ -21,6 +21,10 @@ _log = logging.getLogger(__name__)
 REQUEST_SHARE = 0.5  # of each period
 GUARD_S = 150e-6  # no request starts closer than this to the next tick
 _EVENTS_PER_POLL = 16
+ROOM_SHARE = 0.1  # of a period: less than this between two ticks is no room for requests
+STARVED_AFTER_S = 0.1
+"""After so long without room, one share is served although a tick is due: a loop whose ticks take
+longer than its period must still hear a stop and SIGTERM."""
 
 
 class Handler(Protocol):
@@ -44,8 +48,8 @@ class Backlog(Protocol):
 class Reactor:
     """Calls `on_tick(now_s)` at an absolute rate, serves descriptors and `backlog` in between.
 
-    An exception in a handler is logged and its descriptor forgotten; one in the tick is logged
-    and counted: neither ends the loop.
+    An exception in a handler is logged and its descriptor forgotten; one in the tick or in the
+    backlog is logged once and counted: none ends the loop.
     """
 
     def __init__(self, period_s: float, on_tick: Callable[[float], None]) -> None:
@@ -56,7 +60,10 @@ class Reactor:
         self.ticks = 0
         self.lost_ticks = 0
         self.tick_errors = 0
+        self.backlog_errors = 0
         self.budget_exhausted = 0
+        self.late_shares = 0
+        self._had_room_s = 0.0
         self._on_tick = on_tick
         self._epoll = select.epoll()
         self._handlers: dict[int, Handler] = {}
@@ -64,16 +71,16 @@ class Reactor:
         self._collector = GarbageCollector()
 
     def add(self, fd: int, handler: Handler, mask: int = select.EPOLLIN) -> None:
-        """Serve `fd` from now on."""
-        self._handlers[fd] = handler
+        """Serve `fd` from now on; raises `OSError` where the kernel refuses."""
         self._epoll.register(fd, mask)
+        self._handlers[fd] = handler
 
     def modify(self, fd: int, mask: int) -> None:
         """Change what `fd` is served for."""
         self._epoll.modify(fd, mask)
 
     def remove(self, fd: int) -> None:
-        """Forget `fd`; call it before the descriptor is closed."""
+        """Forget `fd`, if it is served; call it before the descriptor is closed."""
         if self._handlers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
 
@@ -98,6 +105,7 @@ class Reactor:
         finally:
             self._epoll.unregister(timer.fileno())
             timer.close()
+            self._collector.thaw()
 
     def close(self) -> None:
         """Give the epoll descriptor back."""
@@ -105,7 +113,7 @@ class Reactor:
 
     def _run_period(self, timer: PeriodicTimer) -> None:
         """Wait for a tick while serving requests, then do the tick."""
-        latest_s = timer.next_due_s - GUARD_S
+        latest_s = self._latest_s(timer.next_due_s - GUARD_S)
         if self._serve_until(latest_s, timer.fileno()):
             self.budget_exhausted += 1
         fired = timer.wait()
@@ -124,6 +132,17 @@ class Reactor:
         if ended_s < timer.next_due_s - self.period_s / 2:
             self._collector.collect(ended_s)
 
+    def _latest_s(self, latest_s: float) -> float:
+        """Return until when requests are served; later than `latest_s` only when they starve."""
+        now_s = time.monotonic()
+        if now_s + self.period_s * ROOM_SHARE < latest_s:
+            self._had_room_s = now_s
+        elif now_s - self._had_room_s >= STARVED_AFTER_S:
+            self._had_room_s = now_s
+            self.late_shares += 1
+            return now_s + self.period_s * REQUEST_SHARE
+        return latest_s
+
     def _serve_until(self, latest_s: float, timer_fd: int) -> bool:
         """Serve until the timer fires or the share is used up; tell whether it was used up."""
         left_s = self.period_s * REQUEST_SHARE
@@ -132,21 +151,34 @@ class Reactor:
             events = self._epoll.poll(0 if pending else -1, _EVENTS_PER_POLL)
             started_s = time.monotonic()
             until_s = min(started_s + left_s, latest_s)
+            is_due = False
             for fd, mask in events:
                 if fd == timer_fd:
-                    return False
+                    is_due = True
+                    continue
                 if time.monotonic() >= until_s:
                     break
                 self._dispatch(fd, mask)
-            if self.backlog is not None:
-                self.backlog.serve(until_s)
+            self._serve_backlog(until_s)
             ended_s = time.monotonic()
+            if is_due:
+                return False
             left_s -= ended_s - started_s
             if left_s <= 0.0:
                 return True
             if ended_s >= latest_s:
                 return False
         return False
+
+    def _serve_backlog(self, until_s: float) -> None:
+        if self.backlog is None:
+            return
+        try:
+            self.backlog.serve(until_s)
+        except Exception:  # noqa: BLE001 - the loop outlives any defect above it
+            self.backlog_errors += 1
+            if self.backlog_errors == 1:
+                _log.exception("serving a request failed; further failures are only counted")
 
     def _dispatch(self, fd: int, mask: int) -> None:
         handler = self._handlers.get(fd)

@@ -33,8 +33,12 @@ def acquire(priority: int, cpus: Sequence[int]) -> RealtimeRights:
     def attempt(what: str, action: Callable[[], object]) -> bool:
         try:
             action()
-        except OSError as error:
-            refused.append(f"{what}: {error.strerror}")
+        except (
+            OSError,
+            OverflowError,
+            ValueError,
+        ) as error:  # the last two: no such CPU or priority
+            refused.append(f"{what}: {getattr(error, 'strerror', None) or error}")
             return False
         return True
 
@@ -82,6 +86,11 @@ class GarbageCollector:
         now_s = time.monotonic()
         self._next_young_s = now_s + self._YOUNG_EVERY_S
         self._next_full_s = now_s + self._FULL_EVERY_S
+
+    def thaw(self) -> None:
+        """Give the collector back to the interpreter."""
+        gc.unfreeze()
+        gc.enable()
 
     def collect(self, now_s: float) -> None:
         """Run the collection that is due, if any."""

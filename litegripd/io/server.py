@@ -5,7 +5,6 @@ connection is served per turn; a connection whose lines are still waiting is not
 so that a flood waits in the kernel.
 """
 
-import errno
 import logging
 import select
 import socket
@@ -15,6 +14,7 @@ from collections import Counter, deque
 from pathlib import Path
 
 from litegripd.io.connection import Connection
+from litegripd.io.listener import LISTEN_BACKLOG
 from litegripd.io.reactor import Reactor
 from litegripd.model.errors import Refusal
 from litegripd.rpc.session import Peer, Service
@@ -24,16 +24,15 @@ _log = logging.getLogger(__name__)
 
 MAX_CONNECTIONS = 256
 MAX_CONNECTIONS_PER_UID = 64
-_ACCEPTED_PER_EVENT = 4
-_LISTEN_BACKLOG = 128
 _UCRED = struct.Struct("3i")
 
 _COST_PER_LINE_S = 60e-6
 _COST_PER_BYTE_S = 65e-9  # parsing 64 KiB takes about 4 ms
+_COST_SHARE_AT_MOST = 0.4  # of a period; less than the share that all requests have of it
 
 
 class Server:
-    """Accepts clients on a bound listening socket and passes their lines to `service`."""
+    """Accepts clients on a bound socket and passes their lines to `service`."""
 
     def __init__(self, reactor: Reactor, listener: socket.socket, service: Service) -> None:
         self.requests = 0
@@ -47,7 +46,7 @@ class Server:
         self._dirty: deque[Connection] = deque()
         self._samples_turn = False
         listener.setblocking(False)
-        listener.listen(_LISTEN_BACKLOG)
+        listener.listen(LISTEN_BACKLOG)
         reactor.add(listener.fileno(), self)
 
     @property
@@ -73,7 +72,7 @@ class Server:
             elif self._service.pending and (self._samples_turn or not self._turns):
                 self._samples_turn = False
                 self._service.send_one()
-            elif self._turns and now_s + _cost_s(self._turns[0].lines[0]) <= until_s:
+            elif self._turns and now_s + self._cost_s(self._turns[0]) <= until_s:
                 self._samples_turn = True
                 self._serve_line(self._turns.popleft(), now_s)
             else:
@@ -86,33 +85,40 @@ class Server:
             self._dirty.popleft().flush()
 
     def _serve_line(self, connection: Connection, now_s: float) -> None:
-        line = connection.lines.pop(0)
+        line = connection.line
+        if line is None:
+            return
         self.requests += 1
-        connection.requests += 1
-        self._service.handle(connection.session, line, now_s)
-        if connection.lines:
-            self._turns.append(connection)
+        try:
+            self._service.handle(connection.session, line, now_s)
+        finally:
+            connection.advance()
+            if connection.line is not None:
+                self._turns.append(connection)
+
+    def _cost_s(self, connection: Connection) -> float:
+        """Estimate what the connection's line takes; a fresh period has room for any."""
+        length = 0 if connection.line is None else len(connection.line)
+        cost_s = _COST_PER_LINE_S + _COST_PER_BYTE_S * length
+        return min(cost_s, _COST_SHARE_AT_MOST * self._reactor.period_s)
 
     def on_event(self, _mask: int) -> None:
-        """Let new clients in, a few at a time."""
-        for _ in range(_ACCEPTED_PER_EVENT):
-            try:
-                accepted, _address = self._listener.accept()
-            except BlockingIOError:
-                return
-            except OSError as error:
-                if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ECONNABORTED):
-                    raise
-                self.refused_connections += 1
-                return
-            self._admit(accepted)
+        """Let one new client in; the next one is the next event's."""
+        try:
+            accepted, _address = self._listener.accept()
+        except BlockingIOError:
+            return
+        except OSError:  # gone already, or no descriptors or memory left: another may have luck
+            self.refused_connections += 1
+            return
+        self._admit(accepted)
 
     def drop(self, connection: Connection) -> None:
         """Close a connection and tell the service that it is gone."""
         if self._connections.pop(connection.session.identity, None) is None:
             return
         self._per_uid[connection.session.peer.uid] -= 1
-        connection.lines.clear()
+        connection.line = None
         for queue in (self._turns, self._dirty):
             if connection in queue:
                 queue.remove(connection)
@@ -152,7 +158,11 @@ class Server:
         session.on_write = lambda: self._dirty.append(connection)
         self._connections[session.identity] = connection
         self._per_uid[peer.uid] += 1
-        self._reactor.add(accepted.fileno(), connection, select.EPOLLIN | select.EPOLLRDHUP)
+        try:
+            self._reactor.add(accepted.fileno(), connection, select.EPOLLIN | select.EPOLLRDHUP)
+        except OSError as error:  # the user's epoll watches are used up
+            _log.error("a client cannot be served: %s", error)
+            self.drop(connection)
 
     def _refusal(self, peer: Peer) -> Refusal | None:
         if len(self._connections) >= MAX_CONNECTIONS:
@@ -168,10 +178,6 @@ class Server:
         )
 
 
-def _cost_s(line: bytes) -> float:
-    return _COST_PER_LINE_S + _COST_PER_BYTE_S * len(line)
-
-
 def _peer(connected: socket.socket) -> Peer:
     """Ask the kernel who is at the other end."""
     credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
@@ -180,4 +186,4 @@ def _peer(connected: socket.socket) -> Peer:
         program = Path(f"/proc/{pid}/comm").read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
         program = "?"  # ended meanwhile, or in another pid namespace
-    return Peer(pid, uid, gid, program)
+    return Peer(pid, uid, gid, "".join(c if c.isprintable() else "?" for c in program))

@@ -9,7 +9,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Owner
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.methods import METHODS
-from litegripd.rpc.openrpc import document
+from litegripd.rpc.openrpc import encoded_document
 from litegripd.rpc.reporter import Reporter
 from litegripd.rpc.session import Session
 from litegripd.rpc.subscriptions import Subscriptions
@@ -40,8 +40,8 @@ class Call:
         return bool(self.params.get("detach", False)) or not self.params.get("wait", True)
 
 
-Answer: TypeAlias = Mapping[str, Any] | Refusal | Later
-"""A result at once, a refusal, or an answer later."""
+Answer: TypeAlias = Mapping[str, Any] | bytes | Refusal | Later
+"""A result at once, as a value or as JSON, a refusal, or an answer later."""
 
 
 class Handlers:
@@ -75,7 +75,7 @@ class Handlers:
         return {**self._facts.hello(), "stop_generation": generation}
 
     def _rpc_discover(self, _call: Call) -> Answer:
-        return document()
+        return encoded_document()
 
     def _health(self, call: Call) -> Answer:
         return self._facts.health(call.now_s)
@@ -84,10 +84,14 @@ class Handlers:
         return self._facts.info()
 
     def _state_get(self, _call: Call) -> Answer:
-        return self._reporter.state_view()
+        return self._reporter.state_line()
 
     def _state_subscribe(self, call: Call) -> Answer:
         hz = float(call.params.get("hz", DEFAULT_SAMPLE_HZ))
+        if hz > self._reporter.rate_hz:
+            text = f"hz is {hz:g}, it must be at most the control rate, {self._reporter.rate_hz:g}"
+            data = {"parameter": "hz", "requested": hz, "limit": self._reporter.rate_hz}
+            return Refusal("invalid_params", f"state.subscribe: {text}", data)
         names = call.params.get("fields", ())
         sub = self._subscriptions.add(call.session, hz, names, call.now_s)
         if isinstance(sub, Refusal):
@@ -135,7 +139,7 @@ class Handlers:
         return {"generation": self._engine.stop_latch.generation, "state": self._changed_state()}
 
     def _job_list(self, _call: Call) -> Answer:
-        return {"jobs": [self._reporter.job(job) for job in self._engine.jobs]}
+        return b'{"jobs":[%b]}' % b",".join(map(self._reporter.job, self._engine.jobs))
 
     def _job_get(self, call: Call) -> Answer:
         job = self._job(call)

@@ -33,13 +33,18 @@ _MOVE_PARAMS = (_SPEED, _WAIT, _PROGRESS, _DETACH)
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One method; `moves` marks those that a stop makes void when they were sent before it."""
+    """One method.
+
+    `moves` marks those that a stop makes void when they were sent before it, `waits` those whose
+    answer comes when a job has ended.
+    """
 
     name: str
     summary: str
     result: str
     params: tuple[Param, ...] = ()
     moves: bool = False
+    waits: bool = False
     declared: Mapping[str, Param] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -91,12 +96,14 @@ METHODS: tuple[Method, ...] = (
             _DETACH,
         ),
         moves=True,
+        waits=True,
     ),
     Method(
         "motor.disable",
         "De-energise the motor, confirmed.",
         "ok and the state.",
         (_WAIT, _DETACH),
+        waits=True,
     ),
     Method(
         "motion.open",
@@ -104,6 +111,7 @@ METHODS: tuple[Method, ...] = (
         "The move's result and the state.",
         _MOVE_PARAMS,
         moves=True,
+        waits=True,
     ),
     Method(
         "motion.close",
@@ -111,12 +119,14 @@ METHODS: tuple[Method, ...] = (
         "The move's result and the state.",
         _MOVE_PARAMS,
         moves=True,
+        waits=True,
     ),
     Method(
         "motion.hold",
         "Hold the measured position from now on.",
         "The position and the state.",
         moves=True,
+        waits=True,
     ),
     Method(
         "stop",
@@ -135,7 +145,7 @@ METHODS: tuple[Method, ...] = (
     Method("stop.clear", "Allow motions again.", "The generation and the state."),
     Method("job.list", "List the jobs that are kept, the oldest first.", "The jobs."),
     Method("job.get", "Tell about one job.", "The job.", (_JOB,)),
-    Method("job.wait", "Wait until a job has ended.", "The job.", (_JOB,)),
+    Method("job.wait", "Wait until a job has ended.", "The job.", (_JOB,), waits=True),
     Method("job.cancel", "End a running job; the jaws hold where they are.", "The job.", (_JOB,)),
 )
 

@@ -6,12 +6,18 @@ from typing import Any
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.rpc.methods import METHODS, Method
 from litegripd.rpc.schema import Param
+from litegripd.rpc.wire import encode
 
 OPENRPC_VERSION = "1.2.6"
 PROTOCOL_VERSION = 1
 
 
 @lru_cache(maxsize=1)
+def encoded_document() -> bytes:
+    """Return the document as JSON; encoding it takes longer than any other request."""
+    return encode(document())
+
+
 def document() -> dict[str, Any]:
     """Describe all methods and errors."""
     return {

@@ -1,13 +1,23 @@
 """Makes the wire forms of the present state and of jobs, each at most once per tick."""
 
+from dataclasses import dataclass
 from typing import Any
 
 from litegripd.control.engine import Engine
+from litegripd.control.jobs import KEPT_JOBS
 from litegripd.control.snapshot import snapshot
 from litegripd.model.jobs import Job
 from litegripd.model.state import GripperState
-from litegripd.rpc.view import job_view, result_view, state_view
+from litegripd.rpc.view import job_line, result_line, state_view
 from litegripd.rpc.wire import encode
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """A job that has ended, and its result, as JSON: 64 of them are listed in one answer."""
+
+    job: bytes
+    result: bytes | None
 
 
 class Reporter:
@@ -23,7 +33,12 @@ class Reporter:
         self._bus_is_up = False
         self._state: GripperState | None = None
         self._line: bytes | None = None
-        self._ended_in: dict[int, GripperState] = {}
+        self._ends: dict[int, _End] = {}
+
+    @property
+    def rate_hz(self) -> float:
+        """How often the state is new."""
+        return round(1.0 / self._period_s, 6)
 
     def tick(self, now_s: float, bus_is_up: bool) -> None:
         """Begin a new period."""
@@ -52,29 +67,29 @@ class Reporter:
             self._line = encode(self.state_view())
         return self._line
 
-    def job(self, job: Job) -> dict[str, Any]:
-        """Return a job in its wire form."""
+    def job(self, job: Job) -> bytes:
+        """Return a job as JSON; one that has ended with the state in which it ended."""
         if job.is_running:
             progress = self._engine.progress()
-            return job_view(job, None if progress is None else progress.phase, None)
-        return job_view(job, None, self._end_state(job))
+            return job_line(job, None if progress is None else progress.phase, None)
+        return self._end_of(job).job
 
-    def result(self, job: Job) -> dict[str, Any] | None:
-        """Return the result of a job that ended with one, in its wire form."""
-        if job.result is None:
-            return None
-        return result_view(job, job.result, self._end_state(job))
+    def result(self, job: Job) -> bytes | None:
+        """Return the result of a job that ended with one, as JSON."""
+        return self._end_of(job).result
 
-    def _end_state(self, job: Job) -> GripperState:
-        """Return the state in which a job ended, kept as long as the job itself."""
-        if job.number not in self._ended_in:
-            kept = {other.number for other in self._engine.jobs}
-            self._ended_in = {n: s for n, s in self._ended_in.items() if n in kept}
-            self._ended_in[job.number] = self.state()
-        return self._ended_in[job.number]
-
-    def keep_end_states(self) -> None:
-        """Keep the state of every job that has ended in this period."""
+    def keep_ends(self) -> None:
+        """Encode every job that has ended in this period, and forget those no longer kept."""
         for job in self._engine.jobs:
-            if not job.is_running and job.number not in self._ended_in:
-                self._end_state(job)
+            if not job.is_running and job.number not in self._ends:
+                self._end_of(job)
+        if len(self._ends) > 2 * KEPT_JOBS:
+            kept = {job.number for job in self._engine.jobs}
+            self._ends = {number: end for number, end in self._ends.items() if number in kept}
+
+    def _end_of(self, job: Job) -> _End:
+        end = self._ends.get(job.number)
+        if end is None:
+            result = None if job.result is None else result_line(job, job.result, self.state_line())
+            end = self._ends[job.number] = _End(job_line(job, None, result), result)
+        return end

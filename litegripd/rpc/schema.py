@@ -10,13 +10,14 @@ from litegripd.model.errors import Refusal
 Kind: TypeAlias = Literal["number", "integer", "boolean", "string", "strings"]
 
 _MAX_TEXT = 256
+_MAX_INTEGER = 2**53  # beyond it most JSON readers lose digits
 _JSON_TYPES: dict[Kind, str] = {"strings": "array"}
 _NAMED: dict[Kind, str] = {
     "number": "a number",
     "integer": "an integer",
     "boolean": "true or false",
     "string": "a string",
-    "strings": "an array of strings",
+    "strings": "an array of strings only",
 }
 
 
@@ -36,17 +37,28 @@ class Param:
         """Say what is wrong with `value` and what is allowed, if anything is wrong."""
         if not self._has_type(value):
             return f"must be {_NAMED[self.kind]}, not {_shown(value)}"
-        if isinstance(value, float) and not math.isfinite(value):
-            return f"must be a finite number, not {value}"
         if isinstance(value, int | float) and not isinstance(value, bool):
-            low, high = self.minimum, self.maximum
-            if (low is not None and value < low) or (high is not None and value > high):
-                return f"is {_shown(value)}, it must be {self._range()}"
-        if isinstance(value, str) and len(value) > _MAX_TEXT:
+            return self._problem_of_number(value)
+        texts = value if isinstance(value, list) else [value] if isinstance(value, str) else []
+        return next(filter(None, map(self._problem_of_text, texts)), None)
+
+    def _problem_of_number(self, value: float) -> str | None:
+        if isinstance(value, int) and abs(value) > _MAX_INTEGER:
+            return f"is {_shown(value)}, it must lie within ±2^53"
+        if not math.isfinite(value):
+            return f"must be a finite number, not {value}"
+        low, high = self.minimum, self.maximum
+        if (low is not None and value < low) or (high is not None and value > high):
+            return f"is {_shown(value)}, it must be {self._range()}"
+        return None
+
+    def _problem_of_text(self, text: str) -> str | None:
+        if self.choices and text not in self.choices:
+            return f"is {_shown(text)}, it must be one of: {', '.join(self.choices)}"
+        if len(text) > _MAX_TEXT:
             return f"is longer than {_MAX_TEXT} characters"
-        chosen = value if isinstance(value, list) else [value]
-        if self.choices and not set(chosen) <= set(self.choices):
-            return f"is {_shown(value)}, it must be one of: {', '.join(self.choices)}"
+        if not text.isprintable():
+            return f"is {_shown(text)}, it must be printable: it is shown in one line of the log"
         return None
 
     def json_schema(self) -> dict[str, object]:
@@ -103,5 +115,7 @@ def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) 
 
 
 def _shown(value: object) -> str:
+    if isinstance(value, list | dict):
+        return "an array" if isinstance(value, list) else "an object"
     text = repr(value)
     return text if len(text) <= 60 else text[:57] + "..."

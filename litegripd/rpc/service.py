@@ -4,10 +4,12 @@ Pure: lines come in through `handle`, lines go out through the sessions, time is
 Whatever a line holds, `handle` answers it and does not raise.
 """
 
+from collections import deque
+
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
-from litegripd.model.jobs import Job, Owner
+from litegripd.model.jobs import Owner
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.handlers import Answer, Handlers, Later
 from litegripd.rpc.methods import BY_NAME, Method
@@ -28,6 +30,10 @@ from litegripd.rpc.wire import (
     result_line,
 )
 
+EVENTS_PER_TICK = 4  # a log line costs about 50 µs
+_EVENTS_KEPT = 512
+_REFUSALS_KEPT = 64
+
 
 class RpcService:
     """Implements `Service` on one engine."""
@@ -40,7 +46,8 @@ class RpcService:
         self._waiting = WaitingRoom()
         self._handlers = Handlers(engine, facts, self._subscriptions, self.reporter)
         self._last_session = 0
-        self._events: list[Event] = []
+        self._events: deque[Event] = deque()
+        self._left_out = 0
 
     # Service ------------------------------------------------------------------------------------
 
@@ -62,19 +69,20 @@ class RpcService:
     def handle(self, session: Session, line: bytes, now_s: float) -> None:
         """Answer one line, at once or when the motion that it asked for has ended."""
         request = parse(line)
-        if isinstance(request, BadRequest):
-            self._refuse(session, request.identity, request.refusal)
-        elif request.method == "state.get" and not request.params and request.identity is not None:
-            session.write(result_line(request.identity, self.reporter.state_line()))
-        else:
-            self._call(session, request, now_s)
+        try:
+            if isinstance(request, BadRequest):
+                self._refuse(session, request.identity, request.refusal)
+            else:
+                self._call(session, request, now_s)
+        except Exception as error:  # noqa: BLE001 - no request ends the daemon
+            self._refuse(session, request.identity, _defect("the request", error))
 
     # The tick -------------------------------------------------------------------------------------
 
     def after_tick(self, now_s: float, bus_is_up: bool) -> None:
         """Answer whoever waits for a job that has ended; find what is to be sent."""
         self.reporter.tick(now_s, bus_is_up)
-        self.reporter.keep_end_states()
+        self.reporter.keep_ends()
         self._answer_waiters()
         self._send_progress(now_s)
         self._subscriptions.tick(now_s)
@@ -89,10 +97,18 @@ class RpcService:
         self._subscriptions.send_one(self.reporter.state())
 
     def take_events(self) -> list[Event]:
-        """Return what happened since the last call."""
-        events = self._engine.take_events() + self._events
-        self._events = []
-        return events
+        """Return what has happened, the oldest first, so much at once as a tick can log.
+
+        What a flood of refused requests makes beyond that is counted and told as one event.
+        """
+        for event in self._engine.take_events():
+            self._note(event)
+        taken = [self._events.popleft() for _ in range(min(EVENTS_PER_TICK, len(self._events)))]
+        if self._left_out and not self._events:
+            text = f"{self._left_out} events are left out of the log: too many came at once"
+            taken.append(Event("refused", text, {"left_out": self._left_out}))
+            self._left_out = 0
+        return taken
 
     # Inside ---------------------------------------------------------------------------------------
 
@@ -107,12 +123,8 @@ class RpcService:
             self._refuse(session, request.identity, refusal)
             return
         owner = Owner(session.identity, session.peer.pid, session.peer.uid, session.name)
-        try:
-            answer = self._handlers.call(request.method, session, owner, request.params, now_s)
-            self._answer(session, request, answer)
-        except Exception as error:  # noqa: BLE001 - no request ends the daemon
-            text = f"{request.method} failed by a defect: {type(error).__name__}: {error}"
-            self._refuse(session, request.identity, Refusal("internal_error", text))
+        answer = self._handlers.call(request.method, session, owner, request.params, now_s)
+        self._answer(session, request, answer)
 
     def _refusal(self, session: Session, request: Request, method: Method) -> Refusal | None:
         params = request.params
@@ -122,9 +134,13 @@ class RpcService:
         if request.identity is None:
             text = f'{method.name} needs an "id": its answer would otherwise get lost'
             return Refusal("invalid_request", text)
-        if session.unanswered >= MAX_PER_SESSION:
+        waits = method.waits and params.get("wait", True)
+        if waits and session.unanswered >= MAX_PER_SESSION:
             text = f"{MAX_PER_SESSION} requests of this connection wait for an answer already"
             return Refusal("too_many_requests", text, {"limit": MAX_PER_SESSION})
+        if params.get("progress") and not waits:
+            text = f"{method.name}: progress is sent only to who waits; leave wait or progress out"
+            return Refusal("invalid_params", text, {"parameter": "progress"})
         if method.moves:
             latch = self._engine.stop_latch
             return latch.refusal_of_sent(params.get("stop_generation"), params.get("sent_s"))
@@ -133,41 +149,51 @@ class RpcService:
     def _answer(self, session: Session, request: Request, answer: Answer) -> None:
         if isinstance(answer, Refusal):
             self._refuse(session, request.identity, answer)
-        elif not isinstance(answer, Later):
-            session.write(result_line(request.identity, encode(answer)))
-        elif answer.wants_job or request.params.get("wait", True):
-            progress = request.params.get("progress", False)
-            waiter = Waiter(session, request.identity, answer.wants_job, progress)
-            self._waiting.add(answer.job.number, waiter)
+        elif isinstance(answer, Later):
+            self._answer_later(session, request, answer)
         else:
-            session.write(result_line(request.identity, encode({"job": answer.job.number})))
+            result = answer if isinstance(answer, bytes) else encode(answer)
+            session.write(result_line(request.identity, result))
+
+    def _answer_later(self, session: Session, request: Request, later: Later) -> None:
+        job, params = later.job, request.params
+        if later.wants_job or params.get("wait", True):
+            progress = params.get("progress", False)
+            self._waiting.add(Waiter(session, request.identity, job, later.wants_job, progress))
+        else:
+            session.write(result_line(request.identity, encode({"job": job.number})))
 
     def _refuse(self, session: Session, identity: RequestId, refusal: Refusal) -> None:
         self.refused += 1
         peer = session.peer
         text = f"refused {session.name} (pid {peer.pid}, uid {peer.uid}): {refusal.message}"
-        self._events.append(Event("refused", text, {"reason": refusal.reason}))
+        self._note(Event("refused", text, {"reason": refusal.reason}))
         session.write(error_line(identity, refusal))
 
-    def _answer_waiters(self) -> None:
-        for number in self._waiting.jobs():
-            job = self._engine.jobs.get(number)
-            if job is not None and job.is_running:
-                continue
-            for waiter in self._waiting.take(number):
-                waiter.session.write(self._final_line(waiter, job))
+    def _note(self, event: Event) -> None:
+        """Keep an event for the log; refusals never crowd out what happened to the gripper."""
+        if len(self._events) < (_REFUSALS_KEPT if event.kind == "refused" else _EVENTS_KEPT):
+            self._events.append(event)
+        else:
+            self._left_out += 1
 
-    def _final_line(self, waiter: Waiter, job: Job | None) -> bytes:
-        if job is None:
-            text = "the job has ended so long ago that it is no longer kept"
-            return error_line(waiter.request, Refusal("unknown_job", text))
+    def _answer_waiters(self) -> None:
+        for waiter in self._waiting.take_ended():
+            try:
+                line = self._final_line(waiter)
+            except Exception as error:  # noqa: BLE001 - the other waiters get their answers
+                line = error_line(waiter.request, _defect(waiter.job.kind, error))
+            waiter.session.write(line)
+
+    def _final_line(self, waiter: Waiter) -> bytes:
+        job = waiter.job
         if waiter.wants_job:
-            return result_line(waiter.request, encode(self.reporter.job(job)))
+            return result_line(waiter.request, self.reporter.job(job))
         result = self.reporter.result(job)
         if result is None:
             ended = job.error or Refusal("internal_error", f"job {job.number} ended without result")
             return error_line(waiter.request, ended)
-        return result_line(waiter.request, encode(result))
+        return result_line(waiter.request, result)
 
     def _send_progress(self, now_s: float) -> None:
         job, progress = self._engine.jobs.running, self._engine.progress()
@@ -177,3 +203,7 @@ class RpcService:
             opening_mm = self.reporter.state().opening_mm
             view = progress_view(job, waiter.request, progress, opening_mm)
             waiter.session.write(notification_line("job.progress", encode(view)))
+
+
+def _defect(what: str, error: Exception) -> Refusal:
+    return Refusal("internal_error", f"{what} failed by a defect: {type(error).__name__}: {error}")

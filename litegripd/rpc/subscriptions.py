@@ -38,7 +38,7 @@ class Subscriptions:
         self._due: deque[Subscription] = deque()
         self._last = 0
         self._encoded: dict[tuple[str, ...], bytes] = {}
-        self._encoded_seq = -1
+        self._encoded_state: GripperState | None = None
 
     def add(
         self, session: Session, hz: float, names: Iterable[str], now_s: float
@@ -102,10 +102,10 @@ class Subscriptions:
         sub.session.write(notification_line("state.sample", head))
 
     def _encode(self, state: GripperState, names: tuple[str, ...]) -> bytes:
-        """Encode a choice of fields once per tick, for all who made the same choice."""
-        if self._encoded_seq != state.seq:
+        """Encode a choice of fields once per state, for all who made the same choice."""
+        if self._encoded_state is not state:
             self._encoded.clear()
-            self._encoded_seq = state.seq
+            self._encoded_state = state
         encoded = self._encoded.get(names)
         if encoded is None:
             view = state_view(state)

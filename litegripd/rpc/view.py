@@ -1,4 +1,7 @@
-"""The forms that states, jobs and results have on the wire."""
+"""The forms that states, jobs and results have on the wire.
+
+What is the same for many, such as the state of a tick, is encoded once and spliced in as it is.
+"""
 
 from dataclasses import fields
 from typing import Any
@@ -6,7 +9,7 @@ from typing import Any
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.results import Progress, Result
 from litegripd.model.state import GripperState
-from litegripd.rpc.wire import RequestId, error_object
+from litegripd.rpc.wire import RequestId, encode, error_object
 
 _STATE_FIELDS = tuple(field.name for field in fields(GripperState))
 
@@ -31,15 +34,14 @@ def owner_view(owner: Owner) -> dict[str, Any]:
     return _plain(owner)
 
 
-def result_view(job: Job, result: Result, state: GripperState) -> dict[str, Any]:
-    """Give a job's result its wire form, with the state in which the job ended."""
-    return {"job": job.number, **_plain(result), "state": state_view(state)}
+def result_line(job: Job, result: Result, state: bytes) -> bytes:
+    """Encode a job's result, with the encoded state in which the job ended."""
+    return _with(encode({"job": job.number, **_plain(result)}), b"state", state)
 
 
-def job_view(job: Job, phase: str | None, ended_in: GripperState | None) -> dict[str, Any]:
-    """Give a job its wire form."""
-    result = job.result
-    return {
+def job_line(job: Job, phase: str | None, result: bytes | None) -> bytes:
+    """Encode a job, with its encoded result, if it has one."""
+    view = {
         "job": job.number,
         "kind": job.kind,
         "state": job.state.value,
@@ -48,9 +50,14 @@ def job_view(job: Job, phase: str | None, ended_in: GripperState | None) -> dict
         "started_s": job.started_s,
         "ended_s": job.ended_s,
         "phase": phase,
-        "result": result_view(job, result, ended_in) if result and ended_in else None,
         "error": None if job.error is None else error_object(job.error),
     }
+    return _with(encode(view), b"result", b"null" if result is None else result)
+
+
+def _with(encoded: bytes, name: bytes, value: bytes) -> bytes:
+    """Add a member, which is JSON already, to an encoded object that has others."""
+    return b'%b,"%b":%b}' % (encoded[:-1], name, value)
 
 
 def progress_view(

@@ -1,7 +1,9 @@
 """Requests whose answer comes when a job has ended, and those that want its progress."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from litegripd.model.jobs import Job
 from litegripd.rpc.session import Session
 from litegripd.rpc.wire import RequestId
 
@@ -15,6 +17,7 @@ class Waiter:
 
     session: Session
     request: RequestId
+    job: Job
     wants_job: bool
     wants_progress: bool
 
@@ -26,17 +29,19 @@ class WaitingRoom:
         self._waiters: dict[int, list[Waiter]] = {}
         self._next_progress_s = 0.0
 
-    def add(self, job: int, waiter: Waiter) -> None:
+    def add(self, waiter: Waiter) -> None:
         """Let a request wait."""
         waiter.session.unanswered += 1
-        self._waiters.setdefault(job, []).append(waiter)
+        self._waiters.setdefault(waiter.job.number, []).append(waiter)
 
-    def take(self, job: int) -> list[Waiter]:
-        """Return, and forget, the requests that wait for a job that has ended."""
-        waiters = self._waiters.pop(job, [])
-        for waiter in waiters:
-            waiter.session.unanswered -= 1
-        return waiters
+    def take_ended(self) -> Iterator[Waiter]:
+        """Yield, and forget, the requests whose job has ended, each before it is answered."""
+        for number, waiters in list(self._waiters.items()):
+            if not waiters[0].job.is_running:
+                del self._waiters[number]
+                for waiter in waiters:
+                    waiter.session.unanswered -= 1
+                    yield waiter
 
     def remove_all(self, session: Session) -> None:
         """Forget the requests of a client that is gone."""
@@ -47,13 +52,9 @@ class WaitingRoom:
             else:
                 del self._waiters[job]
 
-    def jobs(self) -> list[int]:
-        """Return the jobs that are waited for."""
-        return list(self._waiters)
-
     def due_progress(self, job: int, now_s: float) -> list[Waiter]:
-        """Return who is to be told the progress of `job` now."""
+        """Return who is to be told the progress of `job` now; nobody who has not read the last."""
         if job not in self._waiters or now_s < self._next_progress_s:
             return []
         self._next_progress_s = now_s + PROGRESS_INTERVAL_S
-        return [waiter for waiter in self._waiters[job] if waiter.wants_progress]
+        return [w for w in self._waiters[job] if w.wants_progress and not w.session.congested]

@@ -5,6 +5,7 @@ JSON allows but a field does not, such as 1e999, is refused where the field is c
 """
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NoReturn, TypeAlias
@@ -14,7 +15,10 @@ from litegripd.model.errors import Refusal
 MAX_LINE_BYTES = 16_384
 """64 KiB take 4 ms to parse, more than a tick can spare."""
 
-MAX_ID_BYTES = 128
+MAX_CONTAINERS = 512
+"""Objects and arrays in one line. Each costs 0.4 µs, so that 16 KiB of `{}` took over 2 ms."""
+
+MAX_ID_CHARACTERS = 128
 
 RequestId: TypeAlias = str | int | None
 
@@ -40,6 +44,9 @@ class BadRequest:
 
 def parse(line: bytes) -> Request | BadRequest:
     """Read one line. Never raises, whatever the bytes are."""
+    if line.count(b"{") + line.count(b"[") > MAX_CONTAINERS:
+        text = f"a request has at most {MAX_CONTAINERS} objects, arrays, or braces in its texts"
+        return _bad(None, "invalid_request", text)
     try:
         value = _decoder.decode(line.decode("utf-8"))
     except UnicodeDecodeError as error:
@@ -59,8 +66,9 @@ def _request(value: dict[str, Any]) -> Request | BadRequest:
     identity = value.get("id")
     if isinstance(identity, bool) or not isinstance(identity, str | int | None):
         return _bad(None, "invalid_request", '"id" must be a string or an integer')
-    if len(str(identity)) > MAX_ID_BYTES:
-        return _bad(None, "invalid_request", f'"id" is longer than {MAX_ID_BYTES} characters')
+    if len(str(identity)) > MAX_ID_CHARACTERS:
+        text = f'"id" is longer than {MAX_ID_CHARACTERS} characters'
+        return _bad(None, "invalid_request", text)
     if "id" in value and identity is None:
         return _bad(None, "invalid_request", '"id" must not be null')
     if value.get("jsonrpc") != "2.0":
@@ -103,8 +111,21 @@ def error_object(refusal: Refusal) -> dict[str, object]:
 
 
 def encode(value: object) -> bytes:
-    """Make compact JSON; raises `ValueError` for what JSON cannot hold, a NaN for one."""
-    return _encoder.encode(value).encode()
+    """Make compact JSON of a value; a number that JSON cannot hold, such as a NaN, becomes null."""
+    try:
+        return _encoder.encode(value).encode()
+    except ValueError:
+        return _encoder.encode(_without_nan(value)).encode()
+
+
+def _without_nan(value: object) -> object:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, Mapping):
+        return {name: _without_nan(item) for name, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_without_nan(item) for item in value]
+    return value
 
 
 def _bad(identity: RequestId, reason: str, message: str) -> BadRequest:
@@ -112,7 +133,7 @@ def _bad(identity: RequestId, reason: str, message: str) -> BadRequest:
 
 
 def _names(names: set[str]) -> str:
-    return ", ".join(sorted(name[:40] for name in names)[:8])
+    return ", ".join(sorted(repr(name[:40]) for name in names)[:8])
 
 
 def _no_constant(name: str) -> NoReturn:

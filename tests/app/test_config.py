@@ -1,0 +1,192 @@
+"""The configuration: defaults, the whole of an example, and every kind of mistake."""
+
+from pathlib import Path
+
+import pytest
+
+from litegripd.app.config import (
+    ConfigError,
+    ControlConfig,
+    GripperConfig,
+    MotorConfig,
+    RpcConfig,
+    find,
+    load,
+    override,
+)
+from litegripd.io.bus import BusSettings
+
+EXAMPLE = """
+[bus]                      # handed to python-can
+interface = "socketcan"    # "slcan", "gs_usb", "virtual", "litegrip_sim", ...
+channel = "can0"           # default: the daemon's channel; a device path for slcan
+bitrate = 1000000
+[motor]
+type = "DM4310"
+can_id = 0x08
+# master_id = 0x18         # found by itself when left out
+[gripper]
+# mount = "normal"         # or a calibration file; without either the daemon's own chain of files
+stroke_mm = 120.0
+[control]
+rate_hz = 200
+priority = 50              # SCHED_FIFO, 0 = ordinary
+[rpc]
+# socket = "/run/litegripd/can0.sock"
+group = "litegrip"
+"""
+
+
+def written(tmp_path: Path, content: str) -> Path:
+    path = tmp_path / "can0.toml"
+    path.write_text(content, encoding="utf-8")
+    return path
+
+
+def test_without_a_file_the_defaults_count() -> None:
+    config = load("can3", None)
+    assert config.bus == BusSettings("socketcan", "can3", 1_000_000, {})
+    assert config.motor == MotorConfig("DM4310", 0x08, None)
+    assert config.gripper == GripperConfig(None, 120.0)
+    assert config.control == ControlConfig(200, 50, ())
+    assert config.rpc == RpcConfig(None, "litegrip")
+    assert config.source is None
+
+
+def test_the_example_says_the_defaults(tmp_path: Path) -> None:
+    path = written(tmp_path, EXAMPLE)
+    config = load("can0", path)
+    defaults = load("can0", None)
+    for part in ("channel", "bus", "motor", "gripper", "control", "rpc"):
+        assert getattr(config, part) == getattr(defaults, part)
+    assert config.source == path
+
+
+def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
+    assert load("can0", written(tmp_path, "")).bus == load("can0", None).bus
+
+
+def test_every_key_can_be_set(tmp_path: Path) -> None:
+    content = """
+    [bus]
+    interface = "slcan"
+    channel = "/dev/ttyACM0"
+    bitrate = 500000
+    sleep_after_open = 0.5
+    listen_only = false
+    [motor]
+    can_id = 0x21
+    master_id = 0x31
+    [gripper]
+    mount = "/etc/litegripd/mine.json"
+    stroke_mm = 100
+    [control]
+    rate_hz = 500
+    priority = 0
+    cpus = [2, 3]
+    [rpc]
+    socket = "/tmp/x.sock"
+    group = "robot"
+    """
+    config = load("left", written(tmp_path, content))
+    options = {"sleep_after_open": 0.5, "listen_only": False}
+    assert config.bus == BusSettings("slcan", "/dev/ttyACM0", 500_000, options)
+    assert config.motor == MotorConfig("DM4310", 0x21, 0x31)
+    assert config.gripper == GripperConfig("/etc/litegripd/mine.json", 100)
+    assert config.control == ControlConfig(500, 0, (2, 3))
+    assert config.rpc == RpcConfig("/tmp/x.sock", "robot")
+
+
+MISTAKES = {
+    "[grippr]\n": ("grippr", "bus, motor, gripper, control, rpc"),
+    "rate_hz = 200\n": ("rate_hz", "bus, motor"),
+    "motor = 3\n": ("motor", "[motor]"),
+    "[motor]\nid = 8\n": ("[motor] id", "type, can_id, master_id"),
+    "[gripper]\nstroke = 120\n": ("[gripper] stroke", "mount, stroke_mm"),
+    "[control]\nrate = 200\n": ("[control] rate", "rate_hz, priority, cpus"),
+    "[rpc]\nport = 80\n": ("[rpc] port", "socket, group"),
+    "[bus]\ninterface = 7\n": ("[bus] interface", "a string"),
+    "[bus]\nchannel = 0\n": ("[bus] channel", "a string"),
+    "[bus]\nbitrate = 1e6\n": ("[bus] bitrate", "an integer"),
+    "[bus]\nbitrate = 8000000\n": ("[bus] bitrate", "10000 to 1e+06"),
+    '[motor]\ntype = "DM4340"\n': ("[motor] type", "DM4310"),
+    '[motor]\ncan_id = "8"\n': ("[motor] can_id", "an integer"),
+    "[motor]\ncan_id = true\n": ("[motor] can_id", "an integer"),
+    "[motor]\ncan_id = 0\n": ("[motor] can_id", "1 to 2046"),
+    "[motor]\ncan_id = 0x7FF\n": ("[motor] can_id", "1 to 2046"),
+    "[motor]\nmaster_id = -1\n": ("[motor] master_id", "0 to 2046"),
+    "[gripper]\nstroke_mm = nan\n": ("[gripper] stroke_mm", "a number"),
+    "[gripper]\nstroke_mm = inf\n": ("[gripper] stroke_mm", "a number"),
+    "[gripper]\nstroke_mm = 0\n": ("[gripper] stroke_mm", "1 to 1000"),
+    '[gripper]\nmount = ""\n': ("[gripper] mount", "leave the key out"),
+    "[gripper]\nmount = 1\n": ("[gripper] mount", "a string"),
+    "[control]\nrate_hz = 200.0\n": ("[control] rate_hz", "an integer"),
+    "[control]\nrate_hz = 50\n": ("[control] rate_hz", "100 to 1000"),
+    "[control]\npriority = 100\n": ("[control] priority", "0 to 99"),
+    "[control]\ncpus = 1\n": ("[control] cpus", "an array of integers"),
+    "[control]\ncpus = [-1]\n": ("[control] cpus", "an array of integers"),
+    "[control]\ncpus = [true]\n": ("[control] cpus", "an array of integers"),
+    "[rpc]\nsocket = []\n": ("[rpc] socket", "a string"),
+    '[rpc]\ngroup = ""\n': ("[rpc] group", "leave the key out"),
+    "[motor\n": ("not valid TOML", "line 1"),
+    "[motor]\ncan_id = 8\ncan_id = 9\n": ("not valid TOML", "overwrite"),
+}
+
+
+@pytest.mark.parametrize("content", MISTAKES)
+def test_a_mistake_is_refused_with_file_key_and_what_is_allowed(
+    tmp_path: Path, content: str
+) -> None:
+    path = written(tmp_path, content)
+    with pytest.raises(ConfigError) as caught:
+        load("can0", path)
+    message = str(caught.value)
+    for part in (str(path), *MISTAKES[content]):
+        assert part in message
+
+
+def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nothing\.toml: cannot be read: No such file"):
+        load("can0", tmp_path / "nothing.toml")
+    with pytest.raises(ConfigError, match="cannot be read: Is a directory"):
+        load("can0", tmp_path)
+
+
+def test_a_file_that_is_not_utf_8_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match=r"a\.toml: not valid TOML"):
+        load("can0", path)
+
+
+def test_the_channels_own_file_comes_before_the_common_one(tmp_path: Path) -> None:
+    assert find("can0", tmp_path) is None
+    common = tmp_path / "litegripd.toml"
+    common.touch()
+    (tmp_path / "can1.toml").touch()
+    assert find("can0", tmp_path) == common
+    own = tmp_path / "can0.toml"
+    own.touch()
+    assert find("can0", tmp_path) == own
+
+
+def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
+    config = load("can0", written(tmp_path, '[rpc]\nsocket = "/a.sock"\n[bus]\nfd = false\n'))
+    changed = override(config, socket="/b.sock", interface="virtual", simulate=False)
+    assert changed.rpc.socket == "/b.sock"
+    assert changed.bus == BusSettings("virtual", "can0", 1_000_000, {"fd": False})
+    assert override(config, socket=None, interface=None, simulate=False) == config
+
+
+@pytest.mark.parametrize("mount", [None, "normal", "reverse"])
+def test_simulate_takes_the_simulated_gripper_of_the_same_mount(
+    tmp_path: Path, mount: str | None
+) -> None:
+    content = '[bus]\ninterface = "slcan"\nsleep_after_open = 1\n'
+    content += "" if mount is None else f'[gripper]\nmount = "{mount}"\n'
+    config = override(
+        load("can0", written(tmp_path, content)), socket=None, interface=None, simulate=True
+    )
+    expected = mount or "normal"
+    assert config.bus == BusSettings("litegrip_sim", "can0", 1_000_000, {"mount": expected})
+    assert config.gripper.mount == expected

@@ -1,0 +1,199 @@
+"""The socket's file and the claim of a channel: what is replaced, what is refused, and why."""
+
+import contextlib
+import grp
+import os
+import select
+import socket
+import stat
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from litegripd.io.listener import ChannelClaim, InUseError, listen, runtime_directory
+
+HOLDER = """
+import socket, sys
+from litegripd.io.listener import ChannelClaim, listen
+from pathlib import Path
+kept = ChannelClaim("virtual", sys.argv[1]), listen(Path(sys.argv[2]), None)
+print("ready", flush=True)
+sys.stdin.read()
+"""
+
+
+@contextlib.contextmanager
+def holder(channel: str, path: Path) -> Iterator["subprocess.Popen[str]"]:
+    """Run a process that owns a channel and a socket, until it is killed."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", HOLDER, channel, str(path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    with process:
+        assert process.stdout is not None
+        assert select.select([process.stdout], [], [], 20.0)[0]
+        assert process.stdout.readline() == "ready\n"
+        yield process
+        process.kill()
+
+
+def name(tmp_path: Path) -> str:
+    return f"{tmp_path.name}-{os.getpid()}"
+
+
+def test_the_socket_is_for_user_and_group_alone(tmp_path: Path) -> None:
+    path = tmp_path / "new" / "a.sock"
+    with listen(path, None):
+        status = path.stat()
+        assert stat.S_ISSOCK(status.st_mode)
+        assert stat.S_IMODE(status.st_mode) == 0o660
+        with socket.socket(socket.AF_UNIX) as client:
+            client.connect(str(path))
+
+
+def test_the_umask_is_left_as_it_was(tmp_path: Path) -> None:
+    before = os.umask(0o027)
+    try:
+        listen(tmp_path / "a.sock", None).close()
+        assert os.umask(0o027) == 0o027
+    finally:
+        os.umask(before)
+
+
+def test_the_socket_is_given_to_the_group(tmp_path: Path) -> None:
+    group = grp.getgrgid(os.getgid()).gr_name
+    path = tmp_path / "a.sock"
+    with listen(path, group):
+        assert path.stat().st_gid == os.getgid()
+
+
+def test_a_group_that_does_not_exist_is_said_and_survived(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    with listen(tmp_path / "a.sock", "no-such-group"):
+        assert "no-such-group" in caplog.text
+
+
+def test_a_stale_socket_is_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "a.sock"
+    listen(path, None).close()
+    assert path.exists()
+    with listen(path, None), socket.socket(socket.AF_UNIX) as client:
+        client.connect(str(path))
+
+
+def test_a_live_socket_is_refused_with_the_pid_of_its_owner(tmp_path: Path) -> None:
+    path = tmp_path / "a.sock"
+    with holder(name(tmp_path), path) as process:
+        with pytest.raises(InUseError, match=rf"pid {process.pid} listens on"):
+            listen(path, None)
+        assert path.exists()
+
+
+def test_another_kind_of_socket_is_not_taken_for_stale(tmp_path: Path) -> None:
+    path = tmp_path / "a.sock"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.bind(str(path))
+        with pytest.raises(InUseError, match="cannot be made"):
+            listen(path, None)
+        assert path.exists()
+
+
+def test_a_socket_with_a_full_backlog_is_in_use(tmp_path: Path) -> None:
+    path = tmp_path / "a.sock"
+    with contextlib.ExitStack() as stack:
+        owner = stack.enter_context(socket.socket(socket.AF_UNIX))
+        owner.bind(str(path))
+        owner.listen(0)
+        waiting = stack.enter_context(socket.socket(socket.AF_UNIX))
+        waiting.connect(str(path))
+        with pytest.raises(InUseError, match="unknown pid"):
+            listen(path, None)
+
+
+def test_what_is_not_a_socket_is_left_alone(tmp_path: Path) -> None:
+    path = tmp_path / "a.sock"
+    path.write_text("precious", encoding="utf-8")
+    with pytest.raises(InUseError, match="not a socket"):
+        listen(path, None)
+    assert path.read_text(encoding="utf-8") == "precious"
+
+
+@pytest.mark.parametrize("bad", ["x" * 120, "file/a.sock", "a\0b", "\udcff" * 60])
+def test_an_unusable_path_is_refused_with_the_reason(tmp_path: Path, bad: str) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(InUseError, match="cannot be made"):
+        listen(tmp_path / bad, None)
+
+
+def test_a_channel_has_one_owner_whose_pid_is_told(tmp_path: Path) -> None:
+    channel = name(tmp_path)
+    with holder(channel, tmp_path / "a.sock") as process:
+        with pytest.raises(InUseError, match=rf"owned by the daemon with pid {process.pid}"):
+            ChannelClaim("virtual", channel)
+        ChannelClaim("virtual", channel + "x").close()
+        ChannelClaim("socketcan", channel).close()
+        process.kill()
+        process.wait()
+        ChannelClaim("virtual", channel).close()
+
+
+def test_a_closed_claim_frees_the_channel(tmp_path: Path) -> None:
+    for _ in range(2):
+        ChannelClaim("virtual", name(tmp_path)).close()
+
+
+def test_two_paths_to_one_device_are_one_channel(tmp_path: Path) -> None:
+    device, link = tmp_path / "ttyACM0", tmp_path / "by-id"
+    device.touch()
+    link.symlink_to(device)
+    claim = ChannelClaim("slcan", str(device))
+    try:
+        with pytest.raises(InUseError, match=f"pid {os.getpid()}"):
+            ChannelClaim("slcan", str(link))
+    finally:
+        claim.close()
+
+
+def test_a_very_long_channel_can_be_claimed_once(tmp_path: Path) -> None:
+    long = "socket://" + "h" * 200 + name(tmp_path)
+    claim = ChannelClaim("slcan", long)
+    try:
+        with pytest.raises(InUseError):
+            ChannelClaim("slcan", long)
+        ChannelClaim("slcan", long + "x").close()
+    finally:
+        claim.close()
+
+
+def test_who_asks_for_the_owner_is_let_go(tmp_path: Path) -> None:
+    claim = ChannelClaim("virtual", name(tmp_path))
+    try:
+        claim.on_event(select.EPOLLIN)  # nobody asks
+        with socket.socket(socket.AF_UNIX) as asker:
+            asker.connect(f"\0litegripd/virtual/{name(tmp_path)}")
+            assert select.select([claim.fileno()], [], [], 20.0)[0]
+            claim.on_event(select.EPOLLIN)
+            asker.settimeout(20.0)
+            assert asker.recv(1) == b""
+    finally:
+        claim.close()
+
+
+def test_the_users_own_directory_is_the_second_choice(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    usable: set[str] = {str(tmp_path)}
+    monkeypatch.setattr(os, "access", lambda path, _mode: str(path) in usable)
+    assert runtime_directory() == tmp_path / "litegripd"
+    usable.add("/run")
+    assert runtime_directory() == Path("/run/litegripd")
+    usable.clear()
+    with pytest.raises(InUseError, match="--socket"):
+        runtime_directory()

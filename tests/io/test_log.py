@@ -1,0 +1,101 @@
+"""Log lines that leave without waiting, and the counting of those that cannot."""
+
+import logging
+import os
+import select
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from litegripd.io import log
+from litegripd.io.log import JournalSink, LogHandler, goes_to_journal
+
+
+def record(level: int, text: str, *arguments: object) -> logging.LogRecord:
+    return logging.LogRecord("litegripd", level, "file.py", 1, text, arguments, None)
+
+
+def test_what_the_sink_does_not_take_is_counted() -> None:
+    taken: list[str] = []
+
+    def sink(_record: logging.LogRecord, text: str) -> bool:
+        taken.append(text)
+        return len(taken) != 2
+
+    handler = LogHandler(sink)
+    for number in range(3):
+        handler.handle(record(logging.INFO, "line %d", number))
+    assert taken == ["line 0", "line 1", "line 2"]
+    assert handler.dropped == 1
+
+
+def test_a_line_that_cannot_be_made_is_counted_not_raised() -> None:
+    handler = LogHandler(lambda _record, _text: True)
+    handler.handle(record(logging.INFO, "%d", "not a number"))
+    assert handler.dropped == 1
+
+
+@pytest.fixture
+def journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as fake:
+        fake.bind(str(tmp_path / "journal"))
+        fake.setblocking(False)
+        monkeypatch.setattr(log, "JOURNAL_SOCKET", str(tmp_path / "journal"))
+        yield fake
+
+
+@pytest.fixture
+def sink() -> Iterator[JournalSink]:
+    made = JournalSink("can0")
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(
+    ("level", "priority"),
+    [(logging.CRITICAL, 3), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6), (10, 7)],
+)
+def test_a_line_is_one_datagram_in_the_journals_form(
+    journal: socket.socket, sink: JournalSink, level: int, priority: int
+) -> None:
+    text = "two\nlines, ü"
+    assert sink(record(level, text), text)
+    assert select.select([journal], [], [], 20.0)[0]
+    datagram = journal.recv(4096)
+    head, _, rest = datagram.partition(b"MESSAGE\n")
+    assert head.decode() == (
+        f"PRIORITY={priority}\nSYSLOG_IDENTIFIER=litegripd\nLITEGRIP_CHANNEL=can0\n"
+    )
+    assert int.from_bytes(rest[:8], "little") == len(text.encode())
+    assert rest[8:] == text.encode() + b"\n"
+
+
+def test_a_journal_that_is_full_or_gone_refuses_without_waiting(
+    journal: socket.socket, sink: JournalSink
+) -> None:
+    handler = LogHandler(sink)
+    sent = 0
+    while not handler.dropped:
+        handler.handle(record(logging.INFO, "x" * 1000))
+        sent += 1
+        assert sent < 100_000
+    assert sent > 1
+    journal.close()
+    handler.handle(record(logging.INFO, "x"))
+    assert handler.dropped == 2
+
+
+def test_only_a_unit_whose_error_output_is_the_journal_writes_to_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    status = os.fstat(2)
+    for value, expected in (
+        (f"{status.st_dev}:{status.st_ino}", True),
+        (f"{status.st_dev}:{status.st_ino + 1}", False),
+        ("nonsense", False),
+        ("", False),
+    ):
+        monkeypatch.setenv("JOURNAL_STREAM", value)
+        assert goes_to_journal() is expected

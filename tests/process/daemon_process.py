@@ -1,0 +1,224 @@
+"""Runs `litegripd` as a process of its own, and speaks to it over raw sockets."""
+
+import contextlib
+import json
+import os
+import re
+import select
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+DEADLINE_S = 30.0
+
+
+class Client:
+    """One connection; requests may be sent without reading their answers."""
+
+    def __init__(self, path: Path) -> None:
+        self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self.socket.settimeout(DEADLINE_S)
+        try:
+            self.socket.connect(str(path))
+        except OSError:
+            self.socket.close()
+            raise
+        self._file = self.socket.makefile("rb")
+        self._last_id = 0
+        self.answers: dict[int, dict[str, Any]] = {}
+
+    def __enter__(self) -> "Client":
+        return self
+
+    def __exit__(self, *_exception: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        self._file.close()
+        self.socket.close()
+
+    def send(self, method: str, **params: object) -> int:
+        """Send a request; return its id."""
+        self._last_id += 1
+        request = {"jsonrpc": "2.0", "id": self._last_id, "method": method, "params": params}
+        self.socket.sendall(json.dumps(request).encode() + b"\n")
+        return self._last_id
+
+    def read(self) -> dict[str, Any]:
+        """Return the next message; an empty one means that the daemon has closed."""
+        try:
+            line = self._file.readline()
+        except ConnectionResetError:
+            return {}
+        message: dict[str, Any] = json.loads(line) if line else {}
+        return message
+
+    def answer(self, number: int) -> dict[str, Any]:
+        """Read until a request is answered."""
+        while number not in self.answers:
+            message = self.read()
+            assert message, "the daemon has closed the connection"
+            if message.get("id") is not None:
+                self.answers[message["id"]] = message
+        return self.answers[number]
+
+    def call(self, method: str, **params: object) -> dict[str, Any]:
+        """Send a request; return its whole answer."""
+        return self.answer(self.send(method, **params))
+
+    def result(self, method: str, **params: object) -> dict[str, Any]:
+        """Call a method that is expected to succeed."""
+        answer = self.call(method, **params)
+        assert "result" in answer, answer
+        result: dict[str, Any] = answer["result"]
+        return result
+
+    def refusal(self, method: str, **params: object) -> str:
+        """Call a method that is expected to be refused; return the reason."""
+        answer = self.call(method, **params)
+        assert "error" in answer, answer
+        reason: str = answer["error"]["data"]["reason"]
+        return reason
+
+    def raw(self, line: bytes) -> dict[str, Any]:
+        """Send bytes; return the next message."""
+        self.socket.sendall(line)
+        return self.read()
+
+    def until(self, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Watch the state until a condition holds; return that state."""
+        ends_s = time.monotonic() + DEADLINE_S
+        while True:
+            state = self.result("state.get")
+            if condition(state):
+                return state
+            assert time.monotonic() < ends_s, f"did not happen in time: {state}"
+
+    def despite_silence(self, method: str, **params: object) -> dict[str, Any]:
+        """Call a method until it succeeds, enabling the motor anew where that is needed.
+
+        A simulator in another process may be kept off the processor for longer than the daemon
+        waits for answers; then a motion ends as it must, and the client asks again.
+        """
+        ends_s = time.monotonic() + DEADLINE_S
+        while "result" not in (answer := self.call(method, **params)):
+            reason = answer["error"]["data"]["reason"]
+            assert reason in ("motor_silent", "motor_fault", "not_enabled", "not_confirmed"), answer
+            assert time.monotonic() < ends_s, answer
+            state = self.until(lambda s: bool(s["motor"] in ("disabled", "fault", "enabled")))
+            if not state["enabled"]:
+                self.call("motor.enable")
+        result: dict[str, Any] = answer["result"]
+        return result
+
+    def until_health(self, condition: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+        """Watch the figures until a condition holds; return them."""
+        ends_s = time.monotonic() + DEADLINE_S
+        while True:
+            health = self.result("health")
+            if condition(health):
+                return health
+            assert time.monotonic() < ends_s, f"did not happen in time: {health}"
+
+    def enabled(self) -> "Client":
+        """Wait for the motor, enable it, and return this client."""
+        self.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        assert self.despite_silence("motor.enable")["ok"]
+        return self
+
+
+class DaemonProcess:
+    """A running daemon; its errors go to a file, so that it waits for no reader, or to `log`."""
+
+    def __init__(self, folder: Path, *arguments: str, log: int | None = None) -> None:
+        self.socket_path = folder / "rpc.sock"
+        self.log_path = folder / "log.txt"
+        environment = {**os.environ, "HOME": str(folder), "STATE_DIRECTORY": str(folder)}
+        environment.pop("LITEGRIP_CALIB", None)
+        with self.log_path.open("ab") as file:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "litegripd.app.main", *arguments],
+                stdin=subprocess.DEVNULL,
+                stdout=file,
+                stderr=file if log is None else log,
+                env=environment,
+            )
+
+    @property
+    def log(self) -> str:
+        return self.log_path.read_text(encoding="utf-8")
+
+    def connect(self) -> Client:
+        """Connect to the daemon as soon as it listens."""
+        ends_s = time.monotonic() + DEADLINE_S
+        while True:
+            assert self.process.poll() is None, f"the daemon has ended: {self.log}"
+            assert time.monotonic() < ends_s, f"the daemon does not listen: {self.log}"
+            try:
+                return Client(self.socket_path)
+            except (FileNotFoundError, ConnectionRefusedError):
+                # Its standard error tells nothing earlier; a pidfd at least wakes at its end.
+                self.wait_a_moment()
+
+    def wait_a_moment(self) -> None:
+        """Let the daemon work, but not beyond its end."""
+        pidfd = os.pidfd_open(self.process.pid)
+        try:
+            select.select([pidfd], [], [], 0.01)
+        finally:
+            os.close(pidfd)
+
+    def end(self) -> None:
+        """End it as an operator would; it must succeed, with the motor disabled or not there."""
+        self.process.send_signal(signal.SIGTERM)
+        assert self.process.wait(DEADLINE_S) == 0, self.log
+        assert re.search(r"ended; the motor is (disabled|silent|fault|unknown)\n", self.log)
+        assert not self.socket_path.exists()
+
+    def exit_code(self) -> int:
+        """Wait for it to end by itself."""
+        return self.process.wait(DEADLINE_S)
+
+    def kill(self) -> None:
+        """End it for certain."""
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+
+
+@contextlib.contextmanager
+def daemon(folder: Path, *arguments: str) -> Iterator[DaemonProcess]:
+    """Run a daemon that must still be well at the end, and that then ends as it should."""
+    folder.mkdir(exist_ok=True)
+    running = DaemonProcess(folder, *arguments, "--socket", str(folder / "rpc.sock"))
+    try:
+        yield running
+        running.end()
+    finally:
+        running.kill()
+
+
+def kill_and_wait(process: "subprocess.Popen[str]") -> None:
+    """Kill a process as the kernel's out-of-memory killer would."""
+    process.kill()
+    process.wait(DEADLINE_S)
+
+
+def spawn(program: str, *arguments: str) -> "subprocess.Popen[str]":
+    return subprocess.Popen(
+        [sys.executable, "-c", program, *arguments],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def line_of(process: "subprocess.Popen[str]") -> str:
+    assert process.stdout is not None
+    assert select.select([process.stdout], [], [], DEADLINE_S)[0]
+    return process.stdout.readline().strip()

@@ -1,0 +1,102 @@
+"""Bad input and floods over the real socket: answered, logged without waiting, and survived."""
+
+import contextlib
+import os
+import time
+from pathlib import Path
+
+from tests.process.daemon_process import DaemonProcess, line_of, spawn
+
+BAD = {
+    b"open!\n": "parse_error",
+    b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"speed_mm_s":"fast"}}\n': (
+        "invalid_params"
+    ),
+    b'{"jsonrpc":"2.0","id":1,"method":"motion.fly"}\n': "unknown_method",
+    b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"speed_mm_s":NaN}}\n': (
+        "parse_error"
+    ),
+    b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"speed_mm_s":1e999}}\n': (
+        "invalid_params"
+    ),
+    b'[{"jsonrpc":"2.0","id":1,"method":"state.get"}]\n': "invalid_request",
+    b"[" * 16000 + b"\n": "invalid_request",
+    b"\xff\xfe\n": "parse_error",
+    b'{"jsonrpc":"2.0","method":"motion.open"}\n': "invalid_request",
+}
+
+
+def test_bad_input_is_answered_and_survived(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client, simulated.connect() as half:
+        client.enabled()
+        half.socket.sendall(b'{"jsonrpc":"2.0","id":1,"meth')
+        for line, reason in BAD.items():
+            assert client.raw(line)["error"]["data"]["reason"] == reason
+        assert client.result("state.get")["mode"] == "holding"
+        with simulated.connect() as long:
+            answer = long.raw(b"x" * 17_000 + b"\n")
+            assert answer["error"]["data"]["reason"] == "line_too_long"
+            assert long.read() == {}
+        health = client.result("health")
+        assert health["control"]["tick_errors"] == 0
+        assert health["rpc"]["refused_requests"] >= len(BAD)
+        half.socket.sendall(b'od":"state.get"}\n')
+        assert half.read()["id"] == 1
+
+
+def test_a_flood_of_bad_input_keeps_nobody_out(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
+        client.result("hello")
+    flood = spawn(
+        "import socket, sys\n"
+        "s = socket.socket(socket.AF_UNIX); s.connect(sys.argv[1]); print('on', flush=True)\n"
+        "while True:\n"
+        "    s.sendall(b'flood\\n' * 100); n = 0\n"
+        "    while n < 100: n += s.recv(65536).count(b'\\n')\n",
+        str(simulated.socket_path),
+    )
+    with flood:
+        assert line_of(flood) == "on"
+        with simulated.connect() as client:
+            client.until_health(lambda health: bool(health["rpc"]["refused_requests"] > 1000))
+            client.enabled()
+            assert client.result("motion.open", speed_mm_s=100)["ok"]
+            assert client.result("health")["control"]["tick_errors"] == 0
+        flood.kill()
+
+
+def test_a_log_that_nobody_reads_holds_nothing_up(tmp_path: Path) -> None:
+    """Standard error is a pipe that becomes full: lines are dropped and counted."""
+    reader, writer = os.pipe()
+    running = DaemonProcess(
+        tmp_path,
+        f"sim-{os.getpid()}",
+        "--simulate",
+        "--socket",
+        str(tmp_path / "rpc.sock"),
+        log=writer,
+    )
+    try:
+        with running.connect() as client:
+            client.enabled()
+            fill(writer)
+            ends_s = time.monotonic() + 30.0
+            while not client.result("health")["log"]["dropped"]:
+                client.refusal("nothing")
+                assert time.monotonic() < ends_s
+            assert client.result("motion.open", speed_mm_s=100)["ok"]
+            assert client.result("health")["control"]["tick_errors"] == 0
+    finally:
+        running.kill()
+        os.close(reader)
+        os.close(writer)
+
+
+def fill(writer: int) -> None:
+    """Fill a pipe; writing to it waits from then on."""
+    os.set_blocking(writer, False)
+    for size in (4096, 1):
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                os.write(writer, b"x" * size)
+    os.set_blocking(writer, True)

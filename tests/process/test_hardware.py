@@ -1,0 +1,141 @@
+"""The daemon on buses that fail: no adapter at all, and an SLCAN adapter that misbehaves."""
+
+import contextlib
+import os
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.process.daemon_process import Client, DaemonProcess, daemon
+from tests.sim.simulator_process import SimulatorProcess, simulator
+
+SLCAN = """
+[bus]
+interface = "slcan"
+channel = "{channel}"
+sleep_after_open = 0
+[gripper]
+mount = "normal"
+"""
+
+
+def test_a_channel_that_does_not_exist_is_told_and_refused(tmp_path: Path) -> None:
+    config = tmp_path / "mount.toml"
+    config.write_text('[gripper]\nmount = "normal"\n', encoding="utf-8")
+    arguments = ("nosuch0", "--config", str(config))
+    with daemon(tmp_path, *arguments) as running, running.connect() as client:
+        state = client.until(lambda s: bool(s["motor"] == "silent" and s["calibrated"]))
+        assert (state["bus"], state["stale"], state["mode"]) == ("down", True, "offline")
+        health = client.result("health")
+        assert health["verdict"] == "down"
+        assert health["reasons"][0].startswith("CAN bus: cannot be opened")
+        assert client.refusal("motor.enable") in ("bus_down", "motor_silent")
+        assert client.refusal("motion.open") in ("bus_down", "motor_silent")
+        assert client.result("hello")["channel"] == "nosuch0"
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("[motor]\ncan_id = 0x800\n", "[motor] can_id"),
+        ("[control]\nrate = 200\n", "[control] rate is unknown"),
+        ("[rpc\n", "not valid TOML"),
+    ],
+)
+def test_a_configuration_error_is_told(tmp_path: Path, content: str, told: str) -> None:
+    path = tmp_path / "wrong.toml"
+    path.write_text(content, encoding="utf-8")
+    running = DaemonProcess(tmp_path, "can0", "--config", str(path))
+    assert running.exit_code() == 2
+    assert told in running.log
+    assert str(path) in running.log
+    assert "Traceback" not in running.log
+
+
+@pytest.mark.parametrize("arguments", [(), ("../x",), ("can0", "--config", "/no/such/file.toml")])
+def test_wrong_usage_is_told(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+    running = DaemonProcess(tmp_path, *arguments)
+    assert running.exit_code() == 2
+    assert "Traceback" not in running.log
+
+
+@pytest.fixture
+def adapter() -> Iterator[SimulatorProcess]:
+    with simulator("--pty") as process:
+        yield process
+
+
+@pytest.fixture
+def client(tmp_path: Path, adapter: SimulatorProcess) -> Iterator[Client]:
+    config = tmp_path / "slcan.toml"
+    config.write_text(SLCAN.format(channel=adapter.first_line), encoding="utf-8")
+    arguments = (f"sl{os.getpid()}", "--config", str(config))
+    with daemon(tmp_path, *arguments) as running, running.connect() as connected:
+        yield connected
+
+
+def pump_of(daemon_pid: int) -> int:
+    """Find the pump among the daemon's children."""
+    children = Path(f"/proc/{daemon_pid}/task/{daemon_pid}/children")
+    for pid in children.read_text(encoding="ascii").split():
+        with contextlib.suppress(OSError):
+            if b"pump_main" in Path(f"/proc/{pid}/cmdline").read_bytes():
+                return int(pid)
+    raise AssertionError("the daemon has no pump")
+
+
+def test_the_gripper_opens_over_slcan(client: Client) -> None:
+    client.enabled()
+    result = client.despite_silence("motion.open", speed_mm_s=100)
+    assert result["ok"], result
+    assert result["state"]["opening_mm"] == pytest.approx(120, abs=5)
+    assert client.result("health")["control"]["tick_errors"] == 0
+
+
+def test_an_adapter_that_stops_reading_is_survived(
+    client: Client, adapter: SimulatorProcess
+) -> None:
+    client.enabled().despite_silence("motion.close", speed_mm_s=100)
+    motion = client.send("motion.open", speed_mm_s=20)
+    client.until(lambda state: bool(state["mode"] == "moving"))
+    pid = adapter._process.pid
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        assert client.answer(motion)["error"]["data"]["reason"] == "motor_silent"
+        state = client.until(lambda state: bool(state["stale"] and state["motor"] == "silent"))
+        assert state["age_s"] > 0.01
+        assert client.refusal("motion.open") == "motor_silent"
+        ticks = client.result("health")["control"]["ticks"]
+        client.until_health(lambda h: bool(h["control"]["ticks"] > ticks + 100))
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    found = client.until(
+        lambda state: bool(
+            state["motor"] in ("enabled", "disabled", "fault") and not state["stale"]
+        )
+    )
+    if found["motor"] == "enabled":  # its watchdog had no time to disarm it: held where it was
+        assert found["mode"] == "holding"
+    assert found["opening_mm"] < 60
+    if found["motor"] != "enabled":
+        assert client.despite_silence("motor.enable")["ok"]
+    assert client.despite_silence("motion.open", speed_mm_s=100)["ok"]
+
+
+def test_a_killed_pump_is_a_bus_that_is_down_and_up_again(client: Client) -> None:
+    client.enabled()
+    pid = client.result("hello")["pid"]
+    pump = pump_of(pid)
+    reopened = client.result("health")["bus"]["reopened"]
+    os.kill(pump, signal.SIGKILL)
+    client.until(lambda state: bool(state["bus"] == "down"))
+    client.until_health(lambda h: bool(h["bus"]["reopened"] > reopened))
+    state = client.until(
+        lambda state: bool(state["bus"] == "up" and state["motor"] in ("disabled", "fault"))
+    )
+    assert not state["enabled"]
+    assert pump_of(pid) != pump
+    assert client.despite_silence("motor.enable")["ok"]
+    assert client.result("health")["control"]["tick_errors"] == 0

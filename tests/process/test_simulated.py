@@ -1,0 +1,191 @@
+"""The whole daemon with the simulated gripper: clients in other processes, and their ends."""
+
+import json
+import os
+import select
+import signal
+from pathlib import Path
+
+import pytest
+
+from tests.process.daemon_process import DaemonProcess, daemon, kill_and_wait, line_of, spawn
+
+READER = """
+import json, socket, sys
+s = socket.socket(socket.AF_UNIX); s.settimeout(30); s.connect(sys.argv[1])
+f = s.makefile("rb")
+print("ready", flush=True)
+sys.stdin.readline()
+for number in range(300):
+    s.sendall(b'{"jsonrpc":"2.0","id":%d,"method":"state.get"}\\n' % number)
+    answer = json.loads(f.readline())
+    assert answer["id"] == number, answer
+    state = answer["result"]
+    assert state["bus"] == "up" and state["enabled"], state
+    assert -0.1 < state["openness"] < 1.1, state
+print("fine", flush=True)
+"""
+OPENER = """
+import json, socket, sys
+s = socket.socket(socket.AF_UNIX); s.settimeout(30); s.connect(sys.argv[1])
+f = s.makefile("rb")
+def call(method, **params):
+    request = {"jsonrpc": "2.0", "id": 1, "method": method, "params": params}
+    s.sendall(json.dumps(request).encode() + b"\\n")
+    while "id" not in (answer := json.loads(f.readline())):
+        print("moving", flush=True)
+    return answer
+assert call("motor.enable", on_lost=sys.argv[2])["result"]["ok"]
+if sys.argv[3] == "move":
+    call("motion.open", speed_mm_s=20, progress=True)
+print("enabled", flush=True)
+f.readline()
+"""
+
+
+def test_ten_processes_read_while_one_opens(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
+        client.enabled().result("motion.close")
+        readers = [spawn(READER, str(simulated.socket_path)) for _ in range(10)]
+        try:
+            for reader in readers:
+                assert line_of(reader) == "ready"
+            motion = client.send("motion.open", speed_mm_s=60)
+            for reader in readers:
+                assert reader.stdin is not None
+                reader.stdin.write("go\n")
+                reader.stdin.flush()
+            assert [line_of(reader) for reader in readers] == ["fine"] * 10
+            assert client.answer(motion)["result"]["ok"]
+        finally:
+            for reader in readers:
+                with reader:
+                    reader.kill()
+        health = client.result("health")
+        assert health["control"]["tick_errors"] == 0
+        assert health["rpc"]["requests"] > 3000
+    assert "motor: disabling -> disabled" not in simulated.log
+
+
+def test_a_client_killed_in_its_motion_leaves_the_jaws_held(simulated: DaemonProcess) -> None:
+    with simulated.connect() as watcher:
+        watcher.enabled().result("motion.close")
+        opener = spawn(OPENER, str(simulated.socket_path), "hold", "move")
+        with opener:
+            assert line_of(opener) == "moving"
+            moving = watcher.until(lambda state: bool(state["opening_mm"] > 5))
+            before = watcher.result("health")
+            kill_and_wait(opener)
+        held = watcher.until(lambda state: bool(state["mode"] == "holding"))
+        assert held["enabled"]
+        job = watcher.result("job.get", job=moving["job"]["job"])
+        assert job["state"] == "cancelled"
+        assert job["error"]["data"]["reason"] == "client_lost"
+        after = watcher.until_health(
+            lambda h: bool(h["motor"]["commands"] > before["motor"]["commands"] + 100)
+        )
+        assert after["motor"]["withheld_commands"] == before["motor"]["withheld_commands"]
+        passed = after["control"]["ticks"] - before["control"]["ticks"]
+        lost = after["control"]["lost_ticks"] - before["control"]["lost_ticks"]
+        commands = after["motor"]["commands"] - before["motor"]["commands"]
+        assert abs(commands - (passed - lost)) <= 2  # one command in every tick that there was
+        still = watcher.result("state.get")
+        assert still["mode"] == "holding"
+        assert still["opening_mm"] == pytest.approx(held["opening_mm"], abs=2)
+        assert still["opening_mm"] < 100
+        with simulated.connect() as following:
+            assert following.result("motion.open", speed_mm_s=100)["ok"]
+
+
+@pytest.mark.parametrize("kind", ["idle", "move"])
+def test_a_killed_client_that_asked_for_it_disables_the_motor(
+    simulated: DaemonProcess, kind: str
+) -> None:
+    with simulated.connect() as watcher:
+        watcher.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        opener = spawn(OPENER, str(simulated.socket_path), "disable", kind)
+        with opener:
+            assert line_of(opener) == ("enabled" if kind == "idle" else "moving")
+            assert watcher.result("state.get")["enabled"]
+            kill_and_wait(opener)
+        watcher.until(lambda state: bool(state["status"] == "disabled" and not state["enabled"]))
+
+
+def test_sigterm_while_moving_disables_the_motor_and_answers_who_waits(tmp_path: Path) -> None:
+    with (
+        daemon(tmp_path, f"sim-{os.getpid()}", "--simulate") as running,
+        running.connect() as mover,
+    ):
+        mover.enabled()
+        motion = mover.send("motion.open", speed_mm_s=20)
+        mover.until(lambda state: bool(state["mode"] == "moving"))
+        running.process.send_signal(signal.SIGTERM)
+        assert mover.answer(motion)["error"]["data"]["reason"] == "shutting_down"
+        assert mover.read() == {}
+        assert running.exit_code() == 0
+        assert "ended; the motor is disabled" in running.log
+        assert "shutting_down" in running.log or "is about to end" in running.log
+        assert not running.socket_path.exists()
+
+
+def test_a_stop_that_is_sent_by_a_dying_client_is_in_force(simulated: DaemonProcess) -> None:
+    with simulated.connect() as mover:
+        mover.enabled()
+        motion = mover.send("motion.open", speed_mm_s=20)
+        mover.until(lambda state: bool(state["mode"] == "moving"))
+        with simulated.connect() as stopper:
+            stopper.send("stop")
+        assert mover.answer(motion)["error"]["data"]["reason"] == "stopped"
+        assert mover.refusal("motion.close") == "stopped"
+        mover.result("stop.clear")
+
+
+def test_a_channel_has_one_daemon(simulated: DaemonProcess, tmp_path: Path) -> None:
+    with simulated.connect() as client:
+        client.result("hello")
+    second = DaemonProcess(tmp_path, f"sim-{os.getpid()}", "--simulate", "--socket", "other.sock")
+    assert second.exit_code() == 3
+    assert f"pid {simulated.process.pid}" in second.log
+    third = DaemonProcess(
+        tmp_path, "simother", "--simulate", "--socket", str(simulated.socket_path)
+    )
+    assert third.exit_code() == 3
+    assert f"the process with pid {simulated.process.pid} listens on" in third.log
+
+
+def test_after_a_kill_a_new_daemon_takes_the_place(tmp_path: Path) -> None:
+    arguments = (f"sim-{os.getpid()}", "--simulate", "--socket", str(tmp_path / "rpc.sock"))
+    first = DaemonProcess(tmp_path, *arguments)
+    try:
+        with first.connect() as client:
+            helper = client.until_health(lambda h: bool(h["helper"]["pid"]))["helper"]["pid"]
+        pidfd = os.pidfd_open(helper)
+    finally:
+        first.kill()
+    try:
+        assert select.select([pidfd], [], [], 30.0)[0], "the helper outlives its daemon"
+    finally:
+        os.close(pidfd)
+    assert first.socket_path.exists()
+    with daemon(tmp_path, *arguments[:2]) as second, second.connect() as client:
+        assert client.result("hello")["pid"] == second.process.pid
+
+
+def test_a_killed_helper_is_started_again(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
+        client.enabled()
+        first = client.until_health(lambda h: bool(h["helper"]["pid"]))["helper"]["pid"]
+        os.kill(first, signal.SIGKILL)
+        figures = client.until_health(
+            lambda h: bool(h["helper"]["deaths"] == 1 and h["helper"]["pid"])
+        )
+        assert figures["helper"]["pid"] != first
+        assert client.result("state.get")["mode"] == "holding"
+        assert figures["control"]["tick_errors"] == 0
+
+
+def test_every_answer_over_the_socket_is_one_line_of_json(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
+        client.enabled()
+        for method in ("hello", "health", "info.get", "rpc.discover", "state.get", "job.list"):
+            json.dumps(client.result(method), allow_nan=False)

@@ -1,0 +1,76 @@
+"""The OpenRPC document against the table of methods and the table of errors."""
+
+from litegripd.model.errors import ERROR_TABLE
+from litegripd.rpc.methods import METHODS
+from litegripd.rpc.openrpc import document
+from litegripd.rpc.schema import Param
+from tests.world import World
+
+JSON_TYPES = {
+    "number": "number",
+    "integer": "integer",
+    "boolean": "boolean",
+    "string": "string",
+    "strings": "array",
+}
+
+
+def test_rpc_discover_returns_the_document() -> None:
+    assert World().client().result("rpc.discover") == document()
+
+
+def test_every_method_is_described_with_all_its_parameters() -> None:
+    described = {method["name"]: method for method in document()["methods"]}
+    assert list(described) == [method.name for method in METHODS]
+    for method in METHODS:
+        entry = described[method.name]
+        assert entry["summary"] == method.summary
+        assert entry["paramStructure"] == "by-name"
+        params = {param["name"]: param for param in entry["params"]}
+        assert params.keys() == method.declared.keys()
+        assert {"sent_s", "stop_generation"} <= params.keys()
+        for name, param in method.declared.items():
+            assert params[name]["description"]
+            assert params[name]["required"] == param.required
+            assert params[name]["schema"]["type"] == JSON_TYPES[param.kind]
+
+
+def test_the_schemas_tell_the_same_limits_as_the_checks() -> None:
+    for method in METHODS:
+        for param in method.declared.values():
+            schema = param.json_schema()
+            for bound in ("minimum", "maximum"):
+                limit = getattr(param, bound)
+                assert schema.get(bound) == limit
+                if limit is not None:
+                    value = int(limit) if param.kind == "integer" else limit
+                    assert param.problem(value) is None
+                    assert param.problem(value - 1 if bound == "minimum" else value + 1)
+            items = schema.get("items", schema)
+            assert isinstance(items, dict)
+            assert tuple(items.get("enum", ())) == param.choices
+
+
+def test_every_reason_is_documented_once_with_its_code() -> None:
+    errors = document()["components"]["errors"]
+    assert list(errors) == [kind.reason for kind in ERROR_TABLE]
+    assert len({kind.reason for kind in ERROR_TABLE}) == len(ERROR_TABLE)
+    for kind in ERROR_TABLE:
+        assert errors[kind.reason]["code"] == kind.code
+        assert errors[kind.reason]["message"] == kind.meaning
+        assert errors[kind.reason]["data"] == {
+            "reason": kind.reason,
+            "retryable": kind.retryable,
+        }
+
+
+def test_a_range_is_told_in_words() -> None:
+    at_most = Param("x", "number", "", maximum=3).problem(4)
+    at_least = Param("x", "number", "", minimum=3).problem(2)
+    between = Param("x", "integer", "", minimum=1, maximum=3).problem(4)
+    assert at_most is not None
+    assert at_least is not None
+    assert between is not None
+    assert "at most 3" in at_most
+    assert "at least 3" in at_least
+    assert "1 to 3" in between
