@@ -98,8 +98,12 @@ _TYPES: Mapping[tuple[str, str], type] = {
     ("rpc", "socket"): str,
     ("rpc", "group"): str,
 }
+_OURS = ("ignore_config",)
+"""Arguments of python-can that the daemon sets itself."""
+
 _TABLES = ("bus", "motor", "gripper", "control", "rpc")
-_NAMED = {str: "a string", int: "an integer", float: "a number", list: "an array of integers"}
+_NAMED = {str: "a string", int: "an integer", float: "a number", list: "an array of CPU numbers"}
+_MAX_CPUS = 1024
 
 
 def find(channel: str, directory: Path = DIRECTORY) -> Path | None:
@@ -135,6 +139,12 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
             raise ConfigError(f"{where}: {table} must be a table, written [{table}]")
         for key, value in values.items():
             _check(where, table, key, value)
+    motor = MotorConfig(**content.get("motor", {}))
+    if motor.can_id == motor.master_id:
+        raise ConfigError(
+            f"{where}: [motor] master_id is can_id, 0x{motor.can_id:02X}: the motor answers on"
+            " another id than it is commanded by"
+        )
     bus = dict(content.get("bus", {}))
     control = dict(content.get("control", {}))
     if "cpus" in control:
@@ -147,7 +157,7 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
             bitrate=bus.pop("bitrate", 1_000_000),
             options=bus,
         ),
-        motor=MotorConfig(**content.get("motor", {})),
+        motor=motor,
         gripper=GripperConfig(**content.get("gripper", {})),
         control=ControlConfig(**control),
         rpc=RpcConfig(**content.get("rpc", {})),
@@ -163,7 +173,9 @@ def _check(where: str, table: str, key: str, value: Any) -> None:
     kind = _TYPES.get((table, key))
     name = f"{where}: [{table}] {key}"
     if kind is None:
-        if table == "bus":
+        if table == "bus" and key not in _OURS:
+            if not isinstance(value, bool | int | float | str):
+                raise ConfigError(f"{name} is {value!r}, it must be a string, number or boolean")
             return
         allowed = [known for owner, known in _TYPES if owner == table]
         raise ConfigError(f"{name} is unknown; allowed: {_listed(allowed)}")
@@ -186,7 +198,8 @@ def _has_type(value: Any, kind: type) -> bool:
         return isinstance(value, int | float) and math.isfinite(value)
     if kind is list:
         return isinstance(value, list) and all(
-            isinstance(item, int) and not isinstance(item, bool) and item >= 0 for item in value
+            isinstance(item, int) and not isinstance(item, bool) and 0 <= item < _MAX_CPUS
+            for item in value
         )
     return isinstance(value, kind)
 

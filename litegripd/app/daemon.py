@@ -30,6 +30,9 @@ _log = logging.getLogger(__name__)
 END_WITHIN_S = 1.5
 """So long the end waits for the motor to confirm that it is disabled."""
 
+FIND_WITHIN_S = 0.3
+"""So long the end waits for a motor that does not answer: it might be found, and be enabled."""
+
 
 def socket_path(config: Config) -> Path:
     """Return where clients find the daemon; raises `InUseError` where no place can be used."""
@@ -48,7 +51,7 @@ def make_bus(config: Config, period_s: float) -> FrameBus:
 
 
 class Daemon:
-    """One channel's daemon; `run` returns after SIGTERM or SIGINT, with the motor disabled.
+    """One channel's daemon; `run` returns after SIGTERM or SIGINT.
 
     Raises `InUseError` when the channel or the socket belongs to another process.
     """
@@ -72,11 +75,11 @@ class Daemon:
         self._log_handler = self._make_log_handler()
         self._signals = Signals({signal.SIGTERM: self._end, signal.SIGINT: self._end})
         self._parts: Parts | None = None
-        self._ends_at_s: float | None = None
+        self._ending_since_s: float | None = None
         self._motor_was_known = False
 
-    def run(self) -> None:
-        """Run until told to end; disable the motor, confirmed, before returning."""
+    def run(self) -> bool:
+        """Run until told to end, and disable the motor; tell whether it is known to be off."""
         self._reactor.add(self._signals.fileno(), self._signals)
         self._reactor.add(self._claim.fileno(), self._claim)
         self._helper.poll(time.monotonic())
@@ -102,13 +105,25 @@ class Daemon:
         try:
             self._reactor.run()
         finally:
-            root.handlers = previous
             self._close()
+            root.handlers = previous
+        is_off = not self._machine.may_be_energised
+        phase = self._machine.motor.view().phase.value
+        _log.log(logging.INFO if is_off else logging.ERROR, "ended; the motor is %s", phase)
+        return is_off
 
     def _tick(self, now_s: float) -> None:
-        """Do one period's work: bus in, machine, bus out, and then what clients are owed."""
+        """Do one period's work; whatever fails in it, the end stays possible."""
+        try:
+            self._work(now_s)
+        finally:
+            if self._is_over(now_s):
+                self._reactor.stop()
+
+    def _work(self, now_s: float) -> None:
+        """Bus in, machine, bus out, and then what clients are owed."""
         received = self._bus.receive(now_s)
-        frames = self._machine.tick(now_s, received)
+        frames = self._machine.tick(now_s, received, self._bus.error)
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s, self._bus.is_up)
         self._helper.poll(now_s)
@@ -117,19 +132,24 @@ class Daemon:
         for event in self._service.take_events():
             _log_event(event)
         self._greet_motor()
-        if self._ends_at_s is not None and (self._machine.is_unpowered or now_s >= self._ends_at_s):
-            self._reactor.stop()
 
     def _end(self) -> None:
         """Begin the end: the motor is disabled in the next tick."""
-        if self._ends_at_s is None:
+        if self._ending_since_s is None:
             _log.info("ending: the motor is being disabled")
-            self._ends_at_s = time.monotonic() + END_WITHIN_S
+            self._ending_since_s = time.monotonic()
             self._machine.engine.shut_down()
 
+    def _is_over(self, now_s: float) -> bool:
+        """Whether the end has begun and nothing is to be waited for any more."""
+        if self._ending_since_s is None:
+            return False
+        waited_s = now_s - self._ending_since_s
+        if self._machine.is_out_of_reach and waited_s >= FIND_WITHIN_S:
+            return True
+        return self._machine.is_disabled or waited_s >= END_WITHIN_S
+
     def _close(self) -> None:
-        phase = self._machine.motor.view().phase.value
-        logging.getLogger(__name__).info("ended; the motor is %s", phase)
         self._server.flush()
         self._server.close()
         self._path.unlink(missing_ok=True)

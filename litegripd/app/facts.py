@@ -125,8 +125,9 @@ class DaemonFacts:
         latency = parts.reactor.lateness.summary_us()["p99_9_us"]
         if latency is not None and latency > _LATE_P99_9_US:
             degraded.append(f"ticks start late: p99.9 {latency:.0f} µs")
-        if parts.reactor.tick_errors:
-            degraded.append(f"{parts.reactor.tick_errors} ticks failed by a defect; see the log")
+        defects = parts.reactor.tick_errors + parts.reactor.backlog_errors
+        if defects:
+            degraded.append(f"{defects} ticks or requests failed by a defect; see the log")
         return down, degraded
 
     def _motor(self) -> dict[str, object]:

@@ -4,8 +4,10 @@ Engine and motor know nothing of each other; this is where they meet, in real ti
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from litegripd.control.engine import Engine
+from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
@@ -21,19 +23,33 @@ class Machine:
         self.motor = Motor(can_id, master_id)
         self.engine = Engine(config, period_s)
 
-    def tick(self, now_s: float, received: Sequence[CanFrame]) -> list[CanFrame]:
-        """Take what the bus brought since the last tick; return what it is to be given."""
+    def tick(
+        self, now_s: float, received: Sequence[CanFrame], bus_error: str | None = None
+    ) -> list[CanFrame]:
+        """Take what the bus brought since the last tick; return what it is to be given.
+
+        `bus_error` says why the bus cannot be used, where that is so: it then explains why the
+        motor cannot be.
+        """
         self.motor.receive(now_s, received)
-        order = self.engine.step(now_s, self.motor.view())
+        view = self.motor.view()
+        if bus_error is not None:
+            text = f"the CAN bus cannot be used: {bus_error}"
+            view = replace(view, problem=Refusal("bus_down", text))
+        order = self.engine.step(now_s, view)
         return self.motor.step(now_s, order)
 
     @property
-    def is_unpowered(self) -> bool:
-        """Whether the motor has confirmed that it is not energised, or does not answer at all."""
-        phase = self.motor.view().phase
-        return phase in (
-            MotorPhase.DISABLED,
-            MotorPhase.FAULT,
-            MotorPhase.SILENT,
-            MotorPhase.UNKNOWN,
-        )
+    def is_disabled(self) -> bool:
+        """Whether the motor has confirmed that it is not energised."""
+        return self.motor.view().phase in (MotorPhase.DISABLED, MotorPhase.FAULT)
+
+    @property
+    def is_out_of_reach(self) -> bool:
+        """Whether the motor does not answer, or has not told yet what it is."""
+        return self.motor.view().phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
+
+    @property
+    def may_be_energised(self) -> bool:
+        """Whether commands were sent to a motor that has not confirmed since that it is off."""
+        return self.motor.counters.commands > 0 and not self.is_disabled

@@ -11,6 +11,7 @@ from litegripd.app.daemon import Daemon
 from litegripd.app.facts import daemon_version
 from litegripd.io.listener import InUseError
 
+EXIT_NOT_OFF = 1
 EXIT_USAGE = 2
 EXIT_IN_USE = 3
 _CHANNEL_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-")
@@ -34,19 +35,19 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ConfigError as error:
         print(f"litegripd: {error}", file=sys.stderr)
         return EXIT_USAGE
-    except InUseError as error:
+    except (InUseError, OSError) as error:
         print(f"litegripd: {error}", file=sys.stderr)
         return EXIT_IN_USE
-    daemon.run()
-    return 0
+    return 0 if daemon.run() else EXIT_NOT_OFF
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="litegripd",
         description="Own one CAN channel with a LiteGrip gripper and let many processes use it.",
-        epilog="Exit codes: 0 ended by SIGTERM or SIGINT, 2 usage or configuration, 3 the channel"
-        " or the socket belongs to another process.",
+        epilog="Exit codes: 0 ended by SIGTERM or SIGINT with the motor off, 1 ended, but the motor"
+        " did not confirm that it is off, 2 usage or configuration, 3 the channel or the socket"
+        " cannot be had, mostly since it belongs to another process.",
     )
     parser.add_argument("channel", type=_channel, help="the CAN channel, e.g. can0")
     parser.add_argument("--config", type=Path, metavar="FILE", help="this configuration file only")

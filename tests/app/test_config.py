@@ -190,3 +190,21 @@ def test_simulate_takes_the_simulated_gripper_of_the_same_mount(
     expected = mount or "normal"
     assert config.bus == BusSettings("litegrip_sim", "can0", 1_000_000, {"mount": expected})
     assert config.gripper.mount == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("[bus]\nbitrate_data = 1979-05-27", "bitrate_data"),
+        ("[bus]\nignore_config = false", "ignore_config"),
+        ("[motor]\ncan_id = 0x18\nmaster_id = 0x18", "master_id is can_id"),
+        ("[control]\ncpus = [4096]", "cpus"),
+    ],
+)
+def test_what_could_not_work_is_refused(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "can0.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ConfigError) as caught:
+        load("can0", path)
+    assert str(path) in str(caught.value)
+    assert told in str(caught.value)
