@@ -15,7 +15,7 @@ from litegripd.model.calibration import Calibration
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import MotorPhase, Ranges
+from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.state import GripperState
 from litegripd.motor import codec
 from litegripd.rpc.service import RpcService
@@ -76,15 +76,15 @@ class Client:
                 self.answers[message["id"]] = message
         self.session.outgoing.clear()
 
+    def has_answer(self, number: int) -> bool:
+        """Whether a request has been answered."""
+        self.read()
+        return number in self.answers
+
     def call(self, method: str, within_s: float = 20.0, **params: Any) -> dict[str, Any]:
         """Send a request and let time pass until it is answered; return the whole answer."""
         number = self.send(method, **params)
-
-        def answered() -> bool:
-            self.read()
-            return number in self.answers
-
-        self.world.run_until(answered, within_s)
+        self.world.run_until(lambda: self.has_answer(number), within_s)
         return self.answers[number]
 
     def result(self, method: str, **params: Any) -> dict[str, Any]:
@@ -188,16 +188,26 @@ class World:
         """The motor's phase as the daemon knows it."""
         return self.machine.motor.view().phase
 
+    def in_phase(self, *phases: MotorPhase) -> bool:
+        """Whether the motor is in one of these phases."""
+        return self.phase in phases
+
     @property
     def state(self) -> GripperState:
         """The state that clients see now."""
         self.service.reporter.refresh()
         return self.service.reporter.state()
 
-    def commands_since(self, since_s: float) -> list[tuple[float, Any]]:
+    @property
+    def ranges(self) -> Ranges:
+        """The ranges that the daemon codes its frames in."""
+        identity = self.machine.motor.view().identity
+        return Ranges() if identity is None else identity.ranges
+
+    def commands_since(self, since_s: float) -> list[tuple[float, MitCommand]]:
         """Return the MIT commands that were sent since a time, decoded, with their times."""
         return [
-            (sent.at_s, codec.decode_command(sent.frame.data, Ranges()))
+            (sent.at_s, codec.decode_command(sent.frame.data, self.ranges))
             for sent in self.sent
             if sent.at_s >= since_s and sent.frame.can_id == CAN_ID and is_command(sent.frame)
         ]

@@ -4,14 +4,23 @@ Pure: `step(now_s, motor)` returns the order for this tick. Between ticks client
 (`start`), for a stop, or are lost; nothing of that reaches the motor but through `step`.
 """
 
-from dataclasses import dataclass
-
-from litegripd.control.actions.base import Action, Gains
+from litegripd.control import announce
+from litegripd.control.actions.base import DEFAULT_GAINS, Action, gains_of
 from litegripd.control.actions.move_to_stop import Direction, MoveToStop
 from litegripd.control.actions.power import Disable, Enable
-from litegripd.control.admission import NOT_CALIBRATED, busy_refusal, motor_refusal
+from litegripd.control.admission import (
+    ENDING,
+    NO_FEEDBACK,
+    NOT_CALIBRATED,
+    NOT_ENABLED,
+    busy_refusal,
+    motor_refusal,
+    position_refusal,
+    speed_refusal,
+)
 from litegripd.control.filter import LastWord, bounds_of
 from litegripd.control.jobs import JobBook
+from litegripd.control.keeping import Keeping
 from litegripd.control.rest import Hold, Relax, Rest
 from litegripd.control.stop import StopLatch
 from litegripd.model.calibration import Calibration
@@ -19,7 +28,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, JobKind, OnLost, Owner, StopLevel
-from litegripd.model.motion_config import MotionConfig, move_conflict
+from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,
     EnableMotor,
@@ -30,16 +39,6 @@ from litegripd.model.motor import (
     Ranges,
 )
 from litegripd.model.results import HoldResult, Progress, Result
-
-DEFAULT_GAINS = Gains(kp_nm_rad=100.0, kd_nm_s_rad=2.0)
-
-
-@dataclass(slots=True)
-class Keeper:
-    """The client that enabled the motor, and what becomes of the jaws when it is lost."""
-
-    client: int
-    on_lost: OnLost
 
 
 class Engine:
@@ -60,9 +59,10 @@ class Engine:
         self.calibration_problem: Refusal | None = None
         self._period_s = period_s
         self._action: Action | None = None
-        self._keeper: Keeper | None = None
+        self._keeping = Keeping()
         self._last_word = LastWord()
         self._must_disable = False
+        self._is_ending = False
         self._events: list[Event] = []
 
     @property
@@ -76,10 +76,7 @@ class Engine:
         self.calibration = calibration
         self.calibration_problem = problem
         if calibration is not None:
-            self.gains = Gains(
-                _given(calibration.kp_nm_rad, DEFAULT_GAINS.kp_nm_rad),
-                _given(calibration.kd_nm_s_rad, DEFAULT_GAINS.kd_nm_s_rad),
-            )
+            self.gains = gains_of(calibration)
 
     # What clients ask for, between two ticks ---------------------------------------------------
 
@@ -88,14 +85,11 @@ class Engine:
     ) -> Job | Refusal:
         """Begin to enable the motor; `owner` becomes its keeper."""
         refusal = self._unfree() or self.motor.problem
-        if refusal is None and self.motor.phase is MotorPhase.DISABLING:
-            refusal = Refusal("not_confirmed", "the motor is still being disabled: try again")
         if refusal is not None:
             return refusal
-        request = EnableMotor(
-            tries or self.config.enable_retries, self.config.enable_retry_interval
-        )
-        self._keeper = Keeper(owner.client, on_lost)
+        tries = tries or self.config.enable_retries
+        request = EnableMotor(tries, self.config.enable_retry_interval)
+        self._keeping.begin(owner.client, on_lost)
         return self._begin("enable", Enable(request), owner, detached)
 
     def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
@@ -106,7 +100,7 @@ class Engine:
         refusal = busy_refusal(self.jobs.running)
         if refusal is not None:
             return refusal
-        self._keeper = None
+        self._keeping.end()
         return self._begin("disable", Disable(), owner, detached)
 
     def move(
@@ -120,11 +114,11 @@ class Engine:
         if geometry is None:
             return self.calibration_problem or NOT_CALIBRATED
         speed = self.config.speed_mm_s if speed_mm_s is None else speed_mm_s
-        conflict = move_conflict(self.config, speed, geometry, self._period_s)
-        if conflict is not None:
-            data = {"requested": conflict.requested, "limit": conflict.limit}
-            return Refusal("out_of_limits", conflict.message, data)
-        refusal = motor_refusal(self.motor)
+        refusal = (
+            speed_refusal(self.config, speed, geometry, self._period_s)
+            or motor_refusal(self.motor)
+            or position_refusal(self.motor, geometry)
+        )
         if refusal is not None:
             return refusal
         action = MoveToStop(
@@ -142,7 +136,7 @@ class Engine:
         refusal = self._unfree() or motor_refusal(self.motor)
         feedback = self.motor.feedback
         if refusal is not None or feedback is None:
-            return refusal or Refusal("motor_silent", "no feedback has come yet: try again")
+            return refusal or NO_FEEDBACK
         self.rest = Hold(feedback.position_rad, self.gains)
         job = self.jobs.begin("hold", owner, True, self.now_s)
         self._end(HoldResult(feedback.position_rad))
@@ -166,37 +160,39 @@ class Engine:
             running = self.jobs.running
             if running is not None and running.kind != "disable":
                 self._end(refusal)
-            self._events.append(Event("stop", refusal.message, {"level": stop.level}))
+            self._events.append(announce.stopped(stop.level, refusal))
         self._settle_into(stop.level)
 
     def clear_stop(self, by: Owner) -> None:
         """Allow motions again; the jaws stay as they are."""
         if self.stop_latch.latched is not None:
             self.stop_latch.clear()
-            text = f"stop cleared by {by.program} (pid {by.pid})"
-            self._events.append(Event("stop_cleared", text))
+            self._events.append(announce.stop_cleared(by))
 
     def client_lost(self, client: int) -> None:
-        """End what a client owned: its motion, unless detached, and its keeping of the motor."""
-        keeper = self._keeper
-        on_lost: OnLost = "hold"
-        kept = keeper is not None and keeper.client == client
-        if keeper is not None and kept:
-            on_lost = keeper.on_lost
-            self._keeper = None
+        """End what a client owned: its motion, unless detached, and its keeping of the motor.
+
+        What a lost keeper wanted of the jaws is done at once, or when the motion has ended that
+        goes on without it: a detached one, or another client's. Disabling always goes on.
+        """
         running = self.jobs.running
         owned = running is not None and running.owner.client == client and not running.detached
-        if running is not None and owned and running.kind != "disable":
+        ends = owned and running is not None and running.kind != "disable"
+        wanted = self._keeping.lose(client, outlived=running is not None and not ends)
+        on_lost: OnLost = wanted or "hold"
+        if running is not None and ends:
             text = f"the client that owned it, {running.owner.program}, went away"
             self._end(Refusal("client_lost", text, {"on_lost": on_lost}))
-        if owned or (kept and self.jobs.running is None):
-            text = f"client lost: the jaws {_ON_LOST_TEXT[on_lost]}"
-            self._events.append(Event("client_lost", text, {"on_lost": on_lost}))
-            self._settle_into(on_lost)
+        if ends or wanted is not None:
+            later = self._keeping.is_owed
+            self._events.append(announce.client_lost(on_lost, later=later))
+            if not later:
+                self._settle_into(on_lost)
 
     def shut_down(self) -> None:
-        """Begin the daemon's end: whatever runs is cancelled and the motor disabled."""
-        self._end(Refusal("shutting_down", "the daemon is about to end"))
+        """Begin the daemon's end: what runs is cancelled, the motor disabled, all else refused."""
+        self._is_ending = True
+        self._end(ENDING)
         self._must_disable = True
 
     # The tick ---------------------------------------------------------------------------------
@@ -208,18 +204,19 @@ class Engine:
         self.now_s = now_s
         if self._must_disable:
             self._must_disable = False
-            self.command = None
+            self._go_unpowered(now_s)
             return MotorOrder(request=DisableMotor())
         command, request = self._act(now_s)
         feedback = motor.feedback
         if motor.phase is not MotorPhase.ENABLED or feedback is None:
-            self.command, self.limited = None, ()
+            self._go_unpowered(now_s)
             return MotorOrder(request=request)
+        is_motion = command is not None
         command = command or self.rest.command(feedback)
         ranges = Ranges() if motor.identity is None else motor.identity.ranges
         bounds = bounds_of(self.geometry, self.config)
         self.command, self.limited = self._last_word.apply(now_s, command, feedback, bounds, ranges)
-        return MotorOrder(self.command, request)
+        return MotorOrder(self.command, request, is_motion)
 
     def progress(self) -> Progress | None:
         """Tell where the running job is."""
@@ -236,28 +233,34 @@ class Engine:
         if action is None:
             return None, None
         if action.needs_power and motor.phase is not MotorPhase.ENABLED:
-            self._end(motor_refusal(motor) or _POWER_LOST)
+            self._end(motor_refusal(motor) or NOT_ENABLED)
             return None, None
         step = action.step(now_s, motor)
         if step.outcome is not None:
             self._end(step.outcome)
         return step.command, step.request
 
+    def _go_unpowered(self, now_s: float) -> None:
+        self.command, self.limited = None, ()
+        self._last_word.unpowered(now_s)
+
     def _note_phase(self, motor: MotorView) -> None:
-        """Whenever the motor becomes enabled, or answers again, hold what is measured now."""
+        """Whenever the motor becomes enabled, or answers again, hold what is measured now.
+
+        Jaws that were slack before a silence stay slack: a hand may be in them.
+        """
         before, self.motor = self.motor.phase, motor
         if motor.phase is before:
             return
-        text = f"motor: {before.value} -> {motor.phase.value}"
-        self._events.append(Event("motor", text, {"phase": motor.phase.value}))
-        if motor.phase is MotorPhase.ENABLED and motor.feedback is not None:
+        self._events.append(announce.motor_changed(before, motor.phase))
+        slack = before is MotorPhase.SILENT and isinstance(self.rest, Relax)
+        if motor.phase is MotorPhase.ENABLED and motor.feedback is not None and not slack:
             self.rest = Hold(motor.feedback.position_rad, self.gains)
 
     def _begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
         job = self.jobs.begin(kind, owner, detached, self.now_s)
         self._action = action
-        text = f"job {job.number}: {kind} by {owner.program} (pid {owner.pid}, uid {owner.uid})"
-        self._events.append(Event("job_started", text, {"job": job.number, "kind": kind}))
+        self._events.append(announce.job_started(job))
         return job
 
     def _end(self, outcome: Result | Refusal) -> None:
@@ -269,15 +272,18 @@ class Engine:
         feedback = self.motor.feedback
         if action is not None and action.needs_power and feedback is not None:
             self.rest = Hold(feedback.position_rad, self.gains)
-        if job.kind == "enable" and isinstance(outcome, Refusal):
-            self._must_disable = True  # an enabling that is broken off may still take effect
-        how = outcome.message if isinstance(outcome, Refusal) else str(outcome)
-        text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
-        self._events.append(Event("job_ended", text, {"job": job.number, "state": job.state.value}))
+        broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
+        if broken_off and self.motor.phase is not MotorPhase.ENABLED:
+            self._must_disable = True  # it may still take effect
+        owed = self._keeping.take_owed()
+        if owed is not None:
+            self._settle_into(owed)
+        self._events.append(announce.job_ended(job, outcome))
 
     def _unfree(self) -> Refusal | None:
-        """Say why no motion may be asked for: a stop, or another motion."""
-        return self.stop_latch.refusal() or busy_refusal(self.jobs.running)
+        """Say why no motion may be asked for: the daemon's end, a stop, or another motion."""
+        ending = ENDING if self._is_ending else None
+        return ending or self.stop_latch.refusal() or busy_refusal(self.jobs.running)
 
     def _settle_into(self, level: StopLevel) -> None:
         """Go into what a stop or a lost client leaves behind; a hold is kept, force included."""
@@ -285,11 +291,3 @@ class Engine:
             self._must_disable = True
         elif level == "relax":
             self.rest = Relax()
-
-
-_ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
-_POWER_LOST = Refusal("not_enabled", "the motor is no longer enabled")
-
-
-def _given(value: float | None, default: float) -> float:
-    return default if value is None else value

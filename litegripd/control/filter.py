@@ -51,6 +51,7 @@ class LastWord:
         self._impulse_nm_s = 0.0
         self._rated_only = False
         self._last_s: float | None = None
+        self._last_nm = 0.0
 
     def apply(
         self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges
@@ -60,24 +61,31 @@ class LastWord:
         if not all(map(math.isfinite, _fields(command))):
             command = MitCommand(feedback.position_rad, 0.0, 0.0, _BRAKE_KD_NM_S_RAD, 0.0)
             limited.append("not_finite")
-        inside = _inside(command, feedback, bounds)
-        if inside != command:
+        packable = _within_ranges(command, ranges)
+        if packable != command:
+            limited.append("range")
+        inside = _inside(packable, feedback, bounds)
+        if inside != packable:
             limited.append("travel")
+        self._charge(now_s)
         budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
         within = _within_torque(inside, feedback, budget_nm)
         if within != inside:
             limited.append("torque")
-        packable = _within_ranges(within, ranges)
-        if packable != within:
-            limited.append("range")
-        self._account(now_s, torque_bound_nm(packable, feedback))
-        return packable, tuple(limited)
+        within = _within_ranges(within, ranges)  # scaling may round to just beyond a range
+        self._last_nm = torque_bound_nm(within, feedback)
+        return within, tuple(limited)
 
-    def _account(self, now_s: float, torque_nm: float) -> None:
+    def unpowered(self, now_s: float) -> None:
+        """Take note that the motor is told nothing from now on."""
+        self._charge(now_s)
+        self._last_nm = 0.0
+
+    def _charge(self, now_s: float) -> None:
         """Keep the impulse above the rating; once used up, it must drain before the next peak."""
         elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
         self._last_s = now_s
-        self._impulse_nm_s += (torque_nm - RATED_TORQUE_NM) * elapsed_s
+        self._impulse_nm_s += (self._last_nm - RATED_TORQUE_NM) * elapsed_s
         self._impulse_nm_s = max(self._impulse_nm_s, 0.0)
         if self._impulse_nm_s >= PEAK_IMPULSE_NM_S:
             self._rated_only = True
@@ -103,12 +111,20 @@ def _fields(command: MitCommand) -> tuple[float, ...]:
 
 
 def _inside(command: MitCommand, feedback: Feedback, bounds: Bounds) -> MitCommand:
-    """Keep the target in the bounds; a jaw that is outside may stay, but is not led further."""
+    """Keep the target in the bounds; a jaw that is outside may stay, but is not led further.
+
+    A velocity that leads beyond the same bound goes with it: damping turns it into torque.
+    """
     measured_rad = feedback.position_rad
     low_rad = max(min(bounds.low_rad, measured_rad), measured_rad - bounds.lead_rad)
     high_rad = min(max(bounds.high_rad, measured_rad), measured_rad + bounds.lead_rad)
     position_rad = min(max(command.position_rad, low_rad), high_rad)
-    return replace(command, position_rad=position_rad)
+    velocity_rad_s = command.velocity_rad_s
+    if command.position_rad > high_rad or measured_rad >= bounds.high_rad:
+        velocity_rad_s = min(velocity_rad_s, 0.0)
+    if command.position_rad < low_rad or measured_rad <= bounds.low_rad:
+        velocity_rad_s = max(velocity_rad_s, 0.0)
+    return replace(command, position_rad=position_rad, velocity_rad_s=velocity_rad_s)
 
 
 def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) -> MitCommand:

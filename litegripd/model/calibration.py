@@ -43,7 +43,7 @@ def parse_calibration(text: str) -> Calibration:
     """Read a calibration file's text; raises `CalibrationError` with the reason."""
     try:
         content = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise CalibrationError(f"not valid JSON: {error}") from None
     if not isinstance(content, dict):
         raise CalibrationError("not a JSON object")
@@ -66,9 +66,15 @@ def _number(content: Mapping[str, Any], key: str) -> float:
     if key not in content:
         raise CalibrationError(f"{key} is missing")
     value = content[key]
-    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-        raise CalibrationError(f"{key} is {value!r}, not a finite number")
-    return float(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise CalibrationError(f"{key} is {value!r}, not a number")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise CalibrationError(f"{key} is not a finite number")
+    return number
 
 
 def _gain(content: Mapping[str, Any], key: str) -> float | None:

@@ -9,6 +9,11 @@ from typing import Literal, TypeAlias
 
 Mount: TypeAlias = Literal["normal", "reverse"]
 
+LARGEST_LIMIT_RAD = 100.0
+SMALLEST_TRAVEL_RAD = 0.001
+RAD_TO_MM_RANGE = (0.001, 1e6)
+"""Far wider than any gripper: within these bounds no figure of the geometry under- or overflows."""
+
 FORCE_PER_TORQUE_N_NM = 10.0
 """1 N corresponds to about 0.1 N·m (vendor's SDK, `UnitConversion.N_TO_NM`): approximate, since
 the clamping force depends on the geometry of the fingers."""
@@ -20,7 +25,7 @@ class Geometry:
 
     `closed_rad` and `open_rad` are the motor's positions at the two stops, in either order;
     `rad_to_mm` is the jaw opening per radian, above 0. Raises `ValueError` for a value that is
-    not finite, for zero travel and for a factor that is not positive.
+    not finite, for zero travel, for a factor that is not positive, and for absurd sizes.
     """
 
     closed_rad: float
@@ -35,6 +40,12 @@ class Geometry:
             raise ValueError("the two limits are equal, so the closing direction is unknown")
         if self.rad_to_mm <= 0.0:
             raise ValueError(f"rad_to_mm is {self.rad_to_mm}, it must be above 0")
+        if max(abs(self.closed_rad), abs(self.open_rad)) > LARGEST_LIMIT_RAD:
+            raise ValueError(f"a limit is beyond ±{LARGEST_LIMIT_RAD:g} rad")
+        if self.travel_rad < SMALLEST_TRAVEL_RAD:
+            raise ValueError(f"the travel is {self.travel_rad:g} rad, less than a jaw can move")
+        if not RAD_TO_MM_RANGE[0] <= self.rad_to_mm <= RAD_TO_MM_RANGE[1]:
+            raise ValueError(f"rad_to_mm is {self.rad_to_mm:g}, it must be 0.001 to 1e6")
 
     @property
     def close_sign(self) -> int:

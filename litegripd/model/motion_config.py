@@ -79,8 +79,9 @@ def move_conflict(
     """Say why a move to a stop at this speed does not go with the other settings, if so.
 
     Above `stop_lead_mm` a period, the lead cap would clip the ramp's own step. Below
-    `stall_delta` a stall window, every motion would count as stalled. A target closer to the
-    stop than `reach_tol` could not tell a stop from a jaw that met none.
+    `stop_lead_mm` a stall window, static friction would count as a stall: it holds the jaws until
+    the command leads by up to that much. Below `stall_delta` a window, every motion would. A
+    target closer to the stop than `reach_tol` could not tell a stop from a jaw that met none.
     """
     overshoot_rad = config.press_overshoot * geometry.travel_rad
     if overshoot_rad <= config.reach_tol:
@@ -94,8 +95,8 @@ def move_conflict(
         )
     fastest = config.stop_lead_mm / period_s
     window_s = config.stall_cycles * config.sample_interval
-    slowest = 1.5 * config.stall_delta * geometry.rad_to_mm / window_s
-    if speed_mm_s > fastest:
+    slowest = max(1.5 * config.stall_delta * geometry.rad_to_mm, config.stop_lead_mm) / window_s
+    if not speed_mm_s <= fastest:  # so that NaN is refused, too
         return Conflict(
             "speed_mm_s",
             speed_mm_s,
@@ -108,7 +109,8 @@ def move_conflict(
             "speed_mm_s",
             speed_mm_s,
             slowest,
-            f"speed_mm_s is {speed_mm_s:g}, at least {slowest:.3g} goes with stall_delta"
-            f" {config.stall_delta:g}: a slower motion could not be told from a stall",
+            f"speed_mm_s is {speed_mm_s:g}, at least {slowest:.3g} goes with stop_lead_mm"
+            f" {config.stop_lead_mm:g} and stall_delta {config.stall_delta:g} in a stall window of"
+            f" {window_s:g} s: a slower motion could not be told from a stall",
         )
     return None

@@ -131,7 +131,11 @@ class DisableMotor:
 
 @dataclass(frozen=True, slots=True)
 class MotorOrder:
-    """What the engine wants of the motor in one tick."""
+    """What the engine wants of the motor in one tick.
+
+    `is_motion` tells that `command` leads the jaws on; it must not go on without feedback.
+    """
 
     command: MitCommand | None = None
     request: EnableMotor | DisableMotor | None = None
+    is_motion: bool = False

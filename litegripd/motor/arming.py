@@ -10,7 +10,7 @@ from litegripd.model.frame import CanFrame
 from litegripd.model.motor import EnableMotor, Feedback, MitCommand, MotorIdentity, is_fault
 from litegripd.motor import codec
 from litegripd.motor.faults import SILENT, fault_refusal
-from litegripd.motor.look import ANSWER_WITHIN_S
+from litegripd.motor.look import ANSWER_WITHIN_S, LONGEST_WATCHDOG_S
 from litegripd.motor.phases import Phase
 from litegripd.motor.registers import TIMEOUT, TIMEOUT_UNIT_S, Answer, read_request, write_request
 
@@ -19,7 +19,14 @@ WATCHDOG_S = 0.1
 itself dies."""
 
 _WATCHDOG_UNITS = round(WATCHDOG_S / TIMEOUT_UNIT_S)
+_LONGEST_UNITS = round(LONGEST_WATCHDOG_S / TIMEOUT_UNIT_S)
 _PREPARE_WITHIN_S = 0.2
+_NO_WATCHDOG = Refusal(
+    "motor_unsuitable",
+    "the motor's watchdog (register TIMEOUT) is off, or longer than 1 s, and could not be"
+    " set, so the motor would keep pushing if the daemon died: set it with the maker's tool",
+    {"register": "TIMEOUT"},
+)
 
 
 class Arming:
@@ -28,7 +35,8 @@ class Arming:
     def __init__(self, identity: MotorIdentity, request: EnableMotor, now_s: float) -> None:
         self.tries = 0
         self.failure: Refusal | None = None
-        self.is_prepared = identity.timeout_s > 0.0
+        self.is_prepared = False
+        self._watchdog_units: int | None = None
         self._identity = identity
         self._request = request
         self._began_s = now_s
@@ -36,10 +44,17 @@ class Arming:
         self._next_request_s = now_s
 
     def take(self, answer: Answer) -> bool:
-        """Take a register answer; the watchdog counts as set once reading it back says so."""
+        """Take a register answer; the watchdog counts as set once reading it says so.
+
+        It is read before every enabling: a power cycle undoes what was written, and may have
+        gone unnoticed.
+        """
         if self.is_prepared or answer.number != TIMEOUT.number or answer.is_write:
             return False
-        self.is_prepared = TIMEOUT.decode(answer.raw) == _WATCHDOG_UNITS
+        if self._watchdog_units is None:
+            self._next_request_s = self._began_s  # no need to wait before writing
+        self._watchdog_units = int(TIMEOUT.decode(answer.raw))
+        self.is_prepared = 0 < self._watchdog_units <= _LONGEST_UNITS
         return True
 
     def step(self, now_s: float, phase: Phase, feedback: Feedback | None) -> list[CanFrame]:
@@ -52,17 +67,14 @@ class Arming:
 
     def _prepare(self, now_s: float) -> list[CanFrame]:
         if now_s - self._began_s > _PREPARE_WITHIN_S:
-            self.failure = Refusal(
-                "motor_unsuitable",
-                "the motor's watchdog (register TIMEOUT) is off and could not be set, so the motor"
-                " would keep pushing if the daemon died: set it with the maker's tool",
-                {"register": "TIMEOUT"},
-            )
+            self.failure = SILENT if self._watchdog_units is None else _NO_WATCHDOG
             return []
         if now_s < self._next_request_s:
             return []
         self._next_request_s = now_s + ANSWER_WITHIN_S
         can_id = self._identity.can_id
+        if self._watchdog_units is None:
+            return [read_request(can_id, TIMEOUT)]
         return [write_request(can_id, TIMEOUT, _WATCHDOG_UNITS), read_request(can_id, TIMEOUT)]
 
     def _clear(self, now_s: float, feedback: Feedback | None) -> list[CanFrame]:

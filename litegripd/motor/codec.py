@@ -88,4 +88,4 @@ def _to_gain_code(name: str, value: float, limit: float) -> int:
 
 
 def _from_code(code: int, limit: float, codes: int) -> float:
-    return code * 2.0 * limit / codes - limit
+    return limit * (2.0 * code / codes - 1.0)  # never beyond the limit, by no rounding error

@@ -23,6 +23,12 @@ from litegripd.motor.registers import (
 ANSWER_WITHIN_S = 0.02
 TRIES_PER_REGISTER = 3
 
+LONGEST_WATCHDOG_S = 1.0
+"""A longer one counts as off: nobody waits that long for jaws that press."""
+
+SMALLEST_RANGE, LARGEST_RANGE = 0.1, 1000.0
+"""rad, rad/s, N·m: far beyond any motor of this kind, at either end."""
+
 MODEL_RANGES = Ranges()
 """What a DM4310 leaves the factory with."""
 
@@ -66,12 +72,15 @@ class Look:
         return [read_request(self._can_id, register)]
 
     def take(self, answer: Answer, can_id: int) -> bool:
-        """Take an answer that came on `can_id`; tell whether it was the awaited one."""
+        """Take an answer that came on `can_id`; tell whether it was the awaited one.
+
+        Another process's read request has the shape of an answer of zero, but not its id.
+        """
         register = self.awaited
         if register is None or answer.is_write or answer.number != register.number:
             return False
         value = register.decode(answer.raw)
-        if register is MASTER_ID and value != can_id:
+        if can_id != (value if register is MASTER_ID else self.master_id):
             return False
         self._values[register] = value
         self._tries = 0
@@ -93,9 +102,15 @@ class Look:
         )
 
 
+def has_usable_ranges(identity: MotorIdentity) -> bool:
+    """Whether frames can be decoded with the motor's ranges: finite and of no absurd size."""
+    ranges = identity.ranges
+    limits = (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)
+    return all(SMALLEST_RANGE <= limit <= LARGEST_RANGE for limit in limits)
+
+
 def unsuitable(identity: MotorIdentity, configured_master_id: int | None) -> Refusal | None:
     """Say why a motor must not be enabled, if its registers forbid it."""
-    ranges = identity.ranges
     if configured_master_id not in (None, identity.master_id):
         return Refusal(
             "motor_unsuitable",
@@ -110,8 +125,9 @@ def unsuitable(identity: MotorIdentity, configured_master_id: int | None) -> Ref
             f" to {MIT_MODE}, MIT, with the maker's tool",
             {"register": "CTRL_MODE", "value": identity.control_mode},
         )
-    limits = (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)
-    if not all(0.0 < limit < 1000.0 for limit in limits):
+    if not has_usable_ranges(identity):
+        ranges = identity.ranges
+        limits = (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)
         return Refusal(
             "motor_unsuitable",
             f"the motor's ranges PMAX, VMAX, TMAX are {limits}: set them with the maker's tool",
@@ -130,8 +146,11 @@ def warnings(identity: MotorIdentity) -> list[str]:
             f" ±{read.torque_nm:g} N·m instead of ±{usual.position_rad:g},"
             f" ±{usual.velocity_rad_s:g}, ±{usual.torque_nm:g}; the motor's own are used"
         )
-    if identity.timeout_s == 0.0:
-        found.append("the motor's watchdog (register TIMEOUT) is off; it is set before enabling")
+    if not 0.0 < identity.timeout_s <= LONGEST_WATCHDOG_S:
+        found.append(
+            f"the motor's watchdog (register TIMEOUT) is {identity.timeout_s:g} s, 0 meaning off;"
+            " it is set before enabling"
+        )
     return found
 
 

@@ -25,7 +25,7 @@ from litegripd.model.motor import (
 from litegripd.motor import codec
 from litegripd.motor.arming import Arming
 from litegripd.motor.faults import SILENT, fault_refusal
-from litegripd.motor.look import Look, unsuitable
+from litegripd.motor.look import Look, has_usable_ranges, unsuitable
 from litegripd.motor.phases import PUBLIC, TRANSITIONS, Event, Phase
 from litegripd.motor.registers import Answer, parse_answer, status_request
 
@@ -89,7 +89,7 @@ class Motor:
         """Return what is known now."""
         return MotorView(
             phase=self._public_phase(),
-            feedback=None if self._identity is None else self._feedback,
+            feedback=None if self._usable_ranges() is None else self._feedback,
             identity=self._identity,
             enable_tries=self._tries,
             problem=self._problem(),
@@ -111,7 +111,7 @@ class Motor:
             self._failure = None
             self._go(Event.DISABLE, now_s)
         if self._phase is Phase.ENABLED:
-            return self._stream(order.command, now_s)
+            return self._stream(order, now_s)
         if self._phase in (Phase.PREPARING, Phase.CLEARING, Phase.ARMING):
             return self._arm(now_s)
         if self._phase is Phase.DISABLING:
@@ -134,25 +134,37 @@ class Motor:
     def _take_answer(self, answer: Answer, can_id: int) -> bool:
         """Give a register answer to whoever awaits it; one that nobody awaits is never feedback."""
         if self._arming is not None:
-            return self._arming.take(answer)
+            return can_id == self._master_id() and self._arming.take(answer)
         if self._phase is not Phase.LOOKING or not self._look.take(answer, can_id):
             return False
         self._unanswered = 0
-        self._identity = self._look.identity()
+        self._polled_at_s = float("-inf")  # ask for the status, too: it may be enabled
+        self._note_identity()
         return True
+
+    def _note_identity(self) -> None:
+        self._identity = self._look.identity()
+        if self._identity is not None:  # what came before may have been coded in other ranges
+            self._feedback = None
+            self._fresh = False
 
     def _master_id(self) -> int | None:
         return self._look.master_id if self._identity is None else self._identity.master_id
 
+    def _usable_ranges(self) -> Ranges | None:
+        identity = self._identity
+        return identity.ranges if identity is not None and has_usable_ranges(identity) else None
+
     def _ranges(self) -> Ranges:
-        return Ranges() if self._identity is None else self._identity.ranges
+        """Return what frames are decoded with; the status does not depend on it."""
+        return self._usable_ranges() or Ranges()
 
     def _take_status(self, now_s: float) -> None:
-        status = Status.DISABLED if self._feedback is None else self._feedback.status
+        if self._feedback is None or (self._phase is Phase.LOOKING and self._identity is None):
+            return
         if self._phase is Phase.DISABLING and now_s < self._entered_s + DISABLE_CONFIRM_AFTER_S:
             return
-        if self._phase is Phase.LOOKING and self._identity is None:
-            return
+        status = self._feedback.status
         if status == Status.ENABLED:
             self._go(Event.SAW_ENABLED, now_s)
         elif is_fault(status):
@@ -171,7 +183,9 @@ class Motor:
         self._unanswered = 0
         if following is Phase.LOOKING:
             self._look = Look(self._can_id)
-            self._identity = None
+            self._identity = self._feedback = None
+            if event in (Event.NO_ANSWER, Event.GAVE_UP):
+                self._unanswered = SILENT_AFTER_POLLS + 1  # it is known to be silent
         if following not in (Phase.PREPARING, Phase.CLEARING, Phase.ARMING):
             self._arming = None
 
@@ -185,15 +199,19 @@ class Motor:
             silent_s = in_phase_s if self._feedback is None else now_s - self._feedback.at_s
             if in_phase_s >= DISABLE_GIVES_UP_S and silent_s >= SILENT_AFTER_S:
                 self._go(Event.NO_ANSWER, now_s)
+        elif self._phase is Phase.LOOKING:
+            if self._is_silent() and self._look.master_id is not None:
+                self._look = Look(self._can_id)  # another motor may come in its place
         else:
             allowed = REPEATED_COMMANDS if self._phase is Phase.ENABLED else SILENT_AFTER_POLLS
             if self._unanswered > allowed:
                 self._go(Event.NO_ANSWER, now_s)
 
     def _public_phase(self) -> MotorPhase:
-        if self._phase is Phase.LOOKING and self._unanswered > SILENT_AFTER_POLLS:
-            return MotorPhase.SILENT
-        return PUBLIC[self._phase]
+        return MotorPhase.SILENT if self._is_silent() else PUBLIC[self._phase]
+
+    def _is_silent(self) -> bool:
+        return self._phase is Phase.LOOKING and self._unanswered > SILENT_AFTER_POLLS
 
     def _problem(self) -> Refusal | None:
         """Say why the motor could not be enabled now."""
@@ -210,10 +228,12 @@ class Motor:
         return fault_refusal(feedback)
 
     def _begin_enable(self, request: EnableMotor, now_s: float) -> None:
-        if self._identity is None or self._phase not in (Phase.DISABLED, Phase.FAULT):
-            return
-        self._failure = None
+        self._failure = self._problem()
         self._tries = 0
+        if self._identity is None or self._failure is not None:
+            return
+        if self._phase not in (Phase.DISABLED, Phase.FAULT):
+            return
         self._arming = Arming(self._identity, request, now_s)
         self._go(Event.ENABLE, now_s)
 
@@ -223,7 +243,6 @@ class Motor:
             return []
         if self._phase is Phase.PREPARING and arming.is_prepared:
             self._go(Event.PREPARED, now_s)
-            self._fresh = False
         frames = arming.step(now_s, self._phase, self._feedback)
         self._tries = arming.tries
         if arming.failure is not None:
@@ -239,12 +258,17 @@ class Motor:
             )
         return [self._to_motor(codec.DISABLE)]
 
-    def _stream(self, command: MitCommand | None, now_s: float) -> list[CanFrame]:
-        """Give one command; while answers fail, the last one again, without feed-forward."""
-        if self._unanswered and self._last_command is not None:
-            command = replace(self._last_command, velocity_rad_s=0.0)
+    def _stream(self, order: MotorOrder, now_s: float) -> list[CanFrame]:
+        """Give one command; while answers fail, a motion's last one again, without feed-forward.
+
+        What is no motion is what a stop has led to, or a hold: that goes out as it is.
+        """
+        command = order.command
         if command is None:
             return self._poll(now_s)
+        if self._unanswered:
+            last = self._last_command if order.is_motion else None
+            command = replace(last or command, velocity_rad_s=0.0)
         self._last_command = command
         self._unanswered += 1
         self.counters.commands += 1
@@ -265,6 +289,8 @@ class Motor:
     def _look_again(self, now_s: float) -> list[CanFrame]:
         """Read registers; a motor that is found enabled is disabled at once, whoever enabled it."""
         frames = self._look.step(now_s)
+        if self._identity is None:
+            self._note_identity()
         if self._feedback is not None and self._feedback.status == Status.ENABLED:
             frames.append(self._to_motor(codec.DISABLE))
         return frames

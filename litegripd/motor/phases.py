@@ -16,7 +16,8 @@ class Phase(Enum):
     """Finer than `MotorPhase`: enabling takes three steps, and silence has two degrees."""
 
     LOOKING = auto()
-    """Reading the registers; a status counts only after them, since they hold its ranges."""
+    """Reading the registers; a status counts only after them, since they hold its ranges. Also
+    where a motor that has fallen silent is looked for: another may come in its place."""
     DISABLED = auto()
     PREPARING = auto()
     """Making sure that the motor's own watchdog is on."""
@@ -29,7 +30,6 @@ class Phase(Enum):
     """Was enabled and stopped answering: commands are withheld, so that none can queue up."""
     DISABLING = auto()
     FAULT = auto()
-    SILENT = auto()
 
 
 class Event(Enum):
@@ -54,12 +54,12 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.LOOKING, _E.SAW_FAULT): _P.FAULT,
         (_P.DISABLED, _E.SAW_ENABLED): _P.DISABLING,
         (_P.DISABLED, _E.SAW_FAULT): _P.FAULT,
-        (_P.DISABLED, _E.NO_ANSWER): _P.SILENT,
+        (_P.DISABLED, _E.NO_ANSWER): _P.LOOKING,
         (_P.DISABLED, _E.ENABLE): _P.PREPARING,
         (_P.DISABLED, _E.DISABLE): _P.DISABLING,
         (_P.FAULT, _E.SAW_DISABLED): _P.DISABLED,
         (_P.FAULT, _E.SAW_ENABLED): _P.DISABLING,
-        (_P.FAULT, _E.NO_ANSWER): _P.SILENT,
+        (_P.FAULT, _E.NO_ANSWER): _P.LOOKING,
         (_P.FAULT, _E.ENABLE): _P.PREPARING,
         (_P.FAULT, _E.DISABLE): _P.DISABLING,
         (_P.PREPARING, _E.PREPARED): _P.CLEARING,
@@ -80,17 +80,14 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.LOST, _E.SAW_ENABLED): _P.ENABLED,
         (_P.LOST, _E.SAW_DISABLED): _P.LOOKING,
         (_P.LOST, _E.SAW_FAULT): _P.FAULT,
-        (_P.LOST, _E.GAVE_UP): _P.SILENT,
+        (_P.LOST, _E.GAVE_UP): _P.LOOKING,
         (_P.LOST, _E.DISABLE): _P.DISABLING,
         (_P.DISABLING, _E.SAW_DISABLED): _P.DISABLED,
         (_P.DISABLING, _E.SAW_FAULT): _P.FAULT,
-        (_P.DISABLING, _E.NO_ANSWER): _P.SILENT,
-        (_P.SILENT, _E.SAW_DISABLED): _P.LOOKING,
-        (_P.SILENT, _E.SAW_ENABLED): _P.LOOKING,
-        (_P.SILENT, _E.SAW_FAULT): _P.LOOKING,
-        (_P.SILENT, _E.DISABLE): _P.DISABLING,
+        (_P.DISABLING, _E.NO_ANSWER): _P.LOOKING,
     }
 )
+"""`DISABLE` while looking needs no row: a motor that is found enabled is disabled anyway."""
 
 PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
     {
@@ -103,6 +100,5 @@ PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
         Phase.LOST: MotorPhase.SILENT,
         Phase.DISABLING: MotorPhase.DISABLING,
         Phase.FAULT: MotorPhase.FAULT,
-        Phase.SILENT: MotorPhase.SILENT,
     }
 )

@@ -15,11 +15,17 @@ class Enable:
 
     def __init__(self, request: EnableMotor) -> None:
         self._request: EnableMotor | None = request
+        self._began_s: float | None = None
 
-    def step(self, _now_s: float, motor: MotorView) -> Step:
-        """Ask once, then watch."""
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Let a disabling that is under way end, ask once, then watch."""
+        if self._began_s is None:
+            self._began_s = now_s
         if motor.phase is MotorPhase.ENABLED:
             return Step(outcome=EnableResult(ok=True, tries=motor.enable_tries))
+        if self._request is not None and motor.phase is MotorPhase.DISABLING:
+            waits = now_s - self._began_s < _DISABLE_WITHIN_S
+            return Step(outcome=None if waits else _STILL_DISABLING)
         if self._request is not None:
             request, self._request = self._request, None
             return Step(request=request)
@@ -59,6 +65,8 @@ class Disable:
         """There is nothing to tell."""
         return None
 
+
+_STILL_DISABLING = Refusal("not_confirmed", "the motor is still being disabled: try again")
 
 _NOT_CONFIRMED = Refusal(
     "not_confirmed", "the motor does not confirm that it is disabled: cut its power"

@@ -1,0 +1,218 @@
+"""Opening and closing on the simulated gripper, and what is commanded on the way."""
+
+import math
+
+import pytest
+
+from litegripd.control.actions.base import DEFAULT_GAINS
+from litegripd.model.calibration import Calibration
+from litegripd.model.geometry import Geometry
+from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from tests.world import PERIOD_S, Client, World
+
+MOUNTS = ("normal", "reverse")
+MM_RAD = 74.8
+LEAD_RAD, PRESS_RAD = 4.0 / MM_RAD, 0.7 / MM_RAD
+CODE_RAD = 25.0 / 65535
+
+
+def calibrate(world: World, closed_by: float = 0.0, open_by: float = 0.0) -> None:
+    """Shift the calibrated limits by shares of the travel, outwards positive."""
+    closed_rad, open_rad = limits_of_mount("normal")
+    travel_rad = closed_rad - open_rad
+    geometry = Geometry(closed_rad + closed_by * travel_rad, open_rad - open_by * travel_rad, 74.8)
+    world.engine.use_calibration(Calibration(geometry), None)
+
+
+def record(
+    world: World, client: Client, method: str, **params: object
+) -> list[tuple[float, float]]:
+    """Run a motion; return (measured position, commanded position) of every tick of it."""
+    number = client.send(method, **params)
+    seen = []
+    while not client.has_answer(number):
+        world.tick()
+        commands = world.commands_since(world.now_s)
+        measured = world.engine.motor.feedback
+        if commands and measured is not None and world.engine.jobs.running is not None:
+            seen.append((measured.position_rad, commands[-1][1].position_rad))
+    return seen
+
+
+def blocked_world(width_mm: float, **item: float) -> tuple[World, Client]:
+    world = World(parameters=SimulatorParameters(initial_opening_mm=100.0))
+    world.gripper.put_object(width_mm=width_mm, **item)
+    return world, world.enabled()
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("method", ["motion.open", "motion.close"])
+def test_the_target_lies_past_the_stop_and_the_stop_ends_the_move(mount: str, method: str) -> None:
+    world = World(mount)
+    result = world.enabled().result(method)
+    closed_rad, open_rad = limits_of_mount(mount)
+    limit_rad, other_rad = (
+        (closed_rad, open_rad) if method == "motion.close" else (open_rad, closed_rad)
+    )
+    assert result["limit_rad"] == limit_rad
+    assert result["target_rad"] == pytest.approx(limit_rad + 0.05 * (limit_rad - other_rad))
+    assert (result["ok"], result["stalled"], result["reached"]) == (True, True, False)
+    assert result["outcome"] == "pressed_home"
+    assert abs(world.gripper.position_rad - limit_rad) < 0.02
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("method", ["motion.open", "motion.close"])
+@pytest.mark.parametrize("speed", [20.0, 50.0, 120.0])
+def test_the_commands_lead_stays_within_two_tiers_in_every_phase(
+    mount: str, method: str, speed: float
+) -> None:
+    world = World(mount)
+    client = world.enabled()
+    client.result("motion.open" if method == "motion.close" else "motion.close")
+    seen = record(world, client, method, speed_mm_s=speed)
+    geometry = world.engine.geometry
+    assert geometry is not None
+    limit_rad = geometry.closed_rad if method == "motion.close" else geometry.open_rad
+    towards = math.copysign(1.0, limit_rad - seen[0][0])
+    pressing = 0
+    for position_rad, command_rad in seen:
+        short_mm = (limit_rad - position_rad) * towards * MM_RAD
+        allowed_rad = PRESS_RAD if short_mm <= 2.0 else LEAD_RAD
+        pressing += short_mm <= 2.0
+        assert abs(command_rad - position_rad) <= allowed_rad + CODE_RAD
+    assert pressing > 0.3 / PERIOD_S  # the settle phase is among them
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_it_presses_with_about_kp_times_the_stop_lead(mount: str) -> None:
+    world = World(mount)
+    client = world.enabled()
+    torques = []
+    number = client.send("motion.close")
+    while not client.has_answer(number):
+        world.tick()
+        torques.append(abs(world.gripper.motor_torque_nm))
+    assert torques[-10] == pytest.approx(0.94, abs=0.08)
+    assert max(torques) < 2.0
+
+
+def test_after_the_move_the_jaws_are_held_where_they_are() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("motion.close")
+    world.run(0.5)
+    position_rad = world.state.position_rad
+    assert position_rad is not None
+    assert world.state.mode == "holding"
+    assert abs((world.state.command_rad or 0.0) - position_rad) < 0.01
+    assert abs(world.gripper.motor_torque_nm) < 1.0
+
+
+def test_an_object_far_from_the_stop_blocks_the_move() -> None:
+    world, client = blocked_world(50.0)
+    result = client.result("motion.close")
+    assert (result["ok"], result["outcome"], result["stalled"]) == (False, "blocked", True)
+    assert world.gripper.opening_mm == pytest.approx(50.0, abs=3.0)
+
+
+def test_a_blocked_move_ends_within_a_stall_window_and_never_leads_more_than_allowed() -> None:
+    world, client = blocked_world(50.0)
+    number = client.send("motion.close")
+    world.run_until(lambda: world.gripper.opening_mm < 51.0)
+    touched_s = world.now_s
+    world.run_until(lambda: client.has_answer(number))
+    assert world.now_s - touched_s < 0.5
+    kp = DEFAULT_GAINS.kp_nm_rad
+    assert abs(world.gripper.motor_torque_nm) <= kp * LEAD_RAD * 1.05
+
+
+@pytest.mark.parametrize("share", [-0.008, 0.008, 0.02, 0.03])
+def test_a_calibration_that_is_slightly_off_is_still_pressed_home(share: float) -> None:
+    """Negative: the calibrated stop lies before the real one; positive: behind it."""
+    world = World()
+    calibrate(world, closed_by=-share, open_by=-share)
+    client = world.enabled()
+    for method, opening_mm in (("motion.open", 120.0), ("motion.close", 0.0)):
+        result = client.result(method)
+        assert (result["ok"], result["outcome"]) == (True, "pressed_home")
+        assert world.gripper.opening_mm == pytest.approx(opening_mm, abs=1.0)
+
+
+def test_a_calibration_that_is_far_too_wide_is_no_success() -> None:
+    world = World()
+    calibrate(world, closed_by=0.05)
+    result = world.enabled().result("motion.close")
+    assert (result["ok"], result["outcome"]) == (False, "blocked")
+
+
+def test_a_stop_that_is_not_there_is_no_success() -> None:
+    world = World()
+    calibrate(world, closed_by=-0.3)
+    result = world.enabled().result("motion.close")
+    assert (result["ok"], result["outcome"]) == (False, "no_stop")
+    assert (result["reached"], result["stalled"]) == (True, False)
+
+
+@pytest.mark.parametrize("method", ["motion.open", "motion.close"])
+def test_a_move_that_starts_on_its_stop_presses_home_at_once(method: str) -> None:
+    world = World()
+    client = world.enabled()
+    client.result(method)
+    began_s = world.now_s
+    assert client.result(method)["outcome"] == "pressed_home"
+    assert world.now_s - began_s < 1.0
+
+
+@pytest.mark.parametrize("method", ["motion.open", "motion.close"])
+@pytest.mark.parametrize("speed", [2.81, 139.0])
+def test_the_slowest_and_the_fastest_speed_press_home(method: str, speed: float) -> None:
+    """Static friction must not look like a stall, nor the cap clip the ramp's own step."""
+    world = World(parameters=SimulatorParameters(initial_opening_mm=60.0))
+    client = world.enabled()
+    answer = client.call(method, within_s=60.0, speed_mm_s=speed)
+    assert answer["result"]["outcome"] == "pressed_home"
+
+
+@pytest.mark.parametrize("speed", [0.1, 2.7, 141.0, 1e6])
+def test_speeds_that_do_not_go_with_the_settings_are_refused(speed: float) -> None:
+    client = World().enabled()
+    error = client.call("motion.open", speed_mm_s=speed)["error"]
+    assert error["data"]["reason"] == "out_of_limits"
+    assert error["data"]["requested"] == speed
+    assert "speed_mm_s" in error["message"]
+
+
+def test_no_calibration_no_motion() -> None:
+    world = World(calibrated=False)
+    client = world.enabled()
+    assert client.refusal("motion.open") == "not_calibrated"
+    assert client.refusal("motion.close") == "not_calibrated"
+    assert client.result("motion.hold")["position_rad"] == pytest.approx(
+        world.gripper.position_rad, abs=1e-3
+    )
+
+
+def test_a_calibration_file_of_a_gripper_that_never_was_calibrated_does_not_count() -> None:
+    world = World()
+    geometry = world.engine.geometry
+    assert geometry is not None
+    world.engine.use_calibration(Calibration(geometry, calibrated=False), None)
+    assert world.enabled().refusal("motion.open") == "not_calibrated"
+
+
+def test_progress_tells_where_the_move_is() -> None:
+    world = World()
+    client = world.enabled()
+    number = client.send("motion.close", progress=True)
+    world.run_until(lambda: client.has_answer(number))
+    reports = [n["params"] for n in client.notifications if n["method"] == "job.progress"]
+    phases = [report["phase"] for report in reports]
+    assert sorted(set(phases), key=phases.index) == ["ramp", "press", "settle"]
+    steps = [report["step"] for report in reports]
+    assert steps == sorted(steps)
+    total = reports[0]["total_steps"]
+    assert total == pytest.approx((60.0 + 0.05 * 120.0) / 50.0 / PERIOD_S, abs=2)
+    assert all(report["total_steps"] == total and report["step"] <= total for report in reports)
+    assert reports[0]["opening_mm"] > reports[-1]["opening_mm"]
+    assert {report["request"] for report in reports} == {number}

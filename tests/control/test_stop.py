@@ -1,0 +1,116 @@
+"""A stop: in force with the next tick, latched, raised only, and cleared."""
+
+import pytest
+
+from litegripd.model.motor import Status
+from tests.control.states import (
+    LEVELS,
+    POWERED,
+    STATES,
+    in_state,
+    is_slack,
+    sends_disable,
+)
+from tests.world import World
+
+
+@pytest.mark.parametrize("state", STATES)
+@pytest.mark.parametrize("level", LEVELS)
+def test_a_stop_is_in_force_with_the_next_tick_and_latched(state: str, level: str) -> None:
+    world, client = in_state(state)
+    before_rad = world.gripper.position_rad
+    generation = world.engine.stop_latch.generation
+    other = world.client()
+    other.send("stop", level=level, why="test")
+    world.tick()
+    if state in POWERED:
+        assert sends_disable(world) if level == "disable" else not sends_disable(world)
+        assert level != "relax" or is_slack(world)
+        if level == "hold":
+            _, command = world.commands_since(world.now_s)[-1]
+            assert abs(command.position_rad - world.gripper.position_rad) < 0.011
+            assert abs(command.velocity_rad_s) < 0.01
+    world.run(0.5)
+    assert world.engine.jobs.running is None or world.engine.jobs.running.kind == "disable"
+    assert world.state.stop is not None
+    assert world.state.stop.level == level
+    assert world.state.stop_generation == generation + 1
+    if state in POWERED and level != "relax":
+        assert abs(world.gripper.position_rad - before_rad) < 0.03
+    for method in ("motor.enable", "motion.open", "motion.close", "motion.hold"):
+        assert client.refusal(method) == "stopped"
+    assert world.gripper.motor.status != Status.ENABLED or (state in POWERED and level != "disable")
+
+
+@pytest.mark.parametrize("first", LEVELS)
+@pytest.mark.parametrize("second", LEVELS)
+def test_a_latched_stop_is_only_raised(first: str, second: str) -> None:
+    world = World()
+    client = world.enabled()
+    client.result("stop", level=first, why="one")
+    answered = client.result("stop", level=second, why="two")
+    highest = max((first, second), key=LEVELS.index)
+    assert answered["level"] == highest
+    assert answered["generation"] == 2
+    world.run(0.1)
+    assert world.state.stop is not None
+    assert world.state.stop.level == highest
+    assert world.state.enabled == (highest != "disable")
+    if highest == "relax":
+        assert is_slack(world)
+
+
+@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("state", STATES)
+def test_after_clearing_the_gripper_gets_back_to_work(state: str, level: str) -> None:
+    world, client = in_state(state)
+    client.result("stop", level=level)
+    world.lose_to_motor = lambda _frame: False
+    world.gripper.set_supply(24.0)
+    client.result("stop.clear")
+    world.run(0.3)
+    assert client.result("motor.enable")["ok"]
+    assert client.result("motion.open")["ok"]
+
+
+def test_clearing_moves_nothing() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("stop", level="relax")
+    client.result("stop.clear")
+    world.run(0.1)
+    assert is_slack(world)
+    assert world.state.mode == "relaxed"
+    assert world.state.stop is None
+
+
+def test_a_held_stop_asks_for_no_more_torque_than_there_is() -> None:
+    world, client = in_state("pressing")
+    before_nm = abs(world.gripper.motor_torque_nm)
+    client.send("stop")
+    for _ in range(100):
+        world.tick()
+        assert abs(world.gripper.motor_torque_nm) <= before_nm + 0.05
+
+
+def test_a_stop_that_is_asked_for_beside_an_idle_enable_keeps_the_hold() -> None:
+    """Enabling what is enabled already ends with the next tick; a stop before it drops nothing."""
+    world = World()
+    client = world.enabled()
+    client.send("motor.enable")
+    client.send("stop", level="hold")
+    world.run(0.2)
+    assert world.gripper.motor.status == Status.ENABLED
+    assert not is_slack(world)
+
+
+def test_requests_that_were_sent_before_a_stop_never_run() -> None:
+    world = World()
+    client = world.enabled()
+    generation = client.result("hello")["stop_generation"]
+    client.result("stop")
+    client.result("stop.clear")
+    assert client.refusal("motion.open", stop_generation=generation) == "sent_before_stop"
+    assert client.refusal("motion.open", sent_s=world.now_s - 0.1) == "sent_before_stop"
+    assert client.refusal("motor.enable", sent_s=world.now_s - 0.1) == "sent_before_stop"
+    assert client.result("motion.open", stop_generation=generation + 1, sent_s=world.now_s)["ok"]

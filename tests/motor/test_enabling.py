@@ -1,0 +1,276 @@
+"""Enabling and disabling the simulated motor: order of frames, lost frames, honest results."""
+
+import struct
+
+import pytest
+
+from litegripd.model.frame import CanFrame
+from litegripd.model.motor import MitCommand, MotorPhase, Ranges, Status
+from litegripd.motor import codec
+from tests.world import CAN_ID, PERIOD_S, World, is_command
+
+ENABLE, DISABLE, CLEAR = (b"\xff" * 7 + end for end in (b"\xfc", b"\xfd", b"\xfb"))
+
+
+def own_frames(world: World, since_s: float = 0.0) -> list[bytes]:
+    return [s.frame.data for s in world.sent if s.frame.can_id == CAN_ID and s.at_s >= since_s]
+
+
+def is_slack(data: bytes) -> bool:
+    command = codec.decode_command(data, Ranges())
+    return (
+        command.kp_nm_rad == 0.0
+        and command.kd_nm_s_rad == 0.0
+        and abs(command.torque_nm) < 0.00245
+        and abs(command.velocity_rad_s) < 0.008
+    )
+
+
+def loses(kind: bytes, count: int) -> "Losing":
+    return Losing(kind, count)
+
+
+class Losing:
+    """Loses the first frames of a kind."""
+
+    def __init__(self, kind: bytes, count: int) -> None:
+        self.kind, self.left = kind, count
+
+    def __call__(self, frame: CanFrame) -> bool:
+        if frame.data == self.kind and self.left:
+            self.left -= 1
+            return True
+        return False
+
+
+def test_a_motor_found_enabled_is_disabled_and_that_is_confirmed() -> None:
+    world = World()
+    world.gripper.receive(world.now_s, CanFrame(CAN_ID, ENABLE))
+    assert world.gripper.motor.status == Status.ENABLED
+    world.start()
+    assert world.gripper.motor.status == Status.DISABLED
+    assert set(own_frames(world)) == {DISABLE}
+
+
+def test_a_motor_that_somebody_else_enables_is_disabled() -> None:
+    world = World().start()
+    frame = CanFrame(CAN_ID, ENABLE)
+    for reply in world.gripper.receive(world.now_s, frame):
+        world.inject(frame)
+        world.inject(reply)
+    world.run(0.1)
+    assert world.gripper.motor.status == Status.DISABLED
+    assert world.machine.motor.counters.foreign_commands == 1
+
+
+def test_enabling_sends_zero_gains_before_enable_and_then_holds_what_is_measured() -> None:
+    world = World().start()
+    world.client().result("motor.enable")
+    sent = own_frames(world)
+    index = sent.index(ENABLE)
+    assert sent.count(ENABLE) == 1
+    assert index >= 1
+    assert all(is_slack(data) for data in sent[:index])
+    assert CLEAR not in sent
+    world.run(0.1)
+    after = [codec.decode_command(d, Ranges()) for d in own_frames(world)[index + 1 :]]
+    held = [command for command in after if command.kp_nm_rad > 0.0]
+    assert len(held) > 10
+    assert {round(c.position_rad, 3) for c in held} == {round(world.gripper.position_rad, 3)}
+    assert {round(c.kp_nm_rad) for c in held} == {100}
+
+
+@pytest.mark.parametrize("phase", ["stored", "pushed"])
+def test_the_jaws_do_not_jump_on_enable(phase: str) -> None:
+    """A set-point that came while the motor was disabled is applied by enable at once."""
+    world = World().start()
+    if phase == "stored":
+        stored = codec.encode_command(MitCommand(-1.4, 0.0, 300.0, 0.0, 0.0), Ranges())
+        world.gripper.receive(world.now_s, CanFrame(CAN_ID, stored))
+    else:  # moved by hand between looking and enabling
+        world.gripper.push(1.0)
+        world.run(0.2)
+        world.gripper.push(0.0)
+        world.run(0.2)
+    began_rad = world.gripper.position_rad
+    furthest = []
+    client = world.client()
+    number = client.send("motor.enable")
+    while number not in client.answers:
+        world.tick()
+        client.read()
+        furthest.append(abs(world.gripper.position_rad - began_rad))
+    for _ in range(100):
+        world.tick()
+        furthest.append(abs(world.gripper.position_rad - began_rad))
+    assert client.answers[number]["result"]["ok"]
+    assert max(furthest) < 0.002
+
+
+def test_a_fault_is_cleared_first_and_only_if_there_is_one() -> None:
+    world = World().start()
+    world.gripper.set_supply(40.0)
+    world.run_until(lambda: world.phase is MotorPhase.FAULT)
+    world.gripper.set_supply(24.0)
+    assert not own_frames(world)
+    assert world.client().result("motor.enable")["ok"]
+    sent = own_frames(world)
+    assert sent.index(CLEAR) < sent.index(ENABLE)
+
+
+def test_a_fault_that_stays_is_named_and_the_motor_is_left_disabled() -> None:
+    world = World().start()
+    world.gripper.set_supply(5.0)
+    world.run_until(lambda: world.phase is MotorPhase.FAULT)
+    error = world.client().call("motor.enable")["error"]
+    assert error["data"]["reason"] == "motor_fault"
+    assert error["data"]["status"] == "under_voltage"
+    assert "24 V" in error["message"]
+    world.run(0.1)
+    assert world.in_phase(MotorPhase.FAULT)
+    assert ENABLE not in own_frames(world)
+    assert own_frames(world)[-1] == DISABLE
+
+
+@pytest.mark.parametrize("lost", [1, 2])
+def test_a_lost_enable_frame_is_sent_again(lost: int) -> None:
+    world = World().start()
+    world.lose_to_motor = loses(ENABLE, lost)
+    result = world.client().result("motor.enable")
+    assert (result["ok"], result["tries"]) == (True, lost + 1)
+
+
+def test_zero_gains_go_right_before_every_try() -> None:
+    world = World().start()
+    world.lose_to_motor = loses(ENABLE, 2)
+    world.client().result("motor.enable")
+    sent = [s for s in world.sent if s.frame.can_id == CAN_ID]
+    tries = [i for i, s in enumerate(sent) if s.frame.data == ENABLE]
+    assert len(tries) == 3
+    for index in tries:
+        assert is_slack(sent[index - 1].frame.data)
+        assert sent[index - 1].at_s == sent[index].at_s
+    times = [sent[index].at_s for index in tries]
+    assert times[1] - times[0] == pytest.approx(0.2, abs=PERIOD_S)
+
+
+@pytest.mark.parametrize("tries", [1, 4])
+def test_a_motor_that_does_not_take_enable_is_reported_honestly(tries: int) -> None:
+    world = World().start()
+    world.lose_to_motor = loses(ENABLE, 1000)
+    result = world.client().result("motor.enable", retries=tries)
+    assert (result["ok"], result["tries"]) == (False, tries)
+    assert str(tries) in result["message"]
+    world.run(0.05)
+    assert own_frames(world).count(ENABLE) == tries
+    assert own_frames(world)[-1] == DISABLE
+    assert world.in_phase(MotorPhase.DISABLED)
+
+
+def test_an_enable_whose_answers_are_lost_ends_disabled() -> None:
+    """The motor did take it; nobody may find it energised later."""
+    world = World().start()
+    world.lose_from_motor = lambda frame: frame.data[0] >> 4 == 1
+    result = world.client().result("motor.enable", retries=1)
+    assert not result["ok"]
+    world.lose_from_motor = lambda _frame: False
+    world.run(0.1)
+    assert world.gripper.motor.status == Status.DISABLED
+    assert world.in_phase(MotorPhase.DISABLED)
+
+
+def test_the_next_failure_is_not_told_in_the_words_of_the_last() -> None:
+    world = World().start()
+    world.lose_to_motor = loses(ENABLE, 1000)
+    client = world.client()
+    assert client.result("motor.enable", retries=5)["tries"] == 5
+    world.lose_to_motor = lambda _frame: False
+    world.run(0.1)
+    assert client.result("motor.enable", retries=2)["tries"] == 1
+
+
+@pytest.mark.parametrize("lost", [1, 5, 40])
+def test_a_lost_disable_frame_is_sent_until_the_motor_says_disabled(lost: int) -> None:
+    world = World()
+    client = world.enabled()
+    world.lose_to_motor = loses(DISABLE, lost)
+    since_s = world.now_s
+    assert client.result("motor.disable")["ok"]
+    assert world.gripper.motor.status != Status.ENABLED
+    assert own_frames(world, since_s).count(DISABLE) > lost
+
+
+def test_a_motor_that_never_confirms_is_said_to_be_not_disabled() -> None:
+    world = World()
+    client = world.enabled()
+    world.lose_to_motor = loses(DISABLE, 10_000)
+    feed = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), Ranges())
+
+    def somebody_else_keeps_it_awake(frame: CanFrame) -> bool:
+        if frame.data == DISABLE:
+            for reply in world.gripper.receive(world.now_s, CanFrame(CAN_ID, feed)):
+                world.inject(reply)
+            return True
+        return False
+
+    world.lose_to_motor = somebody_else_keeps_it_awake
+    assert client.refusal("motor.disable") == "not_confirmed"
+    assert world.in_phase(MotorPhase.DISABLING)
+    assert client.refusal("motor.enable") == "not_confirmed"
+    world.lose_to_motor = lambda _frame: False
+    world.run(0.1)
+    assert world.in_phase(MotorPhase.DISABLED)
+    assert client.result("motor.enable")["ok"]
+
+
+def test_disabling_a_disabled_motor_is_confirmed_as_well() -> None:
+    world = World().start()
+    assert world.client().result("motor.disable")["ok"]
+
+
+def test_a_motor_that_was_enabled_after_a_power_cycle_waits_for_a_client() -> None:
+    world = World()
+    client = world.enabled()
+    world.gripper.power_cycle()
+    world.run(3.0)
+    assert world.in_phase(MotorPhase.DISABLED)
+    assert world.gripper.motor.status == Status.DISABLED
+    assert own_frames(world).count(ENABLE) == 1
+    assert client.result("motor.enable")["ok"]
+
+
+def test_a_position_that_is_off_by_a_turn_after_a_power_cycle_moves_nothing() -> None:
+    world = World()
+    client = world.enabled()
+    world.gripper.power_cycle(turns=1)
+    world.run(0.5)
+    assert client.result("motor.enable")["ok"]
+    began_mm = world.gripper.opening_mm
+    for method in ("motion.open", "motion.close"):
+        error = client.call(method)["error"]
+        assert error["data"]["reason"] == "out_of_limits"
+        assert "turns" in error["message"]
+    assert world.gripper.opening_mm == pytest.approx(began_mm, abs=0.1)
+
+
+def test_an_answer_that_comes_before_disabled_is_true_does_not_count() -> None:
+    """A reply from before the disable frame may still be under way when it is sent."""
+    world = World()
+    client = world.enabled()
+    stale = bytes([CAN_ID, *struct.pack(">H", 0x7000), 0x7F, 0xF7, 0xFF, 30, 30])
+    world.lose_to_motor = loses(DISABLE, 4)
+    client.send("motor.disable")
+    world.tick()
+    world.inject(CanFrame(0x18, stale))
+    world.tick()
+    assert world.in_phase(MotorPhase.DISABLING)
+
+
+def test_the_last_frame_to_a_disabled_motor_is_no_command() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("motor.disable")
+    since_s = world.now_s
+    world.run(1.0)
+    assert not own_frames(world, since_s)
+    assert not is_command(CanFrame(CAN_ID, DISABLE))
