@@ -102,7 +102,12 @@ _OURS = ("ignore_config",)
 """Arguments of python-can that the daemon sets itself."""
 
 _TABLES = ("bus", "motor", "gripper", "control", "rpc")
-_NAMED = {str: "a string", int: "an integer", float: "a number", list: "an array of integers, 0 to 1023"}
+_NAMED = {
+    str: "a string",
+    int: "an integer",
+    float: "a number",
+    list: "an array of integers, 0 to 1023",
+}
 _MAX_CPUS = 1024
 
 
