@@ -114,17 +114,9 @@ class Link:
                     data={"retryable": True},
                 )
         elif self.on_lost == "disable":
-            self._ask_to_hold(connection)
-
-    def _ask_to_hold(self, connection: Connection) -> None:
-        """Take back the `on_lost` of an earlier enable.
-
-        Only while the motor is enabled and free to be, so that this enables nothing.
-        """
-        state = connection.call("state.get")
-        if state.get("enabled") and state.get("stop") is None:
-            call = connection.prepare_guarded("motor.enable", {"on_lost": "hold"})
-            connection.run(call, ACTION_TIMEOUT_S)
+            # Takes back what enable said. Should another client have enabled the motor since,
+            # there is nothing to take back.
+            connection.call("motor.keep", {"on_lost": "hold"})
 
 
 def _program() -> str:

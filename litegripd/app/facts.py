@@ -23,8 +23,8 @@ from litegripd.rpc.openrpc import PROTOCOL_VERSION
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.wire import MAX_LINE_BYTES
 
-_LATE_P99_9_US = 2000.0
-"""Beyond this, 40 % of a period at 200 Hz, the control thread is called late."""
+_LATE_SHARE = 0.4
+"""When one tick in a hundred starts later than this share of a period, health says so."""
 
 
 def daemon_version() -> str:
@@ -122,9 +122,9 @@ class DaemonFacts:
             degraded.append("the helper process is not running")
         if self._machine.engine.geometry is None:
             degraded.append("no calibration is loaded")
-        latency = parts.reactor.lateness.summary_us()["p99_9_us"]
-        if latency is not None and latency > _LATE_P99_9_US:
-            degraded.append(f"ticks start late: p99.9 {latency:.0f} µs")
+        late_s = parts.reactor.recent_lateness.p99_s()
+        if late_s is not None and late_s > _LATE_SHARE * parts.reactor.period_s:
+            degraded.append(f"ticks start late: p99 {late_s * 1e6:.0f} µs in the last minute")
         defects = parts.reactor.tick_errors + parts.reactor.backlog_errors
         if defects:
             degraded.append(f"{defects} ticks or requests failed by a defect; see the log")

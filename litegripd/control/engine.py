@@ -59,7 +59,7 @@ class Engine:
         self.calibration_problem: Refusal | None = None
         self._period_s = period_s
         self._action: Action | None = None
-        self._keeping = Keeping()
+        self.keeping = Keeping()
         self._last_word = LastWord()
         self._must_disable = False
         self._is_ending = False
@@ -89,7 +89,7 @@ class Engine:
             return refusal
         tries = tries or self.config.enable_retries
         request = EnableMotor(tries, self.config.enable_retry_interval)
-        self._keeping.begin(owner.client, on_lost)
+        self.keeping.begin(owner.client, on_lost)
         return self._begin("enable", Enable(request), owner, detached)
 
     def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
@@ -100,7 +100,7 @@ class Engine:
         refusal = busy_refusal(self.jobs.running)
         if refusal is not None:
             return refusal
-        self._keeping.end()
+        self.keeping.end()
         return self._begin("disable", Disable(), owner, detached)
 
     def move(
@@ -178,13 +178,13 @@ class Engine:
         running = self.jobs.running
         owned = running is not None and running.owner.client == client and not running.detached
         ends = owned and running is not None and running.kind != "disable"
-        wanted = self._keeping.lose(client, outlived=running is not None and not ends)
+        wanted = self.keeping.lose(client, outlived=running is not None and not ends)
         on_lost: OnLost = wanted or "hold"
         if running is not None and ends:
             text = f"the client that owned it, {running.owner.program}, went away"
             self._end(Refusal("client_lost", text, {"on_lost": on_lost}))
         if ends or wanted is not None:
-            later = self._keeping.is_owed
+            later = self.keeping.is_owed
             self._events.append(announce.client_lost(on_lost, later=later))
             if not later:
                 self._settle_into(on_lost)
@@ -275,7 +275,7 @@ class Engine:
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self._must_disable = True  # it may still take effect
-        owed = self._keeping.take_owed()
+        owed = self.keeping.take_owed()
         if owed is not None:
             self._settle_into(owed)
         self._events.append(announce.job_ended(job, outcome))

@@ -25,6 +25,13 @@ class Keeping:
         """Let nobody be the keeper: the motor is being disabled."""
         self.client, self.is_owed = None, False
 
+    def change(self, client: int, on_lost: OnLost) -> bool:
+        """Let the keeper change its mind; tell whether `client` is the keeper."""
+        if self.client != client:
+            return False
+        self.on_lost = on_lost
+        return True
+
     def lose(self, client: int, *, outlived: bool) -> OnLost | None:
         """Forget a client that is lost; return what it wanted, None if it was not the keeper.
 

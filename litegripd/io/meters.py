@@ -49,3 +49,32 @@ class LatenessMeter:
             f"{name}_us": None if value is None else round(value * 1e6, 1)
             for name, value in named.items()
         }
+
+
+class RecentLateness:
+    """The durations of the last one to two windows, for a verdict about the present."""
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._ends_s: float | None = None
+        self._current = LatenessMeter()
+        self._previous = LatenessMeter()
+
+    def add(self, now_s: float, duration_s: float) -> None:
+        """Count one duration."""
+        if self._ends_s is None:
+            self._ends_s = now_s + self._window_s
+        if now_s >= self._ends_s:
+            self._previous, self._current = self._current, LatenessMeter()
+            self._ends_s = now_s + self._window_s
+        self._current.add(duration_s)
+
+    def p99_s(self) -> float | None:
+        """Return the 99th percentile of the worse of the two windows; None before the first."""
+        found = [
+            value
+            for meter in (self._previous, self._current)
+            for value in meter.percentiles_s((0.99,))
+            if value is not None
+        ]
+        return max(found, default=None)

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-from litegripd.io.meters import LatenessMeter
+from litegripd.io.meters import LatenessMeter, RecentLateness
 from litegripd.io.realtime import GarbageCollector
 from litegripd.io.timerfd import PeriodicTimer
 
@@ -21,6 +21,7 @@ _log = logging.getLogger(__name__)
 REQUEST_SHARE = 0.5  # of each period
 GUARD_S = 150e-6  # no request starts closer than this to the next tick
 _EVENTS_PER_POLL = 16
+RECENT_S = 30.0
 ROOM_SHARE = 0.1  # of a period: less than this between two ticks is no room for requests
 STARVED_AFTER_S = 0.1
 """After so long without room, one share is served although a tick is due: a loop whose ticks take
@@ -56,6 +57,7 @@ class Reactor:
         self.period_s = period_s
         self.backlog: Backlog | None = None
         self.lateness = LatenessMeter()
+        self.recent_lateness = RecentLateness(RECENT_S)
         self.tick_cost = LatenessMeter()
         self.ticks = 0
         self.lost_ticks = 0
@@ -118,7 +120,9 @@ class Reactor:
             self.budget_exhausted += 1
         fired = timer.wait()
         now_s = time.monotonic()
-        self.lateness.add(now_s - timer.last_due_s)
+        late_s = now_s - timer.last_due_s
+        self.lateness.add(late_s)
+        self.recent_lateness.add(now_s, late_s)
         self.ticks += fired
         self.lost_ticks += fired - 1
         try:

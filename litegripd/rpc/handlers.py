@@ -110,6 +110,9 @@ class Handlers:
         retries = call.params.get("retries")
         return _later(self._engine.enable(call.owner, retries, call.detached, on_lost))
 
+    def _motor_keep(self, call: Call) -> Answer:
+        return {"kept": self._engine.keeping.change(call.owner.client, call.params["on_lost"])}
+
     def _motor_disable(self, call: Call) -> Answer:
         return _later(self._engine.disable(call.owner, call.detached))
 

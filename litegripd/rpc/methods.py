@@ -1,7 +1,7 @@
 """The table of methods: names, parameters and what they do. Answers, checks and docs follow it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 
 from litegripd.model.jobs import STOP_LEVELS
 from litegripd.model.state import GripperState
@@ -97,6 +97,12 @@ METHODS: tuple[Method, ...] = (
         ),
         moves=True,
         waits=True,
+    ),
+    Method(
+        "motor.keep",
+        "Change what the jaws do when this connection, having enabled the motor, ends.",
+        "kept: whether this connection is the one that enabled the motor.",
+        (replace(_ON_LOST, required=True),),
     ),
     Method(
         "motor.disable",

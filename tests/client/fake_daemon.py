@@ -131,6 +131,7 @@ class FakeDaemon:
         self.handlers: dict[str, Handler] = {
             "hello": lambda request: HELLO,
             "state.get": lambda request: STATE,
+            "motor.keep": lambda request: {"kept": True},
             "motor.enable": lambda request: {"ok": True, "tries": 1, "state": STATE},
             "motor.disable": lambda request: {"ok": True, "state": STATE},
         }

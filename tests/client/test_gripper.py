@@ -128,19 +128,8 @@ def test_a_change_to_holding_takes_back_what_enable_said(daemon: FakeDaemon) -> 
     with LiteGrip(socket_path=daemon.path) as gripper:
         gripper.enable()
         gripper.disable_on_disconnect = False
-    assert daemon.methods() == ["hello", "motor.enable", "state.get", "motor.enable"]
+    assert daemon.methods() == ["hello", "motor.enable", "motor.keep"]
     assert daemon.requests[-1].params["on_lost"] == "hold"
-
-
-@pytest.mark.parametrize("change", [{"enabled": False}, {"stop": {"level": "hold"}}])
-def test_a_change_to_holding_enables_no_motor_that_is_not(
-    daemon: FakeDaemon, change: dict[str, Any]
-) -> None:
-    daemon.handlers["state.get"] = lambda request: {**STATE, **change}
-    with LiteGrip(socket_path=daemon.path) as gripper:
-        gripper.enable()
-        gripper.disable_on_disconnect = False
-    assert daemon.methods() == ["hello", "motor.enable", "state.get"]
 
 
 def test_after_disable_there_is_nothing_left_to_disable(

@@ -114,3 +114,14 @@ class TestLostClient:
         world.lose_to_motor = lambda _frame: False
         world.run(1.0)
         assert world.gripper.motor.status == Status.DISABLED
+
+
+def test_the_keeper_may_change_its_mind_and_nobody_else() -> None:
+    world = World().start()
+    keeper, other = world.client(), world.client()
+    assert keeper.result("motor.enable", on_lost="disable")["ok"]
+    assert other.result("motor.keep", on_lost="hold") == {"kept": False}
+    assert keeper.result("motor.keep", on_lost="hold") == {"kept": True}
+    keeper.leave()
+    world.run(0.5)
+    assert world.state.mode == "holding"

@@ -16,6 +16,7 @@ PARAMS: dict[str, dict[str, Any]] = {
     "state.subscribe": {"hz": 50, "fields": ["position_rad", "enabled"]},
     "state.unsubscribe": {"subscription": 1},
     "motor.enable": {"retries": 3, "on_lost": "relax"},
+    "motor.keep": {"on_lost": "relax"},
     "motion.open": {"speed_mm_s": 60},
     "stop": {"level": "hold", "why": "a test"},
     "job.get": {"job": 1},
