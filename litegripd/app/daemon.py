@@ -30,6 +30,10 @@ _log = logging.getLogger(__name__)
 END_WITHIN_S = 1.5
 """So long the end waits for the motor to confirm that it is disabled."""
 
+OPEN_WITHIN_S = 0.5
+"""So long the first clients wait for motor and calibration to be found; then they are told that
+these are not there."""
+
 FIND_WITHIN_S = 0.3
 """So long the end waits for a motor that does not answer: it might be found, and be enabled."""
 
@@ -69,6 +73,7 @@ class Daemon:
         self._service = RpcService(self._machine.engine, self._facts, period_s)
         self._reactor = Reactor(period_s, self._tick)
         self._server = Server(self._reactor, self._listener, self._service)
+        self._server.let_in(False)
         self._reactor.backlog = self._server
         self._helper = Helper(self._watch, self._unwatch)
         self._bus = make_bus(config, period_s)
@@ -77,6 +82,8 @@ class Daemon:
         self._parts: Parts | None = None
         self._ending_since_s: float | None = None
         self._motor_was_known = False
+        self._calibration_is_known = False
+        self._opens_at_s: float | None = None
 
     def run(self) -> bool:
         """Run until told to end, and disable the motor; tell whether it is known to be off."""
@@ -101,7 +108,7 @@ class Daemon:
             bitrate=self._config.bus.bitrate,
         )
         self._facts.attach(self._parts)
-        _log.info("channel %s: listening on %s", self._config.channel, self._path)
+        self._opens_at_s = time.monotonic() + OPEN_WITHIN_S
         try:
             self._reactor.run()
         finally:
@@ -132,6 +139,15 @@ class Daemon:
         for event in self._service.take_events():
             _log_event(event)
         self._greet_motor()
+        if self._opens_at_s is not None:
+            self._open_when_ready(now_s, self._opens_at_s)
+
+    def _open_when_ready(self, now_s: float, latest_s: float) -> None:
+        """Let clients in once motor and calibration are found, or have not been for a while."""
+        if now_s >= latest_s or (self._calibration_is_known and not self._machine.is_out_of_reach):
+            self._opens_at_s = None
+            self._server.let_in(True)
+            _log.info("channel %s: listening on %s", self._config.channel, self._path)
 
     def _end(self) -> None:
         """Begin the end: the motor is disabled in the next tick."""
@@ -181,6 +197,7 @@ class Daemon:
 
     def _use_calibration(self, result: HelperResult) -> None:
         engine = self._machine.engine
+        self._calibration_is_known = True
         if result.error is not None or not isinstance(result.value, dict):
             refusal = Refusal("calibration_unreadable", f"no calibration: {result.error}")
             _log.error("%s", refusal.message)

@@ -126,6 +126,10 @@ class Server:
         connection.session.on_write = None
         self._service.closed(connection.session, time.monotonic())
 
+    def let_in(self, allowed: bool) -> None:
+        """Let new clients in, or let them wait in the kernel until this is called again."""
+        self._reactor.modify(self._listener.fileno(), select.EPOLLIN if allowed else 0)
+
     def close(self) -> None:
         """Close the listening socket and every connection."""
         self._reactor.remove(self._listener.fileno())

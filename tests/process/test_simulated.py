@@ -1,14 +1,26 @@
 """The whole daemon with the simulated gripper: clients in other processes, and their ends."""
 
+import contextlib
 import json
 import os
 import select
 import signal
+import subprocess
+import sys
+import time
 from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DaemonProcess, daemon, kill_and_wait, line_of, spawn
+from tests.process.daemon_process import (
+    DEADLINE_S,
+    Client,
+    DaemonProcess,
+    daemon,
+    kill_and_wait,
+    line_of,
+    spawn,
+)
 
 READER = """
 import json, socket, sys
@@ -189,3 +201,22 @@ def test_every_answer_over_the_socket_is_one_line_of_json(simulated: DaemonProce
         client.enabled()
         for method in ("hello", "health", "info.get", "rpc.discover", "state.get", "job.list"):
             json.dumps(client.result(method), allow_nan=False)
+
+
+def test_the_first_request_after_the_start_finds_motor_and_calibration(tmp_path: Path) -> None:
+    """A client that is let in is not told that the daemon is still looking around."""
+    path = tmp_path / "s"
+    command = [sys.executable, "-m", "litegripd.app.main", "first", "--simulate"]
+    with subprocess.Popen([*command, "--socket", str(path)], stderr=subprocess.PIPE) as daemon:
+        ends_s = time.monotonic() + DEADLINE_S
+        client: Client | None = None
+        while client is None and time.monotonic() < ends_s:
+            with contextlib.suppress(OSError):
+                client = Client(path)
+        assert client is not None
+        with client:
+            assert client.result("motor.enable")["ok"]
+            assert client.result("state.get")["calibrated"]
+        daemon.send_signal(signal.SIGTERM)
+        _, log = daemon.communicate(timeout=DEADLINE_S)
+    assert daemon.returncode == 0, log
