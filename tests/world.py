@@ -126,7 +126,7 @@ class World:
         self.engine = self.machine.engine
         self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
         self.sent: list[Sent] = []
-        self.bus_is_up = True
+        self.bus_error: str | None = None
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
@@ -146,12 +146,12 @@ class World:
         self.now_s += PERIOD_S
         self.gripper.advance(self.now_s)
         received, self._in_flight = self._in_flight, []
-        for frame in self.machine.tick(self.now_s, received):
+        for frame in self.machine.tick(self.now_s, received, self.bus_error):
             self.sent.append(Sent(self.now_s, frame))
             if not self.lose_to_motor(frame):
                 answers = self.gripper.receive(self.now_s + FRAME_TIME_S, frame)
                 self._in_flight += [f for f in answers if not self.lose_from_motor(f)]
-        self.service.after_tick(self.now_s, self.bus_is_up)
+        self.service.after_tick(self.now_s, self.bus_error is None)
         while self.service.pending:
             self.service.send_one()
 

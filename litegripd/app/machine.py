@@ -22,6 +22,8 @@ class Machine:
     ) -> None:
         self.motor = Motor(can_id, master_id)
         self.engine = Engine(config, period_s)
+        self.may_be_energised = False
+        """Whether the motor was being enabled and has not confirmed since that it is off."""
 
     def tick(
         self, now_s: float, received: Sequence[CanFrame], bus_error: str | None = None
@@ -33,6 +35,10 @@ class Machine:
         """
         self.motor.receive(now_s, received)
         view = self.motor.view()
+        if view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
+            self.may_be_energised = True
+        elif self.is_disabled:
+            self.may_be_energised = False
         if bus_error is not None:
             text = f"the CAN bus cannot be used: {bus_error}"
             view = replace(view, problem=Refusal("bus_down", text))
@@ -48,8 +54,3 @@ class Machine:
     def is_out_of_reach(self) -> bool:
         """Whether the motor does not answer, or has not told yet what it is."""
         return self.motor.view().phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
-
-    @property
-    def may_be_energised(self) -> bool:
-        """Whether commands were sent to a motor that has not confirmed since that it is off."""
-        return self.motor.counters.commands > 0 and not self.is_disabled
