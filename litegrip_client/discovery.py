@@ -60,17 +60,19 @@ def connect(
 
 
 def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectError:
+    """Say what was tried; a single path was given, so that it and not the channel was asked for."""
+    of_channel = f" for channel {channel}" if len(failures) > 1 else ""
     tried = "; ".join(f"{path}: {_why(error)}" for path, error in failures)
     hint = (
-        f"start one with 'systemctl start litegripd@{channel}', or try without hardware: "
-        f"'litegripd {channel} --simulate'"
+        f"start one with 'systemctl start litegripd@{channel}' or 'litegripd {channel}', or try "
+        f"without hardware: 'litegripd {channel} --simulate'"
     )
     if any(error.errno in (errno.EACCES, errno.EPERM) for _, error in failures):
         hint = (
             f"join the group {GROUP} ('sudo usermod -aG {GROUP} $USER', then log in anew); {hint}"
         )
     return ConnectError(
-        f"no daemon can be reached for channel {channel} ({tried})",
+        f"no daemon can be reached{of_channel} ({tried})",
         reason="no_daemon",
         data={"retryable": True, "hint": hint, "tried": [path for path, _ in failures]},
     )

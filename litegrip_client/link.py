@@ -120,7 +120,8 @@ class Link:
 
 
 def _program() -> str:
-    return sys.argv[0].rpartition("/")[2][:64] if sys.argv and sys.argv[0] else "python"
+    name = sys.argv[0].rpartition("/")[2][:64] if sys.argv else ""
+    return name if name and not name.startswith("-") else "python"  # of python -c, for one
 
 
 def _different(what: str, wanted: str, found: str, path: str) -> CommandError:

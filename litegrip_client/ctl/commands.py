@@ -148,7 +148,7 @@ def stop(run: Run) -> int:
 
 def clear(run: Run) -> int:
     """Clear a stop."""
-    run.output.result(run.connection.call("stop.clear"), "no stop is in force")
+    run.output.result(run.connection.call("stop.clear"), "cleared: motions are allowed")
     return OK
 
 

@@ -73,7 +73,9 @@ def _hint(error: LiteGripError, channel: str) -> str:
     own = _HINTS.get(error.reason or "") or error.hint
     if own:
         return own
-    return "try again" if error.retryable else f"see: journalctl -u litegripd@{channel}"
+    if error.reason == "internal_error":
+        return f"see the daemon's log: journalctl -u litegripd@{channel}"
+    return "try again" if error.retryable else "see: litegripctl --help"
 
 
 def _abandon_output() -> None:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from litegripd.io.bus import BusSettings
+from litegripd.io.calibration_files import TEMPLATES
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -150,6 +151,8 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
             f"{where}: [motor] master_id is can_id, 0x{motor.can_id:02X}: the motor answers on"
             " another id than it is commanded by"
         )
+    gripper = GripperConfig(**content.get("gripper", {}))
+    _check_paths(where, gripper, content.get("rpc", {}).get("socket"))
     bus = dict(content.get("bus", {}))
     control = dict(content.get("control", {}))
     if "cpus" in control:
@@ -163,7 +166,7 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
             options=bus,
         ),
         motor=motor,
-        gripper=GripperConfig(**content.get("gripper", {})),
+        gripper=gripper,
         control=ControlConfig(**control),
         rpc=RpcConfig(**content.get("rpc", {})),
         source=source,
@@ -196,6 +199,19 @@ def _check(where: str, table: str, key: str, value: Any) -> None:
         raise ConfigError(f"{name} is empty; leave the key out for the default")
 
 
+def _check_paths(where: str, gripper: GripperConfig, socket: str | None) -> None:
+    """Refuse what would depend on the directory that the daemon happens to start in."""
+    mount = gripper.mount
+    if mount is not None and mount not in TEMPLATES:
+        allowed = f"one of {_listed(TEMPLATES)}, or the absolute path of a calibration file"
+        if not mount.startswith("/"):
+            raise ConfigError(f"{where}: [gripper] mount is {mount!r}, it must be {allowed}")
+        if not Path(mount).is_file():
+            raise ConfigError(f"{where}: [gripper] mount is {mount}, where there is no file")
+    if socket is not None and not socket.startswith("/"):
+        raise ConfigError(f"{where}: [rpc] socket is {socket!r}, it must be an absolute path")
+
+
 def _has_type(value: Any, kind: type) -> bool:
     if isinstance(value, bool):
         return False
@@ -226,7 +242,7 @@ def override(
     if simulate:
         mount = config.gripper.mount or "normal"
         gripper = dataclasses.replace(config.gripper, mount=mount)
-        options = {"mount": mount} if mount in ("normal", "reverse") else {}
+        options = {"mount": mount} if mount in TEMPLATES else {}
         bus = BusSettings("litegrip_sim", config.channel, config.bus.bitrate, options)
         return dataclasses.replace(config, bus=bus, gripper=gripper)
     if interface is not None:

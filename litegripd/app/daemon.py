@@ -116,7 +116,10 @@ class Daemon:
             root.handlers = previous
         is_off = not self._machine.may_be_energised
         phase = self._machine.motor.view().phase.value
-        _log.log(logging.INFO if is_off else logging.ERROR, "ended; the motor is %s", phase)
+        if is_off:
+            _log.info("ended; the motor is off (%s)", phase)
+        else:
+            _log.error("ended; the motor did not confirm that it is off (%s): cut its power", phase)
         return is_off
 
     def _tick(self, now_s: float) -> None:
@@ -237,5 +240,5 @@ class Daemon:
 
 
 def _log_event(event: Event) -> None:
-    level = logging.WARNING if event.kind in ("stop", "refused", "client_lost") else logging.INFO
+    level = logging.WARNING if event.kind in ("stop", "refused") else logging.INFO
     _log.log(level, "%s", event.message)

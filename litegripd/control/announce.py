@@ -36,7 +36,7 @@ def stopped(level: StopLevel, refusal: Refusal) -> Event:
 def client_lost(on_lost: OnLost, *, later: bool) -> Event:
     """Tell what becomes of the jaws of a lost client."""
     when = ", once the running motion has ended" if later else ""
-    text = f"client lost: the jaws {_ON_LOST_TEXT[on_lost]}{when}"
+    text = f"the client that had the gripper is gone: the jaws {_ON_LOST_TEXT[on_lost]}{when}"
     return Event("client_lost", text, {"on_lost": on_lost})
 
 

@@ -132,14 +132,15 @@ class Engine:
         return self._begin(direction, action, owner, detached)
 
     def hold(self, owner: Owner) -> Job | Refusal:
-        """Hold the measured position from now on."""
+        """Hold from now on: what is held already, else the measured position."""
         refusal = self._unfree() or motor_refusal(self.motor)
         feedback = self.motor.feedback
         if refusal is not None or feedback is None:
             return refusal or NO_FEEDBACK
-        self.rest = Hold(feedback.position_rad, self.gains)
+        if not isinstance(self.rest, Hold):  # holding anew would lose the force of the hold
+            self.rest = Hold(feedback.position_rad, self.gains)
         job = self.jobs.begin("hold", owner, True, self.now_s)
-        self._end(HoldResult(feedback.position_rad))
+        self._end(HoldResult(self.rest.position_rad))
         return job
 
     def cancel(self, number: int, by: Owner) -> Job | Refusal:

@@ -129,7 +129,7 @@ METHODS: tuple[Method, ...] = (
     ),
     Method(
         "motion.hold",
-        "Hold the measured position from now on.",
+        "Hold from now on: what is held already, else the measured position.",
         "The position and the state.",
         moves=True,
         waits=True,

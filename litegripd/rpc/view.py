@@ -23,7 +23,9 @@ def state_view(state: GripperState) -> dict[str, Any]:
     """Give a state its wire form."""
     view: dict[str, Any] = {name: getattr(state, name) for name in _STATE_FIELDS}
     if state.job is not None:
-        view["job"] = _plain(state.job)
+        job = state.job
+        owner = {"program": job.program, "pid": job.pid}
+        view["job"] = {"job": job.job, "kind": job.kind, "phase": job.phase, "owner": owner}
     if state.stop is not None:
         view["stop"] = _plain(state.stop)
     return view

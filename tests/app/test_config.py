@@ -88,11 +88,14 @@ def test_every_key_can_be_set(tmp_path: Path) -> None:
     socket = "/tmp/x.sock"
     group = "robot"
     """
+    mine = tmp_path / "mine.json"
+    mine.touch()
+    content = content.replace("/etc/litegripd/mine.json", str(mine))
     config = load("left", written(tmp_path, content))
     options = {"sleep_after_open": 0.5, "listen_only": False}
     assert config.bus == BusSettings("slcan", "/dev/ttyACM0", 500_000, options)
     assert config.motor == MotorConfig("DM4310", 0x21, 0x31)
-    assert config.gripper == GripperConfig("/etc/litegripd/mine.json", 100)
+    assert config.gripper == GripperConfig(str(mine), 100)
     assert config.control == ControlConfig(500, 0, (2, 3))
     assert config.rpc == RpcConfig("/tmp/x.sock", "robot")
 
@@ -199,6 +202,9 @@ def test_simulate_takes_the_simulated_gripper_of_the_same_mount(
         ("[bus]\nignore_config = false", "ignore_config"),
         ("[motor]\ncan_id = 0x18\nmaster_id = 0x18", "master_id is can_id"),
         ("[control]\ncpus = [4096]", "cpus"),
+        ('[gripper]\nmount = "sideways"', "one of normal, reverse, or the absolute path"),
+        ('[gripper]\nmount = "/no/such/file.json"', "there is no file"),
+        ('[rpc]\nsocket = "here.sock"', "absolute path"),
     ],
 )
 def test_what_could_not_work_is_refused(tmp_path: Path, text: str, told: str) -> None:

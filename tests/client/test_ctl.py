@@ -37,7 +37,7 @@ SHOWN: list[tuple[list[str], str, Any, str]] = [
     (["open", "--no-wait"], "motion.open", {"job": 6}, "open: job 6 started\n"),
     (["hold"], "motion.hold", {"state": STATE}, "holding at 35.25 mm\n"),
     (["stop"], "stop", STOP, "stopped: relax, until: litegripctl clear\n"),
-    (["clear"], "stop.clear", {"generation": 5, "state": STATE}, "no stop is in force\n"),
+    (["clear"], "stop.clear", {"generation": 5, "state": STATE}, "cleared: motions are allowed\n"),
     (
         ["jobs"],
         "job.list",

@@ -52,3 +52,16 @@ def test_nothing_is_energised_until_a_client_asks() -> None:
     world.run(5.0)
     assert world.phase is MotorPhase.DISABLED
     assert not [s for s in world.sent if s.frame.can_id == CAN_ID]
+
+
+def test_holding_what_is_held_keeps_its_force() -> None:
+    """Holding the measured position anew would give way a little with every call."""
+    world = World()
+    client = world.enabled()
+    client.result("motion.close")
+    world.run(0.5)
+    held_rad = world.commands_since(world.now_s - 0.02)[-1][1].position_rad
+    for _ in range(5):
+        client.result("motion.hold")
+        world.run(0.2)
+    assert world.commands_since(world.now_s - 0.02)[-1][1].position_rad == held_rad

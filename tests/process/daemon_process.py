@@ -177,7 +177,7 @@ class DaemonProcess:
         """End it as an operator would; it must succeed, with the motor disabled or not there."""
         self.process.send_signal(signal.SIGTERM)
         assert self.process.wait(DEADLINE_S) == 0, self.log
-        assert re.search(r"ended; the motor is (disabled|silent|fault|unknown)\n", self.log)
+        assert re.search(r"ended; the motor is off \((disabled|silent|fault|unknown)\)", self.log)
         assert not self.socket_path.exists()
 
     def exit_code(self) -> int:

@@ -135,7 +135,7 @@ def test_sigterm_while_moving_disables_the_motor_and_answers_who_waits(tmp_path:
         assert mover.answer(motion)["error"]["data"]["reason"] == "shutting_down"
         assert mover.read() == {}
         assert running.exit_code() == 0
-        assert "ended; the motor is disabled" in running.log
+        assert "ended; the motor is off (disabled)" in running.log
         assert "shutting_down" in running.log or "is about to end" in running.log
         assert not running.socket_path.exists()
 
