@@ -30,7 +30,7 @@ class GripperState:
     motor: str
     error_code: int | None
     status: str | None
-    enabled: bool
+    enabled: bool | None
     mode: str
     position_rad: float | None
     velocity_rad_s: float | None

@@ -126,6 +126,9 @@ class Daemon:
         """Do one period's work; whatever fails in it, the end stays possible."""
         try:
             self._work(now_s)
+        except Exception:
+            self._service.reporter.tick(now_s, self._bus.is_up)  # the state must not look fresh
+            raise
         finally:
             if self._is_over(now_s):
                 self._reactor.stop()

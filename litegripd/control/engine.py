@@ -38,7 +38,7 @@ from litegripd.model.motor import (
     MotorView,
     Ranges,
 )
-from litegripd.model.results import HoldResult, Progress, Result
+from litegripd.model.results import EnableResult, HoldResult, Progress, Result
 
 
 class Engine:
@@ -89,7 +89,7 @@ class Engine:
             return refusal
         tries = tries or self.config.enable_retries
         request = EnableMotor(tries, self.config.enable_retry_interval)
-        self.keeping.begin(owner.client, on_lost)
+        self.keeping.propose(owner.client, on_lost)
         return self._begin("enable", Enable(request), owner, detached)
 
     def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
@@ -276,6 +276,8 @@ class Engine:
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self._must_disable = True  # it may still take effect
+        if job.kind == "enable":
+            self.keeping.decide(isinstance(outcome, EnableResult) and outcome.ok)
         owed = self.keeping.take_owed()
         if owed is not None:
             self._settle_into(owed)
@@ -288,7 +290,7 @@ class Engine:
 
     def _settle_into(self, level: StopLevel) -> None:
         """Go into what a stop or a lost client leaves behind; a hold is kept, force included."""
-        if level == "disable":
-            self._must_disable = True
+        if level == "disable" or (level == "relax" and self.motor.phase is MotorPhase.SILENT):
+            self._must_disable = True  # a motor that does not answer can only be told to let go
         elif level == "relax":
             self.rest = Relax()

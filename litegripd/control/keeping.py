@@ -16,14 +16,26 @@ class Keeping:
     on_lost: OnLost = "hold"
     is_owed: bool = False
     """The keeper was lost while a motion ran that outlives it: its wish waits for the end."""
+    _proposed: tuple[int, OnLost] | None = None
+    _proposer_is_lost: bool = False
 
-    def begin(self, client: int, on_lost: OnLost) -> None:
-        """Let a client be the keeper, in place of any other."""
-        self.client, self.on_lost, self.is_owed = client, on_lost, False
+    def propose(self, client: int, on_lost: OnLost) -> None:
+        """Let a client be the keeper, in place of any other, once its enabling has succeeded."""
+        self._proposed, self._proposer_is_lost = (client, on_lost), False
+
+    def decide(self, succeeded: bool) -> None:
+        """Take note how the enabling ended; a keeper that is lost by now is owed its wish."""
+        proposed, self._proposed = self._proposed, None
+        if proposed is None or not succeeded:
+            return
+        self.client, self.on_lost = proposed
+        self.is_owed = self._proposer_is_lost
+        if self._proposer_is_lost:
+            self.client = None
 
     def end(self) -> None:
         """Let nobody be the keeper: the motor is being disabled."""
-        self.client, self.is_owed = None, False
+        self.client, self.is_owed, self._proposed = None, False, None
 
     def change(self, client: int, on_lost: OnLost) -> bool:
         """Let the keeper change its mind; tell whether `client` is the keeper."""
@@ -37,6 +49,8 @@ class Keeping:
 
         `outlived` tells that a motion goes on all the same; then the wish is owed at its end.
         """
+        if self._proposed is not None and self._proposed[0] == client:
+            self._proposer_is_lost = True
         if self.client != client:
             return None
         self.client, self.is_owed = None, outlived

@@ -6,7 +6,7 @@ from litegripd.control.engine import Engine
 from litegripd.control.rest import Relax
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job
-from litegripd.model.motor import Feedback, MotorPhase, status_name
+from litegripd.model.motor import Feedback, MotorPhase, Status, status_name
 from litegripd.model.state import GripperState, JobSummary, Mode, StopSummary
 
 STALE_AFTER_PERIODS = 4.0
@@ -28,6 +28,7 @@ def snapshot(engine: Engine, now_s: float, period_s: float, bus_is_up: bool) -> 
     motor = engine.motor
     feedback, geometry = motor.feedback, engine.geometry
     enabled = motor.phase is MotorPhase.ENABLED
+    out_of_reach = motor.phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
     age_s = None if feedback is None else now_s - feedback.at_s
     stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_POLL_S
     command = engine.command
@@ -36,12 +37,12 @@ def snapshot(engine: Engine, now_s: float, period_s: float, bus_is_up: bool) -> 
         monotonic_s=now_s,
         feedback_s=None if feedback is None else feedback.at_s,
         age_s=age_s,
-        stale=age_s is None or age_s > stale_after_s or not bus_is_up,
+        stale=age_s is None or age_s > stale_after_s or not bus_is_up or out_of_reach,
         bus="up" if bus_is_up else "down",
         motor=motor.phase.value,
         error_code=None if feedback is None else feedback.status,
         status=None if feedback is None else status_name(feedback.status),
-        enabled=enabled,
+        enabled=None if out_of_reach and _was_enabled(feedback) else enabled,
         mode=_mode(engine),
         position_rad=None if feedback is None else feedback.position_rad,
         velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
@@ -59,6 +60,11 @@ def snapshot(engine: Engine, now_s: float, period_s: float, bus_is_up: bool) -> 
         stop=_stop(engine),
         stop_generation=engine.stop_latch.generation,
     )
+
+
+def _was_enabled(feedback: Feedback | None) -> bool:
+    """Whether the last that a motor said was that it is enabled."""
+    return feedback is not None and feedback.status == Status.ENABLED
 
 
 def _mode(engine: Engine) -> Mode:

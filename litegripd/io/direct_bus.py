@@ -57,22 +57,25 @@ class DirectBus:
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
-        """Send `frames`; those that cannot be sent are counted and forgotten."""
-        for frame in frames:
+        """Send `frames` in their order; from the first that fails on, they are counted and lost.
+
+        An enable frame must never go without the zero-gain frame before it.
+        """
+        for number, frame in enumerate(frames):
             if self._bus is None:
-                self.counters.send_failures += 1
-                continue
+                self.counters.send_failures += len(frames) - number
+                return
             try:
                 self._bus.send(to_message(frame))
             except _BUS_ERRORS as error:
-                self.counters.send_failures += 1
+                self.counters.send_failures += len(frames) - number
                 self._failed(error, now_s, sending=True)
-            else:
-                self.counters.sent += 1
-                self.counters.count(frame)
-                self._full_since_s = None
-                if self._sending_failed:
-                    self._works()
+                return
+            self.counters.sent += 1
+            self.counters.count(frame)
+            self._full_since_s = None
+            if self._sending_failed:
+                self._works()
 
     def close(self) -> None:
         """Close the adapter; an adapter that is gone already does not matter any more."""

@@ -61,11 +61,11 @@ def _read(bus: can.BusABC, peer: socket.socket) -> None:
 def _write(bus: can.BusABC, peer: socket.socket, orders: "SimpleQueue[bytes]") -> None:
     while True:
         frames, deadline_s = unpack_order(orders.get())
-        if time.monotonic() > deadline_s:
-            _tell(peer, b"d%d" % len(frames))
-            continue
         try:
-            for frame in frames:
+            for number, frame in enumerate(frames):
+                if time.monotonic() > deadline_s:
+                    _tell(peer, b"d%d" % (len(frames) - number))
+                    break
                 bus.send(to_message(frame))
         except Exception as error:  # noqa: BLE001 - an interface may raise anything
             _fail(peer, f"sending: {describe(error)}")

@@ -37,7 +37,8 @@ class GripperState:
 
     Times are of CLOCK_MONOTONIC, which all processes of a machine share. `feedback_s` is when the
     motor was asked for the measurement, `age_s` its age at `monotonic_s`; `stale` marks one that
-    is older than it should be. `command_rad` is the position that the motor was last told.
+    is older than it should be, or of a motor that does not answer; `enabled` is None while such a
+    motor had been enabled. `command_rad` is the position that the motor was last told.
     `limited` names the limits that changed the latest command.
     """
 
@@ -50,7 +51,7 @@ class GripperState:
     motor: str
     error_code: int | None
     status: str | None
-    enabled: bool
+    enabled: bool | None
     mode: Mode
     position_rad: float | None
     velocity_rad_s: float | None

@@ -1,8 +1,8 @@
 """One enabling of the motor: its watchdog first, then a fault cleared, then armed and confirmed.
 
-Just before each enable frame goes one with zero gains: a command that arrived while the motor
-was disabled is stored and applied by enable at once, and a jump on enable is the commonest
-complaint about such grippers.
+Before the first enable frame the motor has answered one with zero gains, and one goes just before
+each: a command that arrived while the motor was disabled is stored and applied by enable at once,
+and a jump on enable is the commonest complaint about such grippers.
 """
 
 from litegripd.model.errors import Refusal
@@ -23,7 +23,7 @@ _LONGEST_UNITS = round(LONGEST_WATCHDOG_S / TIMEOUT_UNIT_S)
 _PREPARE_WITHIN_S = 0.2
 _NO_WATCHDOG = Refusal(
     "motor_unsuitable",
-    "the motor's watchdog (register TIMEOUT) is off, or longer than 1 s, and could not be"
+    "the motor's watchdog (register TIMEOUT) is off, or longer than 0.4 s, and could not be"
     " set, so the motor would keep pushing if the daemon died: set it with the maker's tool",
     {"register": "TIMEOUT"},
 )
@@ -42,6 +42,23 @@ class Arming:
         self._began_s = now_s
         self._next_try_s = now_s
         self._next_request_s = now_s
+        self._outstanding = 1  # a status request may be under way
+        self._until_zero: int | None = None
+
+    @property
+    def has_stored_zero(self) -> bool:
+        """Whether the motor has answered a zero-gain frame since the last other frame.
+
+        Only then may it be enabled: what it has stored is what enable applies. Answers look all
+        alike, so those to earlier frames are counted out; a lost one costs a frame more.
+        """
+        return self._until_zero is not None and self._until_zero <= 0
+
+    def note_answer(self) -> None:
+        """Count one feedback frame."""
+        self._outstanding = max(self._outstanding - 1, 0)
+        if self._until_zero is not None:
+            self._until_zero -= 1
 
     def take(self, answer: Answer) -> bool:
         """Take a register answer; the watchdog counts as set once reading it says so.
@@ -84,6 +101,8 @@ class Arming:
             self.failure = fault_refusal(feedback) if feedback and faulty else SILENT
             return []
         if faulty:
+            self._outstanding += 1
+            self._until_zero = None
             return [CanFrame(self._identity.can_id, codec.CLEAR_FAULT)]
         return [self._zero_gains(feedback)]
 
@@ -104,6 +123,9 @@ class Arming:
         return frames
 
     def _zero_gains(self, feedback: Feedback | None) -> CanFrame:
+        if self._until_zero is None:
+            self._until_zero = self._outstanding + 1
+        self._outstanding += 1
         position_rad = 0.0 if feedback is None else feedback.position_rad
         command = MitCommand(position_rad, 0.0, 0.0, 0.0, 0.0)
         return CanFrame(self._identity.can_id, codec.encode_command(command, self._identity.ranges))

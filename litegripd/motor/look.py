@@ -23,8 +23,9 @@ from litegripd.motor.registers import (
 ANSWER_WITHIN_S = 0.02
 TRIES_PER_REGISTER = 3
 
-LONGEST_WATCHDOG_S = 1.0
-"""A longer one counts as off: nobody waits that long for jaws that press."""
+LONGEST_WATCHDOG_S = 0.4
+"""The longest that motors are known to come with. A longer one counts as off: nobody waits that
+long for jaws that press."""
 
 SMALLEST_RANGE, LARGEST_RANGE = 0.1, 1000.0
 """rad, rad/s, N·m: far beyond any motor of this kind, at either end."""

@@ -128,6 +128,8 @@ class Motor:
         elif frame.can_id == self._master_id() and codec.is_from_motor(frame.data, self._can_id):
             self._feedback = codec.decode_feedback(frame.data, self._ranges(), self._asked_s)
             self._fresh = True
+            if self._arming is not None:
+                self._arming.note_answer()
         else:
             self.counters.ignored_frames += 1
 
@@ -169,7 +171,7 @@ class Motor:
             self._go(Event.SAW_ENABLED, now_s)
         elif is_fault(status):
             self._go(Event.SAW_FAULT, now_s)
-        else:
+        elif self._arming is None or self._arming.has_stored_zero:
             self._go(Event.SAW_DISABLED, now_s)
 
     def _go(self, event: Event, now_s: float) -> None:

@@ -73,7 +73,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.ARMING, _E.SAW_FAULT): _P.CLEARING,
         (_P.ARMING, _E.GAVE_UP): _P.DISABLING,
         (_P.ARMING, _E.DISABLE): _P.DISABLING,
-        (_P.ENABLED, _E.SAW_DISABLED): _P.DISABLED,
+        (_P.ENABLED, _E.SAW_DISABLED): _P.LOOKING,  # a power cycle resets registers
         (_P.ENABLED, _E.SAW_FAULT): _P.FAULT,
         (_P.ENABLED, _E.NO_ANSWER): _P.LOST,
         (_P.ENABLED, _E.DISABLE): _P.DISABLING,

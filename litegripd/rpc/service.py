@@ -5,6 +5,7 @@ Whatever a line holds, `handle` answers it and does not raise.
 """
 
 from collections import deque
+from dataclasses import replace
 
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
@@ -120,6 +121,8 @@ class RpcService:
             return
         refusal = self._refusal(session, request, method)
         if refusal is not None:
+            if method.name == "stop":  # whoever asks for a stop gets one, however it is spelt
+                refusal = self._stop_all_the_same(session, refusal, now_s)
             self._refuse(session, request.identity, refusal)
             return
         owner = Owner(session.identity, session.peer.pid, session.peer.uid, session.name)
@@ -162,6 +165,13 @@ class RpcService:
             self._waiting.add(Waiter(session, request.identity, job, later.wants_job, progress))
         else:
             session.write(result_line(request.identity, encode({"job": job.number})))
+
+    def _stop_all_the_same(self, session: Session, refusal: Refusal, now_s: float) -> Refusal:
+        peer = session.peer
+        owner = Owner(session.identity, peer.pid, peer.uid, session.name)
+        self._engine.stop("hold", owner, "a stop request that was not understood", now_s)
+        self.reporter.refresh()
+        return replace(refusal, message=f"{refusal.message}; stopped (hold) all the same")
 
     def _refuse(self, session: Session, identity: RequestId, refusal: Refusal) -> None:
         self.refused += 1

@@ -251,3 +251,22 @@ def test_closing_an_adapter_that_is_gone_does_not_matter(rig: Rig) -> None:
     rig.bus.close()
     assert not rig.fake.is_open
     rig.bus.close()
+
+
+def test_nothing_is_sent_behind_a_frame_that_failed(rig: Rig) -> None:
+    """An enable frame without the zero-gain frame before it could make the jaws jump."""
+    rig.tick()
+    fake = rig.fake
+    before = len(fake.sent)
+    refused = can.CanOperationError("Transmit buffer full", error_code=errno.ENOBUFS)
+
+    def send_but_the_first(message: can.Message) -> None:
+        fake.sent.append(message)
+        if len(fake.sent) == before + 1:
+            raise refused
+
+    fake.send = send_but_the_first  # type: ignore[method-assign]
+    failures = rig.bus.counters.send_failures
+    rig.bus.send((FRAME, FRAME, FRAME), rig.now_s)
+    assert len(fake.sent) == before + 1
+    assert rig.bus.counters.send_failures == failures + 3

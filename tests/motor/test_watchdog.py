@@ -29,7 +29,7 @@ def test_a_watchdog_that_is_off_or_useless_is_set_before_the_first_enable(units:
     assert not any(s.frame.data[2] == 0xAA and s.frame.can_id == 0x7FF for s in world.sent)
 
 
-@pytest.mark.parametrize("units", [2000, 8000, 20000])
+@pytest.mark.parametrize("units", [2000, 4000, 8000])
 def test_a_watchdog_that_is_on_is_left_as_it_is(units: int) -> None:
     world = world_with(9, struct.pack("<I", units))
     world.enabled()
