@@ -12,6 +12,14 @@ from pathlib import Path
 from typing import IO
 
 CHANNEL = "demo"
+CONFIG = """
+[bus]
+interface = "litegrip_sim"
+watchdog_s = 0.4  # a busy machine may stop all processes for longer than the usual 0.1 s
+
+[gripper]
+mount = "normal"
+"""
 START_WITHIN_S = 15.0
 HERE = Path(__file__).parent
 
@@ -55,9 +63,11 @@ def main() -> int:
     logs: dict[str, list[str]] = {"daemon": [], "mover": [], "watcher": []}
     with tempfile.TemporaryDirectory(prefix="litegripd-demo-") as folder:
         path = Path(folder) / "demo.sock"
+        config = Path(folder) / "demo.toml"
+        config.write_text(CONFIG, encoding="utf-8")
         daemon = start(
-            f"litegripd {CHANNEL} --simulate",
-            str(programs / "litegripd"), CHANNEL, "--simulate", "--socket", str(path),
+            f"litegripd {CHANNEL} --config {config}",
+            str(programs / "litegripd"), CHANNEL, "--config", str(config), "--socket", str(path),
         )  # fmt: skip
         wait_for_socket(path, daemon, logs["daemon"])
         processes, threads = {"daemon": daemon}, []

@@ -141,6 +141,7 @@ def build_gripper(
     object_stiffness_nm_rad: float = 250.0,
     can_id: int = 0x08,
     master_id: int = 0x18,
+    watchdog_s: float = 0.1,
 ) -> SimulatedGripper:
     """Build a gripper of the nominal geometry from the few figures that a user chooses.
 
@@ -157,7 +158,13 @@ def build_gripper(
                 f"the object must be 0 mm to less than {travel_mm:.0f} mm wide, not {object_mm:g}"
             )
         opening_mm = min(max(opening_mm, object_mm + 10.0), travel_mm)
-    parameters = replace(nominal, can_id=can_id, master_id=master_id, initial_opening_mm=opening_mm)
+    parameters = replace(
+        nominal,
+        can_id=can_id,
+        master_id=master_id,
+        initial_opening_mm=opening_mm,
+        watchdog_s=watchdog_s,
+    )
     gripper = SimulatedGripper(parameters, seed=seed)
     if object_mm is not None:
         gripper.put_object(width_mm=object_mm, stiffness_nm_rad=object_stiffness_nm_rad)

@@ -28,6 +28,7 @@ class _Options:
     seed: int | None
     object_mm: float | None
     object_stiffness_nm_rad: float | None
+    watchdog_s: float | None
 
     def build(self) -> SimulatedGripper:
         return build_gripper(
@@ -37,10 +38,11 @@ class _Options:
             object_stiffness_nm_rad=250.0
             if self.object_stiffness_nm_rad is None
             else self.object_stiffness_nm_rad,
+            watchdog_s=0.1 if self.watchdog_s is None else self.watchdog_s,
         )
 
 
-_NO_OPTIONS = _Options(None, None, None, None)
+_NO_OPTIONS = _Options(None, None, None, None, None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +64,7 @@ class SimulatedBus(can.BusABC):
     - `mount`: "normal" (closing increases radians) or "reverse"
     - `seed`: an integer gives the reports a noise of at most one code; without it they are exact
     - `object_mm`, `object_stiffness_nm_rad`: an object between the jaws
+    - `watchdog_s`: time without a command after which the motor disarms, 0.1 unless given
     - `gripper`: a ready-made `SimulatedGripper` instead of the options above
     - `monotonic_fn`: the clock, `time.monotonic` unless given; seconds, never backwards
     - `receive_own_messages`: also receive what this node sends
@@ -80,6 +83,7 @@ class SimulatedBus(can.BusABC):
         seed: object = None,
         object_mm: object = None,
         object_stiffness_nm_rad: object = None,
+        watchdog_s: object = None,
         gripper: SimulatedGripper | None = None,
         monotonic_fn: Callable[[], float] | None = None,
         receive_own_messages: bool = False,
@@ -89,7 +93,7 @@ class SimulatedBus(can.BusABC):
         if unknown:
             raise ValueError(
                 f"unknown option {', '.join(sorted(unknown))}; litegrip_sim takes mount, seed, "
-                f"object_mm, object_stiffness_nm_rad, gripper, monotonic_fn, "
+                f"object_mm, object_stiffness_nm_rad, watchdog_s, gripper, monotonic_fn, "
                 f"receive_own_messages and bitrate"
             )
         if not isinstance(channel, str) or not channel:
@@ -101,6 +105,7 @@ class SimulatedBus(can.BusABC):
             seed=_integer("seed", seed),
             object_mm=_number("object_mm", object_mm),
             object_stiffness_nm_rad=_number("object_stiffness_nm_rad", object_stiffness_nm_rad),
+            watchdog_s=_number("watchdog_s", watchdog_s),
         )
         self._node = Node(receive_own=bool(receive_own_messages))
         self._name = channel

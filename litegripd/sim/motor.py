@@ -51,7 +51,11 @@ class SimulatedMotor:
     ) -> None:
         self._plant = plant
         self._driver_trip_c = parameters.driver_trip_c
-        self._registers = reg.Registers(can_id=parameters.can_id, master_id=parameters.master_id)
+        self._registers = reg.Registers(
+            can_id=parameters.can_id,
+            master_id=parameters.master_id,
+            watchdog_s=parameters.watchdog_s,
+        )
         self._ranges = self._registers.ranges
         self._thermal = Thermal(parameters, _HEAT_STEPS * STEP_S)
         self._noise = None if seed is None else random.Random(seed)  # noqa: S311 - not a secret

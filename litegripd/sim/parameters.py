@@ -27,6 +27,9 @@ class SimulatorParameters:
     can_id: int = 0x08
     master_id: int = 0x18
 
+    # Time without a command after which the motor disarms (motors are known with 0.1 and 0.4 s).
+    watchdog_s: float = 0.1
+
     # Geometry (calibration template of the normal mount).
     closed_rad: float = 0.114
     open_rad: float = -1.491

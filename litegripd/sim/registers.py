@@ -63,10 +63,11 @@ TABLE: dict[int, Register] = {
 class Registers:
     """The registers of one motor. Writes live in RAM until they are saved to the flash."""
 
-    def __init__(self, *, can_id: int, master_id: int) -> None:
+    def __init__(self, *, can_id: int, master_id: int, watchdog_s: float = 0.1) -> None:
         self._live: dict[int, float] = {rid: entry.first for rid, entry in TABLE.items()}
         self._live[ESC_ID] = can_id
         self._live[MST_ID] = master_id
+        self._live[TIMEOUT] = round(watchdog_s / TIMEOUT_UNIT_S)
         self._flash = dict(self._live)
 
     def __getitem__(self, rid: int) -> float:

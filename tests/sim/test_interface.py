@@ -268,3 +268,11 @@ def test_many_threads_may_send_and_receive() -> None:
             if answers == 200:
                 break
         assert answers == 200
+
+
+def test_the_watchdog_may_be_as_slow_as_motors_have_it() -> None:
+    with can.Bus(
+        interface="litegrip_sim", channel="slow", watchdog_s=0.4, ignore_config=True
+    ) as bus:
+        assert isinstance(bus, SimulatedBus)
+        assert bus.gripper.motor.registers.timeout_s == pytest.approx(0.4)
