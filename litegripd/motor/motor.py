@@ -232,9 +232,8 @@ class Motor:
     def _begin_enable(self, request: EnableMotor, now_s: float) -> None:
         self._failure = self._problem()
         self._tries = 0
-        if self._identity is None or self._failure is not None:
-            return
-        if self._phase not in (Phase.DISABLED, Phase.FAULT):
+        is_off = self._phase in (Phase.DISABLED, Phase.FAULT)
+        if self._identity is None or self._failure is not None or not is_off:
             return
         self._arming = Arming(self._identity, request, now_s)
         self._go(Event.ENABLE, now_s)
