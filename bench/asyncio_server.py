@@ -19,6 +19,7 @@ from litegripd.io.meters import LatenessMeter
 from litegripd.io.realtime import acquire
 from litegripd.io.timerfd import PeriodicTimer
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.unit import Unit
 from litegripd.rpc.view import state_view
 
 PERIOD_S = 0.005
@@ -32,7 +33,7 @@ class ControlThread(threading.Thread):
         self.seconds = seconds
         self.lateness = LatenessMeter()
         self.lost_ticks = 0
-        self.machine = Machine(0x08, None, MotionConfig(), PERIOD_S)
+        self.machine = Machine(Unit(), None, MotionConfig(), PERIOD_S)
         self.bus = DirectBus(BusSettings("litegrip_sim", "asyncio", 1_000_000))
         self.bus.receive(time.monotonic())
         self.now_s = 0.0

@@ -22,8 +22,11 @@ def read_states(connected: socket.socket, seconds: float) -> "array.array[float]
         if asked_s >= ends_s:
             return latencies
         connected.sendall(REQUEST)
-        while not connected.recv(65536).endswith(b"\n"):
-            pass
+        received = b""
+        while not received.endswith(b"\n"):
+            received = connected.recv(65536)
+            if not received:
+                raise ConnectionError("the server is gone")
         latencies.append(time.perf_counter() - asked_s)
 
 

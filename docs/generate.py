@@ -20,7 +20,8 @@ sys.path.insert(0, str(ROOT))
 
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.model.state import GripperState  # noqa: E402
-from litegripd.rpc.methods import METHODS, Method  # noqa: E402
+from litegripd.rpc.method import Method  # noqa: E402
+from litegripd.rpc.methods import METHODS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
 from litegripd.rpc.schema import Param  # noqa: E402
 from litegripd.rpc.wire import MAX_LINE_BYTES  # noqa: E402

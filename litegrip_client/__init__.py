@@ -9,7 +9,7 @@
 Standard library only; nothing of the daemon is imported. And little of the library: `typing`
 and `dataclasses` take as long to import as all the rest, so the modules need the first only for
 the type checker (which knows what `TYPE_CHECKING` means, wherever it comes from), and the second
-when the first connection is made.
+when the first object is made.
 """
 
 from __future__ import annotations
@@ -29,35 +29,76 @@ from litegrip_client.gripper import LiteGrip
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from litegrip_client.results import EnableResult, GripperState, MoveProgress, MoveResult
+    from litegrip_client.calibration import CalibrationData, GripperConfig
+    from litegrip_client.calibration_files import CALIB_TEMPLATES, list_templates
+    from litegrip_client.conversion import UnitConversion
+    from litegrip_client.manual import ManualCalibration
+    from litegrip_client.motion_config import MotionConfig
+    from litegrip_client.results import (
+        EnableResult,
+        GraspResult,
+        GripperState,
+        MoveProgress,
+        MoveResult,
+        SetZeroResult,
+    )
+    from litegrip_client.setpoints import SetpointStream
+
+    __version__: str
 
 __all__ = [
+    "CALIB_TEMPLATES",
     "BusyError",
+    "CalibrationData",
     "CancelledError",
     "CommandError",
     "ConnectError",
     "EnableResult",
+    "GraspResult",
     "GripperActions",
+    "GripperConfig",
     "GripperState",
     "HardwareError",
     "LiteGrip",
     "LiteGripError",
+    "ManualCalibration",
+    "MotionConfig",
     "MoveProgress",
     "MoveResult",
     "ProtocolError",
+    "SetZeroResult",
+    "SetpointStream",
     "StoppedError",
+    "UnitConversion",
+    "__version__",
+    "list_templates",
 ]
 
-
-_RESULTS = {"EnableResult", "GripperState", "MoveProgress", "MoveResult"}
+_LATER = {
+    "CALIB_TEMPLATES": "calibration_files",
+    "CalibrationData": "calibration",
+    "EnableResult": "results",
+    "GraspResult": "results",
+    "GripperConfig": "calibration",
+    "GripperState": "results",
+    "ManualCalibration": "manual",
+    "MotionConfig": "motion_config",
+    "MoveProgress": "results",
+    "MoveResult": "results",
+    "SetZeroResult": "results",
+    "SetpointStream": "setpoints",
+    "UnitConversion": "conversion",
+    "list_templates": "calibration_files",
+}
+"""What takes long to import, or is seldom needed, and its module."""
 
 
 def __getattr__(name: str) -> object:
-    """Find what takes long to import, when it is asked for."""
-    if name in _RESULTS:
-        from litegrip_client import results  # noqa: PLC0415
+    """Find what is imported only when it is asked for."""
+    if name in _LATER:
+        from importlib import import_module  # noqa: PLC0415
 
-        return getattr(results, name)
+        return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
     if name == "__version__":
         from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
 

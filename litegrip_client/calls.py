@@ -67,17 +67,24 @@ class Call:
 
     def line(self) -> bytes:
         """Give the request as it is sent; raises `CommandError` when it cannot be."""
-        try:
-            params = f',"params":{_encode(self.params)}' if self.params else ""
-        except ValueError as error:
-            raise _unsendable(f"{self.method}: a parameter is not JSON: {error}") from error
-        head = f'{{"jsonrpc":"2.0","id":{self.identity},"method":{_quote(self.method)}'
-        line = f"{head}{params}}}\n".encode()
-        if len(line) > MAX_LINE_BYTES:
-            raise _unsendable(
-                f"{self.method}: the request is {len(line)} bytes long, {MAX_LINE_BYTES} at most"
-            )
-        return line
+        return request_line(self.identity, self.method, self.params)
+
+
+def request_line(identity: int | None, method: str, params: Mapping[str, Any] | None) -> bytes:
+    """Give a request as it is sent; `identity` None makes it one that gets no answer.
+
+    Raises `CommandError` when it cannot be sent.
+    """
+    try:
+        tail = f',"params":{_encode(params)}' if params else ""
+    except (ValueError, TypeError, RecursionError) as error:
+        raise _unsendable(f"{method}: a parameter is not JSON: {error}") from error
+    number = "" if identity is None else f'"id":{identity},'
+    line = f'{{"jsonrpc":"2.0",{number}"method":{_quote(method)}{tail}}}\n'.encode()
+    if len(line) > MAX_LINE_BYTES:
+        text = f"{method}: the request is {len(line)} bytes long, {MAX_LINE_BYTES} at most"
+        raise _unsendable(text)
+    return line
 
 
 def guarded(params: Mapping[str, Any], stop_generation: int | None) -> dict[str, Any]:

@@ -11,8 +11,15 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from types import TracebackType
 
-from litegrip_client.calls import Call, Message, Progress, generation_of, guarded
-from litegrip_client.errors import ProtocolError, StoppedError, from_error_object
+from litegrip_client.calls import (
+    Call,
+    Message,
+    Progress,
+    generation_of,
+    guarded,
+    request_line,
+)
+from litegrip_client.errors import LiteGripError, ProtocolError, StoppedError, from_error_object
 from litegrip_client.multiplexer import Multiplexer
 
 TYPE_CHECKING = False
@@ -101,14 +108,37 @@ class Connection:
         """Drop what still comes for `call`: for whoever set its `keep`."""
         self._multiplexer.calls.pop(call.identity, None)
 
+    def notify_guarded(self, method: str, params: Mapping[str, Any]) -> None:
+        """Send, as `prepare_guarded` does, a request that gets no answer.
+
+        Raises `ConnectError` when the connection is gone. Look at `take_refusal` before.
+        """
+        self._multiplexer.check_usable()
+        line = request_line(None, method, guarded(params, self.stop_generation))
+        self._multiplexer.send(line, self.timeout_s)
+
+    def take_refusal(self) -> LiteGripError | None:
+        """Return why the daemon refused what `notify_guarded` sent, once it has said so."""
+        multiplexer = self._multiplexer
+        multiplexer.check_usable()
+        multiplexer.poll()
+        refusal, multiplexer.refusal = multiplexer.refusal, None
+        if refusal is None:
+            return None
+        data = {"reason": refusal.get("reason"), **refusal.get("data", {})}
+        return self._error({**refusal, "data": data})
+
+    def _error(self, error_object: Any) -> LiteGripError:
+        error = from_error_object(error_object)
+        if isinstance(error, StoppedError):
+            # Who is told of a stop knows of it: what it sends next is meant to come after,
+            # and `sent_s` alone guards it until an answer tells the new number.
+            self.stop_generation = generation_of(error.data)
+        return error
+
     def _result(self, answer: Message, method: str) -> dict[str, Any]:
         if "error" in answer:
-            error = from_error_object(answer["error"])
-            if isinstance(error, StoppedError):
-                # Who is told of a stop knows of it: what it sends next is meant to come after,
-                # and `sent_s` alone guards it until an answer tells the new number.
-                self.stop_generation = generation_of(error.data)
-            raise error
+            raise self._error(answer["error"])
         result = answer.get("result")
         if not isinstance(result, dict):
             raise ProtocolError(f"the daemon answered {method} with no object: {result!r:.80}")

@@ -8,27 +8,34 @@ from __future__ import annotations
 from collections.abc import Sequence
 from types import TracebackType
 
-from litegrip_client.actions import GripperActions, ProgressCallback
+from litegrip_client.actions import GripperActions
+from litegrip_client.base import state_of
 from litegrip_client.connection import Connection
-from litegrip_client.errors import LiteGripError
 from litegrip_client.link import Link
-from litegrip_client.warn import warn
+from litegrip_client.warn import leave
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
     from typing import Any, overload
 
-    from litegrip_client.results import EnableResult, GripperState, MoveResult
+    from litegrip_client.motion_config import MotionConfig
+    from litegrip_client.results import GripperState
     from litegrip_client.subscription import StateSample, StateSubscription
 
 
-class LiteGrip:
+class LiteGrip(GripperActions):
     """The gripper on `channel`, as `with LiteGrip("can0") as gripper:`.
 
     The constructor connects to nothing. `can_id` None takes the motor that the daemon has;
     given, it must be that one. Leaving the `with` block disables the motor if this object
     enabled it, unless `disable_on_disconnect` is false: then the daemon goes on holding. Threads
     may share an object; after a fork the child makes its own.
+
+    `mount`, "normal" or "reverse", has the daemon load the nominal calibration of that mount
+    when connecting, as `load_template` does, whatever it has. `motion_config` is this object's
+    own: it changes nothing for other clients.
+
+    All that makes the gripper do something stands in `GripperActions` and its bases.
     """
 
     def __init__(
@@ -36,22 +43,38 @@ class LiteGrip:
         channel: str = "can0",
         can_id: int | None = None,
         *,
+        mount: str | None = None,
         disable_on_disconnect: bool = True,
         socket_path: str | None = None,
+        motion_config: MotionConfig | None = None,
     ) -> None:
-        """Raise `CommandError` for what cannot be a channel."""
-        self._link = Link(channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect)
-        self._actions = GripperActions(self._link)
+        """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
+        link = Link(channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect)
+        super().__init__(link, motion_config)
+        self._template: str | None = None
+        if mount is not None:
+            from litegrip_client.calibration_files import check_template  # noqa: PLC0415 - see above
+
+            self._template = check_template(mount)
 
     # Connection
 
     def connect(self) -> None:
-        """Connect to the daemon, unless connected.
+        """Connect to the daemon, unless connected, and load the constructor's `mount`, if any.
 
         Raises `ConnectError` when there is none (it tells how to start one), `CommandError` when
-        its channel or CAN id is another.
+        its channel or CAN id is another or the mount cannot be loaded.
         """
+        if self._link.is_open:
+            return
         self._link.open()
+        if self._template is None:
+            return
+        try:
+            self.load_template(self._template)
+        except BaseException:
+            self._link.close()
+            raise
 
     def disconnect(self) -> None:
         """Disconnect; disables the motor first if this object enabled it and should.
@@ -70,13 +93,7 @@ class LiteGrip:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if error is None:
-            self.disconnect()
-            return
-        try:
-            self.disconnect()
-        except LiteGripError as second:
-            warn(f"on leaving after {type(error).__name__}: {second}")
+        leave(self.disconnect, error)
 
     @property
     def is_connected(self) -> bool:
@@ -100,37 +117,10 @@ class LiteGrip:
     def disable_on_disconnect(self, value: bool) -> None:
         self._link.disable_on_disconnect = bool(value)
 
-    # Motor and motions
-
     @property
     def actions(self) -> GripperActions:
-        """The low-level actions that the methods here forward to."""
-        return self._actions
-
-    def enable(self, retries: int | None = None) -> EnableResult:
-        """Enable the motor: see `GripperActions.enable`."""
-        return self._actions.enable(retries)
-
-    def disable(self) -> bool:
-        """Disable the motor: see `GripperActions.disable`."""
-        return self._actions.disable()
-
-    def open(
-        self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
-    ) -> MoveResult:
-        """Open the jaws to the stop: see `GripperActions.open`."""
-        return self._actions.open(speed_mm_s, progress=progress)
-
-    def close(
-        self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
-    ) -> MoveResult:
-        """Close the jaws to the stop: see `GripperActions.close`."""
-        return self._actions.close(speed_mm_s, progress=progress)
-
-    def hold(self) -> GripperState:
-        """Hold the measured position from now on."""
-        connection = self._link.connection
-        return _state_of(connection.run(connection.prepare_guarded("motion.hold", {})))
+        """The actions by themselves, which this object has as well."""
+        return self
 
     # Stop
 
@@ -145,12 +135,12 @@ class LiteGrip:
         connection = self._link.connection
         if connection.is_waiting_here:
             with Connection(connection.path) as another:
-                return _state_of(another.call("stop", params))
-        return _state_of(connection.call("stop", params))
+                return state_of(another.call("stop", params))
+        return state_of(connection.call("stop", params))
 
     def clear_stop(self) -> GripperState:
         """Clear a stop, so that the motor may be enabled and moved again. Moves nothing."""
-        return _state_of(self._link.connection.call("stop.clear"))
+        return state_of(self._link.connection.call("stop.clear"))
 
     # Reading
 
@@ -200,10 +190,6 @@ def _state(data: dict[str, Any]) -> GripperState:
     from litegrip_client.results import GripperState  # noqa: PLC0415 - see above
 
     return GripperState.from_wire(data)
-
-
-def _state_of(result: dict[str, Any]) -> GripperState:
-    return _state(result.get("state", {}))
 
 
 def _whole(sample: StateSample) -> GripperState:

@@ -36,7 +36,10 @@ _raw_decode = json.JSONDecoder().raw_decode
 
 
 class Multiplexer:
-    """Routes what comes on a stream. `calls` and `listeners` are those that wait, by number."""
+    """Routes what comes on a stream. `calls` and `listeners` are those that wait, by number.
+
+    `refusal` is the newest that a request without an answer got, until somebody takes it.
+    """
 
     def __init__(self, path: str, timeout_s: float) -> None:
         """Connect to `path`; raises `OSError`."""
@@ -44,6 +47,7 @@ class Multiplexer:
         self._pid = os.getpid()
         self.calls: dict[int, Call] = {}
         self.listeners: dict[int, Listener] = {}
+        self.refusal: Message | None = None
         # Re-entrant, because a signal handler may make a call, too.
         self._lock = threading.RLock()
         self._woken = threading.Condition(self._lock)
@@ -115,6 +119,19 @@ class Multiplexer:
                 self._leader = None
                 self._wake_followers()
 
+    def poll(self) -> None:
+        """Route what has come already; raises `ConnectError` when the connection has ended."""
+        me = threading.get_ident()
+        try:
+            if self._ending is None and self._may_lead(me):
+                self._read(0.0)
+        finally:
+            if self._leader == me:
+                self._leader = None
+                self._wake_followers()
+        if self._ending is not None:
+            self._raise_ending(self._ending)
+
     def _may_lead(self, me: int) -> bool:
         with self._lock:
             if self._leader is None:
@@ -176,6 +193,8 @@ class Multiplexer:
             listener = self.listeners.get(params["subscription"])
             if listener is not None:
                 listener.deliver(params)
+        elif message["method"] == "stream.refused":
+            self.refusal = params
 
     def close(self) -> None:
         """End the connection; in a forked child only the child's copy of it."""

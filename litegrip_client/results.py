@@ -4,64 +4,21 @@ A newer daemon may say more than these hold, which is ignored; what one of them 
 daemon does not say is a `ProtocolError`.
 """
 
-import time
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
-from litegrip_client.errors import ProtocolError
+from litegrip_client.checks import pick
+from litegrip_client.state import GripperState
 
-
-@dataclass(frozen=True, slots=True)
-class GripperState:
-    """The daemon's newest state. None stands where something is not known.
-
-    Times are CLOCK_MONOTONIC seconds: `monotonic_s` of this state, `feedback_s` of the motor's
-    last feedback. `age_s` is the feedback's age when the state was made; `stale` tells that the
-    figures are old ones. `error_code` is the motor's status nibble and `status` its name.
-    """
-
-    seq: int
-    monotonic_s: float
-    feedback_s: float | None
-    age_s: float | None
-    stale: bool
-    bus: str
-    motor: str
-    error_code: int | None
-    status: str | None
-    enabled: bool | None
-    mode: str
-    position_rad: float | None
-    velocity_rad_s: float | None
-    torque_nm: float | None
-    force_n: float | None
-    opening_mm: float | None
-    openness: float | None
-    driver_temperature_c: float | None
-    coil_temperature_c: float | None
-    command_rad: float | None
-    limited: tuple[str, ...]
-    calibrated: bool
-    mount: str | None
-    job: dict[str, Any] | None
-    stop: dict[str, Any] | None
-    stop_generation: int
-
-    @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> "GripperState":
-        """Read the wire's form; raises `ProtocolError`."""
-        values = _pick(data, _STATE_FIELDS, "state")
-        values["limited"] = tuple(values["limited"] or ())
-        return cls(**values)
-
-    @property
-    def age_now_s(self) -> float | None:
-        """How old the motor's feedback is by now, in seconds; None if there never was any."""
-        return None if self.feedback_s is None else time.monotonic() - self.feedback_s
-
-
-_STATE_FIELDS = tuple(field.name for field in fields(GripperState))
+__all__ = [
+    "EnableResult",
+    "GraspResult",
+    "GripperState",
+    "MoveProgress",
+    "MoveResult",
+    "SetZeroResult",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,8 +40,7 @@ class EnableResult:
     @classmethod
     def from_wire(cls, data: Mapping[str, Any]) -> "EnableResult":
         """Read the wire's form; raises `ProtocolError`."""
-        values = _pick(data, ("ok", "state", "tries"), "enable result")
-        values["state"] = GripperState.from_wire(values["state"])
+        values = _with_state(data, ("ok", "tries"), "enable result")
         return cls(**values, reason=data.get("reason"), message=data.get("message"))
 
 
@@ -93,9 +49,11 @@ class MoveResult:
     """How a motion ended; true if it ended as it should.
 
     For open and close that is pressed onto the mechanical stop: then `stalled` is true and
-    `reached` is not, because the target lies behind the stop. `outcome` names the end;
-    `target_rad` is what was aimed at, `limit_rad` the calibrated stop, `final_cmd_rad` the last
-    position commanded, `steps` the number of commands.
+    `reached` is not, because the target lies behind the stop. For the motions to a target it is
+    `reached` and not `stalled`. `outcome` names the end; `protected` tells that the torque guard
+    ended it, before the jaws pressed harder on what blocks them. `target_rad` is what was aimed
+    at, `limit_rad` the calibrated stop, `final_cmd_rad` the last position commanded, `steps` the
+    number of commands.
     """
 
     ok: bool
@@ -107,6 +65,7 @@ class MoveResult:
     final_cmd_rad: float
     steps: int
     outcome: str
+    protected: bool
 
     def __bool__(self) -> bool:
         return self.ok
@@ -114,15 +73,66 @@ class MoveResult:
     @classmethod
     def from_wire(cls, data: Mapping[str, Any]) -> "MoveResult":
         """Read the wire's form; raises `ProtocolError`."""
-        same = ("ok", "reached", "stalled", "state", "target_rad", "limit_rad", "steps", "outcome")
-        values = _pick(data, (*same, "final_command_rad"), "move result")
-        values["state"] = GripperState.from_wire(values["state"])
+        same = ("ok", "reached", "stalled", "target_rad", "limit_rad", "steps", "outcome")
+        values = _with_state(data, (*same, "protected", "final_command_rad"), "move result")
         return cls(final_cmd_rad=values.pop("final_command_rad"), **values)
 
 
 @dataclass(frozen=True, slots=True)
+class GraspResult:
+    """How a grasp ended; true if an object is held, and of the width that was asked for.
+
+    On an object `stalled` is true and `reached` is not: the jaws stop short of where they would
+    stand empty. `outcome` is object_held, wrong_width, no_object, object_lost or timed_out;
+    `width_mm` the opening between the fingers at the object, None without one. `cycles` counts
+    the whole slices of `hold_interval` for which the force was held, `held_s` the seconds.
+    """
+
+    ok: bool
+    reached: bool
+    stalled: bool
+    state: GripperState
+    target_rad: float
+    force_n: float
+    cycles: int
+    outcome: str
+    width_mm: float | None
+    held_s: float
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    @classmethod
+    def from_wire(cls, data: Mapping[str, Any]) -> "GraspResult":
+        """Read the wire's form; raises `ProtocolError`."""
+        figures = ("target_rad", "force_n", "cycles", "outcome", "width_mm", "held_s")
+        return cls(**_with_state(data, ("ok", "reached", "stalled", *figures), "grasp result"))
+
+
+@dataclass(frozen=True, slots=True)
+class SetZeroResult:
+    """Whether the motor counts from its new zero; `shift_rad` is by how much it was moved."""
+
+    ok: bool
+    shift_rad: float
+    position_rad: float
+    state: GripperState
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    @classmethod
+    def from_wire(cls, data: Mapping[str, Any]) -> "SetZeroResult":
+        """Read the wire's form; raises `ProtocolError`."""
+        return cls(**_with_state(data, ("ok", "shift_rad", "position_rad"), "zero"))
+
+
+@dataclass(frozen=True, slots=True)
 class MoveProgress:
-    """How far a motion is: `phase`, command `i` of `total_steps`, and what the motor does."""
+    """How far a motion is: `phase`, command `i` of `total_steps`, and what the motor does.
+
+    `total_steps` is 0 where a phase has no foreseeable end, as the "hold" of a grasp.
+    """
 
     phase: str
     i: int
@@ -134,16 +144,13 @@ class MoveProgress:
     @classmethod
     def from_wire(cls, data: Mapping[str, Any]) -> "MoveProgress":
         """Read the wire's form; raises `ProtocolError`."""
-        return cls(*_pick(data, _PROGRESS_KEYS, "progress").values())
+        return cls(*pick(data, _PROGRESS_KEYS, "progress").values())
 
 
 _PROGRESS_KEYS = ("phase", "step", "total_steps", "command_rad", "position_rad", "torque_nm")
 
 
-def _pick(data: Mapping[str, Any], names: tuple[str, ...], what: str) -> dict[str, Any]:
-    try:
-        return {name: data[name] for name in names}
-    except KeyError as error:
-        raise ProtocolError(f"the daemon's {what} lacks {error}", reason="missing_field") from None
-    except TypeError:
-        raise ProtocolError(f"the daemon's {what} is no object: {data!r:.80}") from None
+def _with_state(data: Mapping[str, Any], names: tuple[str, ...], what: str) -> dict[str, Any]:
+    values = pick(data, (*names, "state"), what)
+    values["state"] = GripperState.from_wire(values["state"])
+    return values

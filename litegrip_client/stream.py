@@ -105,7 +105,7 @@ class LineStream:
         # can run while this waits.
         poller = select.poll()
         poller.register(self._socket, event)
-        return bool(poller.poll(None if math.isinf(wait_s) else int(wait_s * 1000.0) + 1))
+        return bool(poller.poll(None if math.isinf(wait_s) else math.ceil(wait_s * 1000.0)))
 
     def close(self, *, shared: bool = False) -> None:
         """Close the socket; `shared`: another process uses it, too, and must not notice."""

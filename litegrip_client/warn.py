@@ -1,8 +1,28 @@
 """Say something that may neither be lost nor raised, because an exception is on its way already."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from litegrip_client.errors import LiteGripError
+
 
 def warn(text: str) -> None:
     """Log a warning under the name `litegrip_client`."""
     import logging  # noqa: PLC0415 - takes milliseconds to import, and is hardly ever needed
 
     logging.getLogger("litegrip_client").warning("%s", text)
+
+
+def leave(close: Callable[[], object], error: BaseException | None) -> None:
+    """Close at the end of a `with` block, which `error` ended, if any.
+
+    An error of the closing is raised, but only logged where it would hide the block's own.
+    """
+    if error is None:
+        close()
+        return
+    try:
+        close()
+    except LiteGripError as second:
+        warn(f"on leaving after {type(error).__name__}: {second}")

@@ -11,12 +11,15 @@ from itertools import pairwise
 from typing import Any
 
 from litegripd.app.machine import Machine
+from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.model.calibration import Calibration
+from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.state import GripperState
+from litegripd.model.unit import Unit
 from litegripd.motor import codec
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.session import Peer, Session
@@ -106,6 +109,28 @@ class Client:
         self.world.service.closed(self.session, self.world.now_s)
 
 
+class Disk:
+    """The helper process's files, in memory: what was saved last, by operation."""
+
+    def __init__(self) -> None:
+        self.saved: dict[str, Any] = {}
+        self.error: str | None = None
+        self.found: dict[str, Any] | None = None
+
+    def do(self, errand: Errand) -> ErrandResult:
+        """Carry out one errand."""
+        operation, parameters = errand.operation, errand.parameters
+        if self.error is not None:
+            return ErrandResult(error=self.error)
+        if operation == "calibration.load":
+            return ErrandResult(load_operation(parameters) if self.found is None else self.found)
+        if operation == "calibration.templates":
+            return ErrandResult(templates_operation(parameters))
+        json.dumps(parameters)  # as it goes to the helper
+        self.saved[operation] = parameters
+        return ErrandResult({"path": f"/state/{operation}", "previous": None})
+
+
 class World:
     """One daemon and one simulated gripper on a virtual bus with a virtual clock."""
 
@@ -122,7 +147,7 @@ class World:
             parameters = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
         self.now_s = 1000.0
         self.gripper = SimulatedGripper(parameters)
-        self.machine = Machine(CAN_ID, master_id, config or MotionConfig(), PERIOD_S)
+        self.machine = Machine(Unit(), master_id, config or MotionConfig(), PERIOD_S)
         self.engine = self.machine.engine
         self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
         self.sent: list[Sent] = []
@@ -130,6 +155,8 @@ class World:
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
+        self.disk = Disk()
+        self._finished: list[tuple[Errand, ErrandResult]] = []
         self._last_pid = 100
         if calibrated:
             geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
@@ -152,8 +179,17 @@ class World:
                 answers = self.gripper.receive(self.now_s + FRAME_TIME_S, frame)
                 self._in_flight += [f for f in answers if not self.lose_from_motor(f)]
         self.service.after_tick(self.now_s, self.bus_error is None)
+        self._run_errands()
         while self.service.pending:
             self.service.send_one()
+
+    def _run_errands(self) -> None:
+        """Do the slow work as the helper process would, with the result in the next tick."""
+        errands, self.engine.errands = self.engine.errands, []
+        finished, self._finished = self._finished, []
+        for errand, result in finished:
+            errand.on_result(result)
+        self._finished = [(errand, self.disk.do(errand)) for errand in errands]
 
     def inject(self, frame: CanFrame) -> None:
         """Let a frame arrive that the motor did not send."""

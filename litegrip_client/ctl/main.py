@@ -6,9 +6,10 @@ import sys
 from argparse import Namespace
 
 from litegrip_client.connection import Connection
-from litegrip_client.ctl.commands import COMMANDS, INTERRUPTED, Run
+from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.options import parse
 from litegrip_client.ctl.output import Output
+from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, Run
 from litegrip_client.discovery import connect
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
@@ -20,6 +21,7 @@ _HINTS = {
     "stopped": "when it is safe again: litegripctl clear",
     "sent_before_stop": "when it is safe again: litegripctl clear, then once more",
     "not_enabled": "first: litegripctl enable",
+    "not_calibrated": CHOOSE_MOUNT,
     "busy": "see: litegripctl jobs",
     "unknown_job": "see: litegripctl jobs",
     "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
@@ -46,7 +48,7 @@ def _run(options: Namespace, output: Output) -> int:
     try:
         with connect(options.channel, options.socket) as connection:
             _check(connection.greet("litegripctl"), connection, options)
-            return COMMANDS[options.command](Run(connection, options, output))
+            return find(options.command)(Run(connection, options, output))
     except LiteGripError as error:
         output.error(error, _hint(error, options.channel))
         return exit_code(error)

@@ -15,7 +15,6 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 Data: TypeAlias = "Mapping[str, Any]"
 
 _LABEL_WIDTH = 12
-_BAR_WIDTH = 24
 
 
 def figure(value: object, form: str, unit: str) -> str:
@@ -35,7 +34,7 @@ def state(data: Data) -> str:
         ("mode", f"{data.get('mode')} (motor {data.get('motor')}, bus {data.get('bus')})"),
         ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {_openness(data)} open"),
         ("position", figure(data.get("position_rad"), "+.4f", "rad")),
-        ("command", figure(data.get("command_rad"), "+.4f", "rad")),
+        ("command", _command(data, "command")),
         ("velocity", figure(data.get("velocity_rad_s"), "+.4f", "rad/s")),
         ("torque", _torque(data)),
         ("temperature", _temperature(data)),
@@ -43,8 +42,11 @@ def state(data: Data) -> str:
         ("calibrated", f"yes, mount {data.get('mount')}" if data.get("calibrated") else "no"),
         ("age", age(data)),
     ]
+    if data.get("force_set_n") is not None:
+        rows.append(("squeezing", _squeezing(data)))
     if data.get("limited"):
         rows.append(("limited", ", ".join(map(str, data["limited"]))))
+        rows.append(("requested", _command(data, "requested")))
     if data.get("job"):
         rows.append(("job", _job(data["job"])))
     if data.get("stop"):
@@ -79,23 +81,6 @@ def age(data: Data) -> str:
     if data.get("stale"):
         return f"STALE, {figure(seconds, '.1f', 's')} old" if seconds is not None else "STALE"
     return figure(seconds, ".3f", "s")
-
-
-def progress(data: Data) -> str:
-    """Show how far a motion is, with a bar, in one line."""
-    total = data.get("total_steps") or 0
-    share = min(1.0, max(0.0, data.get("step", 0) / total)) if total > 0 else 0.0
-    bar = ("#" * round(share * _BAR_WIDTH)).ljust(_BAR_WIDTH, ".")
-    opening = figure(data.get("opening_mm"), "6.2f", "mm")
-    torque = figure(data.get("torque_nm"), "+.2f", "N·m")
-    return plain(f"[{bar}] {opening}  {torque}  {data.get('phase')}")
-
-
-def move(name: str, data: Data) -> str:
-    """Show how a motion ended."""
-    opening = figure(data.get("state", {}).get("opening_mm"), ".2f", "mm")
-    verdict = "" if data.get("ok") else "NOT ok: "
-    return plain(f"{name}: {verdict}{data.get('outcome')}, at {opening}")
 
 
 def jobs(rows: list[Data]) -> str:
@@ -156,6 +141,17 @@ def _openness(data: Data) -> str:
 def _torque(data: Data) -> str:
     torque = figure(data.get("torque_nm"), "+.3f", "N·m")
     return f"{torque}, force about {figure(data.get('force_n'), '+.1f', 'N')}"
+
+
+def _command(data: Data, name: str) -> str:
+    position = figure(data.get(f"{name}_rad"), "+.4f", "rad")
+    torque = data.get(f"{name}_torque_nm")
+    return position if torque is None else f"{position}, {figure(torque, '+.3f', 'N·m')}"
+
+
+def _squeezing(data: Data) -> str:
+    held = "an object is held" if data.get("is_grasped") else "no object is held"
+    return f"with {figure(data['force_set_n'], '.1f', 'N')}, {held}"
 
 
 def _temperature(data: Data) -> str:

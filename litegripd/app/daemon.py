@@ -8,10 +8,10 @@ from pathlib import Path
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts, Parts
 from litegripd.app.machine import Machine
+from litegripd.app.starting import load_at_start
 from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
-from litegripd.io.calibration_files import found_from
 from litegripd.io.child import Child
-from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.helper import Helper
 from litegripd.io.listener import ChannelClaim, listen, runtime_directory
 from litegripd.io.log import JournalSink, LogHandler, goes_to_journal
 from litegripd.io.pumped_bus import PumpedBus
@@ -19,13 +19,15 @@ from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire
 from litegripd.io.server import Server
 from litegripd.io.signals import Signals
-from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.unit import Unit
 from litegripd.motor.look import warnings
 from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)
+
+_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat"})
 
 END_WITHIN_S = 1.5
 """So long the end waits for the motor to confirm that it is disabled."""
@@ -66,9 +68,10 @@ class Daemon:
         self._claim = ChannelClaim(config.bus.interface, config.bus.channel)
         self._path = socket_path(config)
         self._listener = listen(self._path, config.rpc.group)
-        self._machine = Machine(
-            config.motor.can_id, config.motor.master_id, MotionConfig(), period_s
+        unit = Unit(
+            config.channel, config.motor.can_id, config.gripper.stroke_mm, config.gripper.mount
         )
+        self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._facts = DaemonFacts(config, self._machine)
         self._service = RpcService(self._machine.engine, self._facts, period_s)
         self._reactor = Reactor(period_s, self._tick)
@@ -90,7 +93,8 @@ class Daemon:
         self._reactor.add(self._signals.fileno(), self._signals)
         self._reactor.add(self._claim.fileno(), self._claim)
         self._helper.poll(time.monotonic())
-        self._request_calibration()
+        load_at_start(self._machine.engine, self._note_calibration)
+        self._run_errands()
         self._bus.receive(time.monotonic())  # opens the adapter, which may take many periods
         root = logging.getLogger()
         previous, root.handlers = root.handlers, [self._log_handler]
@@ -140,6 +144,7 @@ class Daemon:
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s, self._bus.is_up)
         self._helper.poll(now_s)
+        self._run_errands()
         if self._parts is not None:
             self._parts.tick(now_s)
         for event in self._service.take_events():
@@ -197,35 +202,15 @@ class Daemon:
                 _log.warning("%s", warning)
         self._motor_was_known = known
 
-    def _request_calibration(self) -> None:
-        parameters = {"channel": self._config.channel, "mount": self._config.gripper.mount}
-        self._helper.request("calibration.load", parameters, self._use_calibration)
+    def _run_errands(self) -> None:
+        """Hand the slow work that the pure rooms want done to the helper process."""
+        errands = self._machine.engine.errands
+        while errands:
+            errand = errands.pop(0)
+            self._helper.request(errand.operation, errand.parameters, errand.on_result)
 
-    def _use_calibration(self, result: HelperResult) -> None:
-        engine = self._machine.engine
+    def _note_calibration(self) -> None:
         self._calibration_is_known = True
-        if result.error is not None or not isinstance(result.value, dict):
-            refusal = Refusal("calibration_unreadable", f"no calibration: {result.error}")
-            _log.error("%s", refusal.message)
-            engine.use_calibration(None, refusal)
-            return
-        found = found_from(result.value)
-        for skipped in found.skipped:
-            _log.warning("calibration passed over: %s", skipped)
-        engine.use_calibration(found.calibration, None)
-        if found.calibration is None or found.path is None:
-            _log.warning("no calibration for channel %s: motions are refused", self._config.channel)
-            return
-        self._facts.calibration_file = str(found.path)
-        geometry = found.calibration.geometry
-        turning = "increasing" if geometry.close_sign > 0 else "decreasing"
-        _log.info(
-            "calibration %s: mount %s, closing by %s radians, %.1f mm of travel",
-            found.path,
-            geometry.mount,
-            turning,
-            geometry.travel_mm,
-        )
 
     def _watch(self, child: Child) -> None:
         self._reactor.add(child.socket.fileno(), self._helper)
@@ -243,5 +228,5 @@ class Daemon:
 
 
 def _log_event(event: Event) -> None:
-    level = logging.WARNING if event.kind in ("stop", "refused") else logging.INFO
+    level = logging.WARNING if event.kind in _WARNINGS else logging.INFO
     _log.log(level, "%s", event.message)

@@ -51,7 +51,6 @@ class DaemonFacts:
         self._version = daemon_version()
         self._began_s = time.monotonic()
         self._parts: Parts | None = None
-        self.calibration_file: str | None = None
         self.simulated = config.bus.interface == "litegrip_sim"
 
     def attach(self, parts: "Parts") -> None:
@@ -81,12 +80,13 @@ class DaemonFacts:
     def info(self) -> dict[str, object]:
         """Tell what does not change."""
         config, identity = self._config, self._machine.motor.view().identity
+        engine = self._machine.engine
         return {
             **self.hello(),
             "registers": {} if identity is None else dict(identity.registers),
             "motor_warnings": [] if identity is None else warnings(identity),
-            "calibration_file": self.calibration_file,
-            "motion": dataclasses.asdict(self._machine.engine.config),
+            "calibration_file": self._machine.engine.calibrated.file,
+            "motion": engine.config.as_fields(engine.period_s),
             "configuration": {
                 "file": None if config.source is None else str(config.source),
                 "bus": {

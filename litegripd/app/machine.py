@@ -11,6 +11,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
+from litegripd.model.unit import Unit
 from litegripd.motor.motor import Motor
 
 
@@ -18,10 +19,10 @@ class Machine:
     """One motor and the engine that drives it."""
 
     def __init__(
-        self, can_id: int, master_id: int | None, config: MotionConfig, period_s: float
+        self, unit: Unit, master_id: int | None, config: MotionConfig, period_s: float
     ) -> None:
-        self.motor = Motor(can_id, master_id)
-        self.engine = Engine(config, period_s)
+        self.motor = Motor(unit.can_id, master_id)
+        self.engine = Engine(config, period_s, unit)
         self.may_be_energised = False
         """Whether the motor was being enabled and has not confirmed since that it is off."""
 

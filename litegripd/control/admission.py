@@ -1,14 +1,19 @@
 """Whether a motion may begin, and if not, why and what to do."""
 
+from dataclasses import dataclass
+from typing import Literal
+
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job
-from litegripd.model.motion_config import MotionConfig, move_conflict
+from litegripd.model.motion_limits import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
 
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0
 """Further outside the calibrated travel no jaw can be. The motor loses its count of turns in a
 power cycle: its position can come back off by 2π."""
+
+_ROUNDING = 1e-6
 
 ENDING = Refusal("shutting_down", "the daemon is about to end")
 NO_FEEDBACK = Refusal("motor_silent", "no feedback has come yet: try again")
@@ -21,6 +26,12 @@ NOT_CALIBRATED = Refusal(
     "not_calibrated",
     "no calibration is loaded, so the closing direction would be a guess: configure"
     ' mount = "normal" or "reverse", or a calibration file, in [gripper]',
+)
+
+ZERO_MOVED = Refusal(
+    "not_calibrated",
+    "the motor's zero was moved, so the calibration fits no longer: calibrate anew"
+    " (calibration.zero with a mount, or by hand)",
 )
 
 
@@ -52,15 +63,56 @@ def motor_refusal(motor: MotorView) -> Refusal | None:
     return NOT_ENABLED
 
 
-def speed_refusal(
-    config: MotionConfig, speed_mm_s: float, geometry: Geometry, period_s: float
-) -> Refusal | None:
-    """Say why a move at this speed does not go with the other settings, if so."""
-    conflict = move_conflict(config, speed_mm_s, geometry, period_s)
+def conflict_refusal(conflict: Conflict | None) -> Refusal | None:
+    """Make a refusal of settings that do not go together."""
     if conflict is None:
         return None
     data = {"field": conflict.field, "requested": conflict.requested, "limit": conflict.limit}
     return Refusal("out_of_limits", conflict.message, data)
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """Where the jaws shall go, in the caller's own quantity."""
+
+    quantity: Literal["opening_mm", "position_rad", "openness"]
+    value: float
+
+    def position_rad(self, geometry: Geometry) -> float:
+        """Return the motor's position."""
+        if self.quantity == "position_rad":
+            return self.value
+        opening_mm = self.value * (geometry.travel_mm if self.quantity == "openness" else 1.0)
+        return geometry.closed_rad - geometry.close_sign * geometry.to_rad(opening_mm)
+
+    def limits(self, geometry: Geometry) -> tuple[float, float]:
+        """Return the calibrated travel in the same quantity."""
+        if self.quantity == "position_rad":
+            low, high = sorted((geometry.closed_rad, geometry.open_rad))
+            return low, high
+        return 0.0, geometry.travel_mm if self.quantity == "opening_mm" else 1.0
+
+
+def target_refusal(target: Target, geometry: Geometry) -> Refusal | None:
+    """Say why a target cannot be gone to, if so."""
+    low, high = target.limits(geometry)
+    if low - _ROUNDING <= target.value <= high + _ROUNDING:
+        return None
+    return Refusal(
+        "out_of_limits",
+        f"{target.quantity} is {target.value:g}, the calibrated travel is {low:g} to {high:g}",
+        {"field": target.quantity, "requested": target.value, "limit": [low, high]},
+    )
+
+
+def duration_refusal(duration_s: float, shortest_s: float, distance_mm: float) -> Refusal:
+    """Say that a time is too short for its distance."""
+    return Refusal(
+        "out_of_limits",
+        f"duration_s is {duration_s:g}, for {distance_mm:.1f} mm it must be at least"
+        f" {shortest_s:.3g}",
+        {"field": "duration_s", "requested": duration_s, "limit": shortest_s},
+    )
 
 
 def position_refusal(motor: MotorView, geometry: Geometry) -> Refusal | None:

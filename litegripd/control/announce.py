@@ -1,10 +1,14 @@
 """The engine's events, worded: what the log tells a person about motions, stops and power."""
 
+import math
+
+from litegripd.control.heat import HeatChange
+from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Job, OnLost, Owner, StopLevel
 from litegripd.model.motor import MotorPhase
-from litegripd.model.results import Result
+from litegripd.model.results import GraspResult, Result
 
 _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
 
@@ -16,11 +20,47 @@ def job_started(job: Job) -> Event:
     return Event("job_started", text, {"job": job.number, "kind": job.kind})
 
 
-def job_ended(job: Job, outcome: Result | Refusal) -> Event:
-    """Tell how a job ended."""
+def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
+    """Tell how a job ended, and, of a grasp, that its object is lost."""
     how = outcome.message if isinstance(outcome, Refusal) else str(outcome)
     text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
-    return Event("job_ended", text, {"job": job.number, "state": job.state.value})
+    ended = Event("job_ended", text, {"job": job.number, "state": job.state.value})
+    lost = isinstance(outcome, GraspResult) and outcome.outcome == "object_lost"
+    return [object_lost(job.number), ended] if lost else [ended]
+
+
+def object_lost(job: int | None) -> Event:
+    """Tell that the jaws closed on after a grip."""
+    text = "the object is lost: the jaws closed on, and hold where they are"
+    return Event("object_lost", text, {"job": job})
+
+
+def heat_changed(change: HeatChange) -> Event:
+    """Tell that the coil's heat limits the torque otherwise than before."""
+    data = {"from_nm": _finite(change.from_nm), "to_nm": _finite(change.to_nm)}
+    return Event("heat", change.why, {**data, "coil_c": change.coil_c})
+
+
+def calibrated(calibration: Calibration, file: str | None) -> Event:
+    """Tell which calibration is in use, and which way closing runs by it."""
+    geometry = calibration.geometry
+    turning = "increasing" if geometry.close_sign > 0 else "decreasing"
+    usable = "" if calibration.calibrated else "; NOT calibrated: motions are refused"
+    text = (
+        f"calibration {file or 'given by a client'}: mount {geometry.mount}, closing by {turning}"
+        f" radians, {geometry.travel_mm:.1f} mm of travel{usable}"
+    )
+    return Event("calibration", text, {"mount": geometry.mount, "file": file})
+
+
+def not_saved(error: str) -> Event:
+    """Tell that the file still holds a calibration that fits no longer."""
+    text = f"the calibration file still holds what fits no longer; it was not rewritten: {error}"
+    return Event("calibration", text, {"error": error})
+
+
+def _finite(torque_nm: float) -> float | None:
+    return torque_nm if math.isfinite(torque_nm) else None
 
 
 def stop_cleared(by: Owner) -> Event:

@@ -33,11 +33,16 @@ class Bounds:
 def bounds_of(geometry: Geometry | None, config: MotionConfig) -> Bounds:
     """Return the bounds for a calibrated gripper, or those of an uncalibrated one."""
     if geometry is None:
-        return Bounds(-math.inf, math.inf, config.calib_step_rad, config.calib_tau_limit)
+        return probe_bounds(config)
     beyond_rad = config.press_overshoot * geometry.travel_rad
     low_rad = min(geometry.closed_rad, geometry.open_rad) - beyond_rad
     high_rad = max(geometry.closed_rad, geometry.open_rad) + beyond_rad
     return Bounds(low_rad, high_rad, math.inf, PEAK_TORQUE_NM)
+
+
+def probe_bounds(config: MotionConfig) -> Bounds:
+    """Return the bounds where no travel is known: little lead and little torque."""
+    return Bounds(-math.inf, math.inf, config.calib_step_rad, config.calib_tau_limit)
 
 
 class LastWord:
@@ -54,9 +59,19 @@ class LastWord:
         self._last_nm = 0.0
 
     def apply(
-        self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges
+        self,
+        now_s: float,
+        command: MitCommand,
+        feedback: Feedback,
+        bounds: Bounds,
+        ranges: Ranges,
+        *,
+        allowance_nm: float = math.inf,
     ) -> tuple[MitCommand, tuple[str, ...]]:
-        """Return the command that may be sent, and the names of the limits that changed it."""
+        """Return the command that may be sent, and the names of the limits that changed it.
+
+        `allowance_nm` is the most that the coil's heat allows.
+        """
         limited: list[str] = []
         if not all(map(math.isfinite, _fields(command))):
             command = MitCommand(feedback.position_rad, 0.0, 0.0, _BRAKE_KD_NM_S_RAD, 0.0)
@@ -69,9 +84,9 @@ class LastWord:
             limited.append("travel")
         self._charge(now_s)
         budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
-        within = _within_torque(inside, feedback, budget_nm)
+        within = _within_torque(inside, feedback, min(budget_nm, allowance_nm))
         if within != inside:
-            limited.append("torque")
+            limited.append("heat" if allowance_nm < budget_nm else "torque")
         within = _within_ranges(within, ranges)  # scaling may round to just beyond a range
         self._last_nm = torque_bound_nm(within, feedback)
         return within, tuple(limited)

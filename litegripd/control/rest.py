@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from litegripd.control.actions.base import Gains
+from litegripd.control.gains import Gains
+from litegripd.control.grip import Grip
 from litegripd.model.motor import Feedback, MitCommand
 
 
@@ -14,7 +15,7 @@ class Hold:
     position_rad: float
     gains: Gains
 
-    def command(self, _feedback: Feedback) -> MitCommand:
+    def command(self, _now_s: float, _feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
         return self.gains.at(self.position_rad)
 
@@ -23,9 +24,9 @@ class Hold:
 class Relax:
     """Let the jaws be moved by hand: no stiffness, no damping, no torque."""
 
-    def command(self, feedback: Feedback) -> MitCommand:
+    def command(self, _now_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
         return MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
 
 
-Rest: TypeAlias = Hold | Relax
+Rest: TypeAlias = Hold | Relax | Grip

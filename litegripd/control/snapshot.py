@@ -31,7 +31,8 @@ def snapshot(engine: Engine, now_s: float, period_s: float, bus_is_up: bool) -> 
     out_of_reach = motor.phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
     age_s = None if feedback is None else now_s - feedback.at_s
     stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_POLL_S
-    command = engine.command
+    command, requested = engine.output.command, engine.output.requested
+    grip = engine.grip
     return GripperState(
         seq=engine.ticks,
         monotonic_s=now_s,
@@ -53,7 +54,12 @@ def snapshot(engine: Engine, now_s: float, period_s: float, bus_is_up: bool) -> 
         driver_temperature_c=None if feedback is None else feedback.driver_temperature_c,
         coil_temperature_c=None if feedback is None else feedback.coil_temperature_c,
         command_rad=None if command is None else command.position_rad,
-        limited=engine.limited,
+        command_torque_nm=None if command is None else command.torque_nm,
+        requested_rad=None if requested is None else requested.position_rad,
+        requested_torque_nm=None if requested is None else requested.torque_nm,
+        limited=engine.output.limited,
+        force_set_n=None if grip is None else grip.force_n,
+        is_grasped=grip is not None and grip.is_holding and enabled,
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
         job=_job(engine, engine.jobs.running),

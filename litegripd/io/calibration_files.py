@@ -1,21 +1,31 @@
 """The chain of calibration files and templates, read by the helper process.
 
 The order is the vendor's: the channel's own file, then the old file for all channels, then the
-factory's. A file that names another channel is skipped there: its direction could be wrong.
+factory's. A file that names another channel is skipped there: its direction could be wrong. A file
+that is there but cannot be used ends the search, for the same reason.
 """
 
+import json
 import os
+import reprlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from litegripd.model.calibration import Calibration, CalibrationError, parse_calibration
-from litegripd.model.geometry import Geometry
+from litegripd.io import atomic_file
+from litegripd.model.calibration import Calibration, CalibrationError, parse_calibration, to_plain
 
 DATA = Path(__file__).parent.parent / "model" / "data"
 TEMPLATES = ("normal", "reverse")
-MAX_FILE_BYTES = 65_536
+MAX_FILE_BYTES = 16_384
+"""Of a file, and of what it holds as ASCII JSON: what was found must fit into one packet."""
+
+_MAX_CHANNEL = 64
+_HINT = (
+    "the search ends here, since another file could have the jaws' direction reversed: repair or"
+    ' remove this one, or name the mount in the configuration ([gripper] mount = "normal" or'
+    ' "reverse")'
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +49,49 @@ def state_directory() -> Path:
     return Path(state_home) / "litegripd"
 
 
-def find_calibration(channel: str, mount: str | None) -> Found:
-    """Return the calibration that a configuration asks for, else the first one of the chain.
+def own_file(channel: str, kind: str) -> Path:
+    """Return the path of one of the daemon's own files, e.g. of the kind "motion".
 
-    Raises `CalibrationError` where one was asked for by name or path and cannot be used: falling
-    back could answer "reverse" with the factory's normal mount.
+    Raises `ValueError` for a channel that is no plain file name: it came from a command line.
+    """
+    if (
+        not 0 < len(channel) <= _MAX_CHANNEL
+        or channel.startswith(".")
+        or "/" in channel
+        or not channel.isprintable()
+    ):
+        raise ValueError(
+            f"channel {channel[:_MAX_CHANNEL]!r} cannot be part of a file's name: it must have 1 to"
+            f" {_MAX_CHANNEL} printable characters, no / and no leading dot"
+        )
+    return state_directory() / f"{channel}_{kind}.json"
+
+
+def find_configured(channel: str, mount: str | None) -> Found:
+    """Return the calibration that a daemon starts with.
+
+    A template is nominal: where the daemon's own file has the same mount, that is what was
+    measured since, and wins. Raises as `find_calibration` does.
+    """
+    if mount not in TEMPLATES:
+        return find_calibration(channel, mount)
+    own = own_file(channel, "calibration")
+    try:
+        measured = _read(own)
+    except FileNotFoundError:
+        return find_calibration(channel, mount)
+    if measured.geometry.mount == mount and measured.channel in (None, channel):
+        return Found(measured, own, ())
+    skipped = (f"{own}: it is not for mount {mount} on channel {channel}, which is configured",)
+    return replace(find_calibration(channel, mount), skipped=skipped)
+
+
+def find_calibration(channel: str, mount: str | None) -> Found:
+    """Return the calibration that is asked for, else the first one of the chain.
+
+    Raises `CalibrationError` where one was asked for by name or path and cannot be used, and where
+    one of the chain is there and cannot be used: falling back could answer "reverse" with the
+    factory's normal mount. Raises `ValueError` for a channel that is no plain file name.
     """
     if mount in TEMPLATES:
         path = DATA / f"{mount}.json"
@@ -66,7 +114,7 @@ def chain(channel: str) -> tuple[Path, ...]:
     """Return the files that are tried for a channel, in their order."""
     home = Path.home() / ".litegrip"
     return (
-        state_directory() / f"{channel}_calibration.json",
+        own_file(channel, "calibration"),
         home / f"{channel}_calibration.json",
         home / "litegrip_calibration.json",
         DATA / "factory.json",
@@ -81,56 +129,50 @@ def _first_of(channel: str, paths: tuple[Path, ...]) -> Found:
         except FileNotFoundError:
             continue
         except CalibrationError as error:
-            skipped.append(str(error))
-            continue
+            raise CalibrationError(f"{error}; {_HINT}{_previous_hint(path)}") from error
         if calibration.channel not in (None, channel):
-            skipped.append(f"{path}: it is for channel {calibration.channel}")
+            skipped.append(f"{path}: it is for channel {reprlib.repr(calibration.channel)}")
             continue
         return Found(calibration, path, tuple(skipped))
     return Found(None, None, tuple(skipped))
 
 
+def _previous_hint(path: Path) -> str:
+    """Point at the file before this one, which is never used unasked: it may be another mount's."""
+    previous = path.with_name(f"{path.stem}.previous.json")
+    return f"; the calibration before it is {previous}" if os.access(previous, os.R_OK) else ""
+
+
 def _read(path: Path) -> Calibration:
     try:
-        with path.open("rb") as file:
-            content = file.read(MAX_FILE_BYTES + 1)
-    except FileNotFoundError:
-        raise
-    except OSError as error:
-        raise CalibrationError(f"{path}: cannot be read: {error.strerror}") from error
-    if len(content) > MAX_FILE_BYTES:
-        raise CalibrationError(f"{path}: larger than {MAX_FILE_BYTES} bytes")
+        text = atomic_file.read(path, MAX_FILE_BYTES)
+    except atomic_file.FileError as error:
+        raise CalibrationError(str(error)) from error
     try:
-        return parse_calibration(content.decode("utf-8"))
-    except UnicodeDecodeError as error:
-        raise CalibrationError(f"{path}: not UTF-8") from error
+        calibration = parse_calibration(text)
     except CalibrationError as error:
         raise CalibrationError(f"{path}: {error}") from error
+    if len(json.dumps(calibration.content)) > MAX_FILE_BYTES:
+        raise CalibrationError(f"{path}: larger than {MAX_FILE_BYTES} bytes as ASCII JSON")
+    return calibration
 
 
 def load_operation(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Find a calibration, as the helper's operation `calibration.load`."""
+    """Find a calibration, as the helper's operation `calibration.load`.
+
+    `mount` is what is asked for, if anything is; `configured` tells that the configuration asks.
+    """
     mount = parameters["mount"]
-    found = find_calibration(str(parameters["channel"]), None if mount is None else str(mount))
-    calibration = found.calibration
+    find = find_configured if parameters["configured"] else find_calibration
+    found = find(str(parameters["channel"]), None if mount is None else str(mount))
     return {
         "path": None if found.path is None else str(found.path),
         "skipped": found.skipped,
-        "calibration": None
-        if calibration is None
-        else {**asdict(calibration.geometry), **{n: getattr(calibration, n) for n in _PLAIN}},
+        "calibration": None if found.calibration is None else to_plain(found.calibration),
     }
 
 
-def found_from(answer: Mapping[str, Any]) -> Found:
-    """Make what `load_operation` found of its answer."""
-    path = None if answer["path"] is None else Path(answer["path"])
-    values = answer["calibration"]
-    if values is None:
-        return Found(None, path, tuple(answer["skipped"]))
-    geometry = Geometry(values["closed_rad"], values["open_rad"], values["rad_to_mm"])
-    calibration = Calibration(geometry, **{name: values[name] for name in _PLAIN})
-    return Found(calibration, path, tuple(answer["skipped"]))
-
-
-_PLAIN = ("calibrated", "channel", "kp_nm_rad", "kd_nm_s_rad")
+def templates_operation(_parameters: Mapping[str, object]) -> list[dict[str, object]]:
+    """Read the templates, as the helper's operation `calibration.templates`."""
+    paths = {name: DATA / f"{name}.json" for name in TEMPLATES}
+    return [{"name": name, "content": _read(path).content} for name, path in paths.items()]

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from litegripd.io.child import Child
+from litegripd.model.errands import ErrandResult
 
 _log = logging.getLogger(__name__)
 
@@ -21,11 +22,9 @@ MODULE = "litegripd.io.helper_main"
 
 
 @dataclass(frozen=True, slots=True)
-class HelperResult:
-    """What became of one request: `value` where it worked, else `error`, a sentence."""
+class HelperResult(ErrandResult):
+    """What became of one request; what came in pieces is in `pieces`."""
 
-    value: object = None
-    error: str | None = None
     pieces: tuple[bytes, ...] = ()
 
 

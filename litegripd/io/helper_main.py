@@ -9,14 +9,18 @@ import os
 import sys
 from collections.abc import Callable, Iterator, Mapping
 
-from litegripd.io.calibration_files import load_operation
+from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]
 """Takes the parameters and returns what JSON can hold; an iterator of bytes is sent in pieces."""
 
 PIECE_BYTES = 8192
+_HEADER_BYTES = 4
+_MAX_ANSWER_BYTES = MAX_PACKET_BYTES - _HEADER_BYTES - 1
+_LONGEST_ERROR = 2000  # characters; each takes at most 12 bytes of JSON
 
 
 def write_log(parameters: Parameters) -> None:
@@ -26,7 +30,14 @@ def write_log(parameters: Parameters) -> None:
         left = left[os.write(sys.stderr.fileno(), left) :]
 
 
-OPERATIONS: dict[str, Operation] = {"log": write_log, "calibration.load": load_operation}
+OPERATIONS: dict[str, Operation] = {
+    "log": write_log,
+    "calibration.load": load_operation,
+    "calibration.templates": templates_operation,
+    "calibration.save": save_calibration,
+    "motion.load": load_motion,
+    "motion.save": save_motion,
+}
 
 
 def serve(operations: Mapping[str, Operation]) -> None:
@@ -34,7 +45,7 @@ def serve(operations: Mapping[str, Operation]) -> None:
     with inherited_socket() as peer:
         while packet := peer.recv(MAX_PACKET_BYTES):
             identity, name, parameters = json.loads(packet)
-            header = identity.to_bytes(4, "little")
+            header = identity.to_bytes(_HEADER_BYTES, "little")
             try:
                 for answer in _answers(operations, name, parameters):
                     if identity:
@@ -52,9 +63,12 @@ def _answers(
             for piece in result:
                 yield b"p" + piece
             result = None
-        yield b"r" + json.dumps(result).encode()
+        packed = json.dumps(result).encode()
+        if len(packed) > _MAX_ANSWER_BYTES:
+            raise ValueError(f"the answer has {len(packed)} bytes, too many for one packet")
+        yield b"r" + packed
     except Exception as error:  # noqa: BLE001 - the requester gets it, whatever it is
-        yield b"e" + json.dumps(f"{type(error).__name__}: {error}").encode()
+        yield b"e" + json.dumps(f"{type(error).__name__}: {error}"[:_LONGEST_ERROR]).encode()
 
 
 def main() -> None:

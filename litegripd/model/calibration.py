@@ -1,18 +1,36 @@
-"""A calibration file as the vendor's SDK writes it: parsing and checking, without a disk.
+"""A calibration file as the vendor's SDK writes it: its content, read and made, without a disk.
 
 Files are interchangeable with the SDK's, so unknown keys are kept.
 """
 
 import json
 import math
+import reprlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from litegripd.model.geometry import Geometry
 
 _KNOWN_NUMBERS = ("zero_position_rad", "max_position_rad", "rad_to_mm")
 _GAIN_RANGES = {"kp": 500.0, "kd": 5.0}  # what a command frame can carry
+_MAX_NESTING = 16
+"""Objects and arrays of a file, inside each other. The SDK's files have one level; thousands would
+be a `RecursionError` for whoever passes the content on."""
+
+_MEASURED = (
+    "channel",
+    "calibrated",
+    "zero_position_rad",
+    "max_position_rad",
+    "travel_range_rad",
+    "rad_to_mm",
+)
+"""The keys that a calibration decides; of the others, a rewrite keeps what the file says."""
+
+MOTOR_TYPE = "DM4310"
+GRASP_TORQUE_THRESHOLD_NM = 0.5
+"""What the vendor's factory file says; the daemon itself does not use it."""
 
 
 class CalibrationError(ValueError):
@@ -38,6 +56,85 @@ class Calibration:
         """Return what a template may bring: limits and scale, but no ids and no gains."""
         return Calibration(self.geometry)
 
+    def file_content(
+        self,
+        *,
+        channel: str,
+        can_id: int,
+        master_id: int | None,
+        kp_nm_rad: float,
+        kd_nm_s_rad: float,
+    ) -> dict[str, Any]:
+        """Return what the SDK's file holds for this calibration on `channel`.
+
+        Limits, travel, scale, `calibrated` and `channel` are this calibration's. The other keys of
+        `content`, unknown ones included, keep their values; where there are none, `can_id`,
+        `master_id` (None or 0: unknown, and left out) and the gains (N·m/rad, N·m·s/rad) stand in.
+        """
+        geometry = self.geometry
+        ours: dict[str, Any] = {
+            "channel": channel,
+            "can_id": can_id,
+            "mst_id": master_id,
+            "canfd_mode": False,
+            "calibrated": self.calibrated,
+            "zero_position_rad": geometry.closed_rad,
+            "max_position_rad": geometry.open_rad,
+            "travel_range_rad": geometry.travel_rad,
+            "rad_to_mm": geometry.rad_to_mm,
+            "motor_type": MOTOR_TYPE,
+            "kp": kp_nm_rad if self.kp_nm_rad is None else self.kp_nm_rad,
+            "kd": kd_nm_s_rad if self.kd_nm_s_rad is None else self.kd_nm_s_rad,
+            "grasp_torque_threshold": GRASP_TORQUE_THRESHOLD_NM,
+        }
+        kept = {
+            key: value
+            for key, value in self.content.items()
+            if key not in ours or (key not in _MEASURED and value is not None)
+        }
+        if not kept.get("mst_id"):
+            kept.pop("mst_id", None)
+        content = ours | kept
+        if not content["mst_id"]:
+            del content["mst_id"]
+        return content
+
+
+def measured(
+    before: Calibration | None, *, closed_rad: float, open_rad: float, stroke_mm: float
+) -> Calibration:
+    """Return the calibration for two stops that were measured, `stroke_mm` of the jaws apart.
+
+    `rad_to_mm = stroke_mm / |closed - open|`, as the SDK's `zero()` derives it. Gains and content
+    of the calibration `before` are kept; the mount follows from the stops, whatever it was before.
+    Raises `CalibrationError` for stops or a stroke that no gripper has.
+    """
+    try:
+        travel_rad = Geometry(closed_rad, open_rad, 1.0).travel_rad
+        geometry = Geometry(closed_rad, open_rad, stroke_mm / travel_rad)
+    except ValueError as error:
+        raise CalibrationError(f"the measured stops cannot be used: {error}") from None
+    if before is None:
+        return Calibration(geometry)
+    return replace(before, geometry=geometry, calibrated=True)
+
+
+def to_plain(calibration: Calibration) -> dict[str, Any]:
+    """Return a calibration as JSON can carry it between two processes of the daemon."""
+    return {
+        **asdict(calibration.geometry),
+        **{name: getattr(calibration, name) for name in _CARRIED},
+    }
+
+
+def from_plain(values: Mapping[str, Any]) -> Calibration:
+    """Return the calibration that `to_plain` was given."""
+    geometry = Geometry(values["closed_rad"], values["open_rad"], values["rad_to_mm"])
+    return Calibration(geometry, **{name: values[name] for name in _CARRIED})
+
+
+_CARRIED = ("calibrated", "channel", "kp_nm_rad", "kd_nm_s_rad", "content")
+
 
 def parse_calibration(text: str) -> Calibration:
     """Read a calibration file's text; raises `CalibrationError` with the reason."""
@@ -45,8 +142,15 @@ def parse_calibration(text: str) -> Calibration:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
         raise CalibrationError(f"not valid JSON: {error}") from None
+    return read_content(content)
+
+
+def read_content(content: object) -> Calibration:
+    """Read what a calibration file holds; raises `CalibrationError` with the reason."""
     if not isinstance(content, dict):
         raise CalibrationError("not a JSON object")
+    if _is_nested_deeper(content, _MAX_NESTING):
+        raise CalibrationError(f"objects and arrays nested more than {_MAX_NESTING} deep")
     closed_rad, open_rad, rad_to_mm = (_number(content, key) for key in _KNOWN_NUMBERS)
     try:
         geometry = Geometry(closed_rad, open_rad, rad_to_mm)
@@ -62,12 +166,19 @@ def parse_calibration(text: str) -> Calibration:
     )
 
 
+def _is_nested_deeper(value: object, levels: int) -> bool:
+    if not isinstance(value, dict | list):
+        return False
+    inner = value.values() if isinstance(value, dict) else value
+    return levels == 0 or any(_is_nested_deeper(item, levels - 1) for item in inner)
+
+
 def _number(content: Mapping[str, Any], key: str) -> float:
     if key not in content:
         raise CalibrationError(f"{key} is missing")
     value = content[key]
     if isinstance(value, bool) or not isinstance(value, int | float):
-        raise CalibrationError(f"{key} is {value!r}, not a number")
+        raise CalibrationError(f"{key} is {reprlib.repr(value)}, not a number")
     try:
         number = float(value)
     except OverflowError:
@@ -90,5 +201,5 @@ def _gain(content: Mapping[str, Any], key: str) -> float | None:
 def _typed(content: Mapping[str, Any], key: str, kind: type, default: Any) -> Any:
     value = content.get(key, default)
     if value is not default and not isinstance(value, kind):
-        raise CalibrationError(f"{key} is {value!r}, not of type {kind.__name__}")
+        raise CalibrationError(f"{key} is {reprlib.repr(value)}, not of type {kind.__name__}")
     return value

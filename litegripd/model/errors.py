@@ -104,6 +104,14 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         False,
         "A calibration or template that was asked for cannot be used.",
     ),
+    ErrorKind(
+        "not_saved",
+        -32014,
+        "CommandError",
+        4,
+        True,
+        "A file of the daemon could not be written; what it held before is kept.",
+    ),
     ErrorKind("busy", -32020, "BusyError", 6, True, "Another motion is running."),
     ErrorKind(
         "stopped", -32021, "StoppedError", 7, False, "A stop is latched; clear it with stop.clear."

@@ -5,7 +5,16 @@ from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 EventKind: TypeAlias = Literal[
-    "job_started", "job_ended", "stop", "stop_cleared", "motor", "client_lost", "refused"
+    "job_started",
+    "job_ended",
+    "stop",
+    "stop_cleared",
+    "motor",
+    "client_lost",
+    "object_lost",
+    "heat",
+    "calibration",
+    "refused",
 ]
 
 

@@ -7,7 +7,21 @@ from typing import Literal, TypeAlias
 from litegripd.model.errors import Refusal
 from litegripd.model.results import Result
 
-JobKind: TypeAlias = Literal["enable", "disable", "open", "close", "hold"]
+JobKind: TypeAlias = Literal[
+    "enable",
+    "disable",
+    "open",
+    "close",
+    "grasp",
+    "move",
+    "hold",
+    "set_force",
+    "zero_gravity",
+    "stream",
+    "zero",
+    "calibrate_by_hand",
+    "set_zero",
+]
 OnLost: TypeAlias = Literal["hold", "relax", "disable"]
 """What the jaws do when the client that they belonged to is lost: keep the present hold, go
 slack (zero torque), or disable the motor."""

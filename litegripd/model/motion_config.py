@@ -1,22 +1,35 @@
 """The tunables of the motions, by the names, defaults and meanings of the vendor's SDK."""
 
 import math
-from dataclasses import dataclass, fields
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
 
-from litegripd.model.geometry import Geometry
+
+class MotionConfigError(ValueError):
+    """A field that is unknown, of the wrong type or out of its range; `field` names it."""
+
+    def __init__(self, field: str, message: str) -> None:
+        super().__init__(message)
+        self.field = field
 
 
 @dataclass(frozen=True, slots=True)
 class MotionConfig:
-    """How the jaws move; raises `ValueError`, naming the field, for a value out of its range.
+    """How the jaws move; raises `MotionConfigError` for a value that its field cannot have.
 
-    The units are in the names, or: `reach_tol`, `stall_delta`, `stop_tol` and `calib_step_rad`
-    are radians; `sample_interval`, `settle_s` and `enable_retry_interval` seconds;
-    `calib_tau_limit` N·m; `press_overshoot` a share of the travel; `stall_ratio` a share of the
-    expected distance. The defaults are the vendor's, validated on the real gripper.
+    The units are in the names, or: `margin` and `press_overshoot` are shares of the travel,
+    `stall_ratio` one of the expected distance; `reach_tol`, `stall_delta`, `stop_tol`,
+    `calib_step_rad` and `calib_stall_delta` are radians; `hold_kp` and `calib_kp` N·m/rad,
+    `hold_kd` and `calib_kd` N·m·s/rad; `calib_tau_limit` N·m; what ends in `_interval` is
+    seconds. The defaults are the vendor's, validated on the real gripper; those of
+    `force_rate_n_s` and `stop_torque_nm` to `stop_release_s` come from its use in the field. The
+    vendor's `frame_interval` is the daemon's control period, and not among these.
     """
 
     speed_mm_s: float = 50.0
+    grasp_speed_mm_s: float = 50.0
+    margin: float = 0.05
     sample_interval: float = 0.05
     settle_s: float = 0.3
     reach_tol: float = 0.02
@@ -28,22 +41,72 @@ class MotionConfig:
     press_zone_mm: float = 2.0
     stop_lead_mm: float = 0.7
     stop_tol: float = 0.02
+    force_n: float = 20.0
+    force_rate_n_s: float = 20.0
+    hold_interval: float = 0.2
+    hold_kp: float = 150.0
+    hold_kd: float = 2.0
+    stop_torque_nm: float = 0.7
+    stop_torque_cycles: int = 3
+    stop_release_s: float = 0.2
     enable_retries: int = 3
     enable_retry_interval: float = 0.2
+    calib_kp: float = 20.0
+    calib_kd: float = 2.0
     calib_step_rad: float = 0.05
     calib_tau_limit: float = 2.0
+    calib_stall_delta: float = 0.0015
+    calib_stall_cycles: int = 5
+    calib_max_iter: int = 200
 
     def __post_init__(self) -> None:
-        """Check each field by itself."""
+        """Check each field by itself, and those that belong together."""
         for field in fields(self):
-            value = getattr(self, field.name)
-            lowest, highest = RANGES[field.name]
-            if not math.isfinite(value) or not lowest <= value <= highest:
-                raise ValueError(f"{field.name} is {value}, it must be {lowest:g} to {highest:g}")
+            _check(field.name, getattr(self, field.name))
+        if self.stop_lead_mm > self.max_lead_mm:
+            raise MotionConfigError(
+                "stop_lead_mm",
+                f"stop_lead_mm is {self.stop_lead_mm:g}, it must be at most max_lead_mm,"
+                f" {self.max_lead_mm:g}: near the stop the jaws press less, not more",
+            )
+        if self.calib_kp * self.calib_step_rad > self.calib_tau_limit:
+            raise MotionConfigError(
+                "calib_kp",
+                f"calib_kp {self.calib_kp:g} by calib_step_rad {self.calib_step_rad:g} is more"
+                f" torque than calib_tau_limit, {self.calib_tau_limit:g}: no probe could end by"
+                " standing still",
+            )
+
+    def changed(self, values: Mapping[str, Any], period_s: float) -> "MotionConfig":
+        """Return a copy with some fields changed, as a client asks for.
+
+        `frame_interval` may be given, but only as it is: `period_s`. Raises `MotionConfigError`.
+        """
+        given = dict(values)
+        interval_s = given.pop("frame_interval", None)
+        if interval_s is not None and not _is_about(interval_s, period_s):
+            raise MotionConfigError(
+                "frame_interval",
+                f"frame_interval is {period_s:g}, the daemon's control period, and read-only:"
+                " rate_hz in the daemon's configuration sets it",
+            )
+        unknown = sorted(given.keys() - RANGES.keys())
+        if unknown:
+            known = ", ".join(("frame_interval", *RANGES))
+            text = f"there is no field {unknown[0][:40]!r}; there are: {known}"
+            raise MotionConfigError(unknown[0][:40], text)
+        typed: dict[str, Any] = {name: _typed(name, value) for name, value in given.items()}
+        return replace(self, **typed)
+
+    def as_fields(self, period_s: float) -> dict[str, float]:
+        """Return all fields, `frame_interval` included."""
+        return {**asdict(self), "frame_interval": period_s}
 
 
 RANGES: dict[str, tuple[float, float]] = {
     "speed_mm_s": (0.1, 500.0),
+    "grasp_speed_mm_s": (0.1, 200.0),
+    "margin": (0.0, 0.4),
     "sample_interval": (0.01, 1.0),
     "settle_s": (0.0, 5.0),
     "reach_tol": (0.001, 0.2),
@@ -55,62 +118,50 @@ RANGES: dict[str, tuple[float, float]] = {
     "press_zone_mm": (0.0, 20.0),
     "stop_lead_mm": (0.1, 3.0),
     "stop_tol": (0.001, 0.2),
+    "force_n": (0.5, 30.0),
+    "force_rate_n_s": (1.0, 200.0),
+    "hold_interval": (0.005, 2.0),
+    "hold_kp": (0.0, 300.0),
+    "hold_kd": (0.1, 5.0),
+    "stop_torque_nm": (0.3, 7.0),
+    "stop_torque_cycles": (1, 100),
+    "stop_release_s": (0.0, 2.0),
     "enable_retries": (1, 20),
     "enable_retry_interval": (0.02, 2.0),
+    "calib_kp": (2.0, 100.0),
+    "calib_kd": (0.2, 5.0),
     "calib_step_rad": (0.005, 0.1),
     "calib_tau_limit": (0.1, 3.0),
+    "calib_stall_delta": (0.0002, 0.02),
+    "calib_stall_cycles": (2, 100),
+    "calib_max_iter": (10, 2000),
 }
-"""What each field may be, both ends included."""
+"""What each field may be, both ends included. 30 N is 3 N·m, what the DM4310 bears for long."""
+
+_INTEGERS = frozenset(field.name for field in fields(MotionConfig) if field.type is int)
 
 
-@dataclass(frozen=True, slots=True)
-class Conflict:
-    """Two settings that do not go together: which value is meant, and its limit."""
-
-    field: str
-    requested: float
-    limit: float
-    message: str
+def _check(name: str, value: float) -> None:
+    lowest, highest = RANGES[name]
+    if not math.isfinite(value) or not lowest <= value <= highest:
+        text = f"{name} is {value}, it must be {lowest:g} to {highest:g}"
+        raise MotionConfigError(name, text)
 
 
-def move_conflict(
-    config: MotionConfig, speed_mm_s: float, geometry: Geometry, period_s: float
-) -> Conflict | None:
-    """Say why a move to a stop at this speed does not go with the other settings, if so.
+def _typed(name: str, value: object) -> float:
+    whole = name in _INTEGERS
+    if isinstance(value, bool) or not isinstance(value, int if whole else int | float):
+        kind = "an integer" if whole else "a number"
+        raise MotionConfigError(name, f"{name} is {value!r:.60}, it must be {kind}")
+    if isinstance(value, int) and abs(value) > _LARGEST:
+        raise MotionConfigError(name, f"{name} is too large")
+    return value if whole else float(value)
 
-    Above `stop_lead_mm` a period, the lead cap would clip the ramp's own step. Below
-    `stop_lead_mm` a stall window, static friction would count as a stall: it holds the jaws until
-    the command leads by up to that much. Below `stall_delta` a window, every motion would. A
-    target closer to the stop than `reach_tol` could not tell a stop from a jaw that met none.
-    """
-    overshoot_rad = config.press_overshoot * geometry.travel_rad
-    if overshoot_rad <= config.reach_tol:
-        needed = config.reach_tol / geometry.travel_rad
-        return Conflict(
-            "press_overshoot",
-            config.press_overshoot,
-            needed,
-            f"press_overshoot {config.press_overshoot:g} of the calibrated travel is"
-            f" {overshoot_rad:.3f} rad; it must be above reach_tol, {config.reach_tol:g} rad",
-        )
-    fastest = config.stop_lead_mm / period_s
-    window_s = config.stall_cycles * config.sample_interval
-    slowest = max(1.5 * config.stall_delta * geometry.rad_to_mm, config.stop_lead_mm) / window_s
-    if not speed_mm_s <= fastest:  # so that NaN is refused, too
-        return Conflict(
-            "speed_mm_s",
-            speed_mm_s,
-            fastest,
-            f"speed_mm_s is {speed_mm_s:g}, at most {fastest:g} goes with stop_lead_mm"
-            f" {config.stop_lead_mm:g}: the command may not lead by less than one period's travel",
-        )
-    if speed_mm_s < slowest:
-        return Conflict(
-            "speed_mm_s",
-            speed_mm_s,
-            slowest,
-            f"speed_mm_s is {speed_mm_s:g}, at least {slowest:.3g} goes with stop_lead_mm"
-            f" {config.stop_lead_mm:g} and stall_delta {config.stall_delta:g} in a stall window of"
-            f" {window_s:g} s: a slower motion could not be told from a stall",
-        )
-    return None
+
+_LARGEST = 10**9  # a larger integer is nonsense in every field, and may be too large for a float
+
+
+def _is_about(value: object, period_s: float) -> bool:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return False
+    return abs(value - period_s) <= 1e-9

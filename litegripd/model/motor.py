@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
+from typing import Literal, TypeAlias
 
 from litegripd.model.errors import Refusal
 
@@ -99,12 +100,50 @@ class MotorPhase(Enum):
 
 
 @dataclass(frozen=True, slots=True)
+class RegisterRequest:
+    """Ask for the value of register `number`; `identity` tells one request from another."""
+
+    identity: int
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class RegisterReply:
+    """What came of the request `identity`: the register's `value`, or the `failure` to get one."""
+
+    identity: int
+    value: float | int | None
+    failure: Refusal | None = None
+
+
+ZeroState: TypeAlias = Literal["idle", "pending", "done", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroView:
+    """How the latest setting of the motor's zero stands; "idle" before the first one.
+
+    Once it is done, the motor counts its positions from where the jaws were: they are all less by
+    `shift_rad` than before, and `position_rad` is the first one measured so. `failure` says why it
+    failed. `is_uncertain` is true from the first frame that sets the zero until it is confirmed,
+    and after a failure: meanwhile nobody knows from which zero the positions count.
+    """
+
+    state: ZeroState = "idle"
+    shift_rad: float = 0.0
+    position_rad: float = 0.0
+    failure: Refusal | None = None
+    is_uncertain: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class MotorView:
     """The motor as the engine sees it in one tick.
 
     `feedback` is the latest, whatever its age; `enable_tries` counts the attempts of the present
     or latest enable; `problem` says why the motor cannot be enabled now, if so; `failure` why
-    the latest enable or disable did not succeed; `fault` what the motor reports.
+    the latest enable or disable did not succeed; `fault` what the motor reports; `register` is
+    the reply to the latest register request that was answered.
     """
 
     phase: MotorPhase
@@ -114,6 +153,8 @@ class MotorView:
     problem: Refusal | None = None
     failure: Refusal | None = None
     fault: Refusal | None = None
+    register: RegisterReply | None = None
+    zero: ZeroView = ZeroView()
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,12 +171,26 @@ class DisableMotor:
 
 
 @dataclass(frozen=True, slots=True)
+class SetZero:
+    """Ask for the present position to become the zero of the motor's positions, confirmed.
+
+    Only a disabled motor takes it.
+    """
+
+
+MotorRequest: TypeAlias = EnableMotor | DisableMotor | SetZero
+
+
+@dataclass(frozen=True, slots=True)
 class MotorOrder:
     """What the engine wants of the motor in one tick.
 
-    `is_motion` tells that `command` leads the jaws on; it must not go on without feedback.
+    `is_motion` tells that `command` leads the jaws on; it must not go on without feedback. A
+    `request` is given once. A `register` is given in every tick until it is answered; one that is
+    left out is withdrawn.
     """
 
     command: MitCommand | None = None
-    request: EnableMotor | DisableMotor | None = None
+    request: MotorRequest | None = None
     is_motion: bool = False
+    register: RegisterRequest | None = None

@@ -1,24 +1,43 @@
 """What a motion ended with, and what it reports on its way; names as in the vendor's SDK."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
-MoveOutcome: TypeAlias = Literal["pressed_home", "blocked", "no_stop", "timed_out"]
-"""`pressed_home`: stalled on the mechanical stop. `blocked`: stalled short of it. `no_stop`: the
-jaws passed the calibrated stop and met none. `timed_out`: neither stalled nor arrived."""
+MoveOutcome: TypeAlias = Literal[
+    "pressed_home", "reached", "blocked", "protected", "no_stop", "timed_out"
+]
+"""`pressed_home`: stalled on the mechanical stop. `reached`: arrived at the position asked for.
+`blocked`: stalled short of it. `protected`: let go of what took too much torque on the way.
+`no_stop`: the jaws passed the calibrated stop and met none. `timed_out`: neither stalled nor
+arrived."""
+
+GraspOutcome: TypeAlias = Literal[
+    "object_held", "wrong_width", "no_object", "object_lost", "timed_out"
+]
+"""`object_held`: something is held. `wrong_width`: so it is, but not of the width asked for.
+`no_object`: the jaws came to the empty end. `object_lost`: they closed on after a grip.
+`timed_out`: they neither gripped nor arrived."""
+
+ZeroOutcome: TypeAlias = Literal["measured", "implausible_travel", "not_found", "not_saved"]
+"""`measured`: both stops were found, and the calibration is in use. Else nothing has changed:
+`implausible_travel`, far from the one known before; `not_found`: a stop was not met;
+`not_saved`: the file could not be written."""
 
 
 @dataclass(frozen=True, slots=True)
 class MoveResult:
-    """How `open` or `close` ended.
+    """How `open`, `close` or a move to a position ended.
 
-    A success is `ok`, `stalled` and not `reached`: the target lies past the stop on purpose.
+    A success of `open` and `close` is `ok`, `stalled` and not `reached`: the target lies past the
+    stop on purpose.
     """
 
     ok: bool
     outcome: MoveOutcome
     reached: bool
     stalled: bool
+    protected: bool
     target_rad: float
     limit_rad: float
     final_command_rad: float
@@ -48,7 +67,85 @@ class HoldResult:
     position_rad: float
 
 
-Result: TypeAlias = MoveResult | EnableResult | DisableResult | HoldResult
+@dataclass(frozen=True, slots=True)
+class GraspResult:
+    """How a grasp ended, or at its verdict, how it began.
+
+    `force_n` is the set force; `cycles` counts the full `hold_interval`s of the hold; `width_mm`
+    is the opening at the verdict, None where nothing was met.
+    """
+
+    ok: bool
+    outcome: GraspOutcome
+    reached: bool
+    stalled: bool
+    target_rad: float
+    force_n: float
+    cycles: int
+    width_mm: float | None
+    held_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class ForceResult:
+    """The force by which the jaws squeeze from now on."""
+
+    force_n: float
+
+
+@dataclass(frozen=True, slots=True)
+class SlackResult:
+    """Where the jaws were when they went slack."""
+
+    position_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class StreamResult:
+    """How many set-points a stream had."""
+
+    set_points: int
+
+
+@dataclass(frozen=True, slots=True)
+class ZeroResult:
+    """How a calibration ended; `content` is the file's, None where none came out of it."""
+
+    ok: bool
+    outcome: ZeroOutcome
+    closed_rad: float | None
+    open_rad: float | None
+    travel_rad: float | None
+    rad_to_mm: float | None
+    content: Mapping[str, Any] | None
+    path: str | None
+    message: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class SetZeroResult:
+    """How the motor's zero was set: every position is now less by `shift_rad` than before.
+
+    `position_rad` is the first position measured from the new zero.
+    """
+
+    ok: bool
+    shift_rad: float
+    position_rad: float
+
+
+Result: TypeAlias = (
+    MoveResult
+    | EnableResult
+    | DisableResult
+    | HoldResult
+    | GraspResult
+    | ForceResult
+    | SlackResult
+    | StreamResult
+    | ZeroResult
+    | SetZeroResult
+)
 
 
 @dataclass(frozen=True, slots=True)

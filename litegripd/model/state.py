@@ -38,8 +38,10 @@ class GripperState:
     Times are of CLOCK_MONOTONIC, which all processes of a machine share. `feedback_s` is when the
     motor was asked for the measurement, `age_s` its age at `monotonic_s`; `stale` marks one that
     is older than it should be, or of a motor that does not answer; `enabled` is None while such a
-    motor had been enabled. `command_rad` is the position that the motor was last told.
-    `limited` names the limits that changed the latest command.
+    motor had been enabled. `requested_rad` and `requested_torque_nm` are what the running motion or
+    hold wanted in this tick, `command_rad` and `command_torque_nm` what the motor was told, and
+    `limited` names the limits that make the difference. `force_set_n` is the set force of a hold
+    by force, None without one; `is_grasped` whether such a hold has something between the jaws.
     """
 
     seq: int
@@ -62,7 +64,12 @@ class GripperState:
     driver_temperature_c: int | None
     coil_temperature_c: int | None
     command_rad: float | None
+    command_torque_nm: float | None
+    requested_rad: float | None
+    requested_torque_nm: float | None
     limited: tuple[str, ...]
+    force_set_n: float | None
+    is_grasped: bool
     calibrated: bool
     mount: Mount | None
     job: JobSummary | None

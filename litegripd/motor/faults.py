@@ -20,6 +20,10 @@ SILENT = Refusal(
     "the motor does not answer: check its 24 V supply, the CAN wiring and its id",
 )
 
+STILL_ENABLED = Refusal(
+    "not_confirmed", "the motor does not confirm that it is disabled: cut its power"
+)
+
 
 def fault_refusal(feedback: Feedback) -> Refusal:
     """Name the fault that a feedback frame reports, with what to do about it."""

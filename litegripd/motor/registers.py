@@ -83,6 +83,7 @@ class Answer:
 
     number: int
     is_write: bool
+    """Whether it answers a write or a save, and not a read."""
     raw: bytes
 
 
@@ -111,7 +112,7 @@ def parse_answer(data: bytes, can_id: int) -> Answer | None:
         return None
     if data[2] not in _ANSWERS:
         return None
-    return Answer(data[3], data[2] == _WRITE, data[4:])
+    return Answer(data[3], data[2] != _READ, data[4:])
 
 
 def _request(can_id: int, opcode: int, number: int, raw: bytes) -> CanFrame:

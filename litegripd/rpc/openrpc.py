@@ -4,7 +4,8 @@ from functools import lru_cache
 from typing import Any
 
 from litegripd.model.errors import ERROR_TABLE
-from litegripd.rpc.methods import METHODS, Method
+from litegripd.rpc.method import Method
+from litegripd.rpc.methods import METHODS
 from litegripd.rpc.schema import Param
 from litegripd.rpc.wire import encode
 

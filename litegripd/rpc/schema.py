@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias
 
 from litegripd.model.errors import Refusal
 
-Kind: TypeAlias = Literal["number", "integer", "boolean", "string", "strings"]
+Kind: TypeAlias = Literal["number", "integer", "boolean", "string", "strings", "object"]
 
 _MAX_TEXT = 256
 _MAX_INTEGER = 2**53  # beyond it most JSON readers lose digits
@@ -18,6 +18,7 @@ _NAMED: dict[Kind, str] = {
     "boolean": "true or false",
     "string": "a string",
     "strings": "an array of strings only",
+    "object": "an object",
 }
 
 
@@ -81,6 +82,8 @@ class Param:
             return isinstance(value, bool)
         if self.kind == "string":
             return isinstance(value, str)
+        if self.kind == "object":
+            return isinstance(value, dict)
         if self.kind == "strings":
             return isinstance(value, list) and all(isinstance(item, str) for item in value)
         if isinstance(value, bool):

@@ -11,9 +11,11 @@ from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
+from litegripd.rpc.calls import Answer, Deferred, Later, Result
 from litegripd.rpc.facts import Facts
-from litegripd.rpc.handlers import Answer, Handlers, Later
-from litegripd.rpc.methods import BY_NAME, Method
+from litegripd.rpc.handlers import Handlers
+from litegripd.rpc.method import Method
+from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.reporter import Reporter
 from litegripd.rpc.schema import check
 from litegripd.rpc.session import Peer, Session
@@ -26,6 +28,7 @@ from litegripd.rpc.wire import (
     RequestId,
     encode,
     error_line,
+    error_object,
     notification_line,
     parse,
     result_line,
@@ -123,18 +126,22 @@ class RpcService:
         if refusal is not None:
             if method.name == "stop":  # whoever asks for a stop gets one, however it is spelt
                 refusal = self._stop_all_the_same(session, refusal, now_s)
-            self._refuse(session, request.identity, refusal)
+            self._turn_down(session, request, method, refusal)
             return
         owner = Owner(session.identity, session.peer.pid, session.peer.uid, session.name)
         answer = self._handlers.call(request.method, session, owner, request.params, now_s)
-        self._answer(session, request, answer)
+        if method.may_notify and request.identity is None:
+            refusal = answer if isinstance(answer, Refusal) else None
+            self._turn_down(session, request, method, refusal)
+        else:
+            self._answer(session, request, answer)
 
     def _refusal(self, session: Session, request: Request, method: Method) -> Refusal | None:
         params = request.params
         refusal = check(method.name, method.declared, params)
         if refusal is not None:
             return refusal
-        if request.identity is None:
+        if request.identity is None and not method.may_notify:
             text = f'{method.name} needs an "id": its answer would otherwise get lost'
             return Refusal("invalid_request", text)
         waits = method.waits and params.get("wait", True)
@@ -154,9 +161,17 @@ class RpcService:
             self._refuse(session, request.identity, answer)
         elif isinstance(answer, Later):
             self._answer_later(session, request, answer)
-        else:
+        elif isinstance(answer, Deferred):
+            session.unanswered += 1
+            answer.then(lambda result: self._answer_deferred(session, request, result))
+        elif request.identity is not None:
             result = answer if isinstance(answer, bytes) else encode(answer)
             session.write(result_line(request.identity, result))
+
+    def _answer_deferred(self, session: Session, request: Request, result: Result) -> None:
+        session.unanswered -= 1
+        self.reporter.refresh()
+        self._answer(session, request, result)
 
     def _answer_later(self, session: Session, request: Request, later: Later) -> None:
         job, params = later.job, request.params
@@ -174,11 +189,29 @@ class RpcService:
         return replace(refusal, message=f"{refusal.message}; stopped (hold) all the same")
 
     def _refuse(self, session: Session, identity: RequestId, refusal: Refusal) -> None:
+        self._log_refusal(session, refusal)
+        session.write(error_line(identity, refusal))
+
+    def _log_refusal(self, session: Session, refusal: Refusal) -> None:
         self.refused += 1
         peer = session.peer
         text = f"refused {session.name} (pid {peer.pid}, uid {peer.uid}): {refusal.message}"
         self._note(Event("refused", text, {"reason": refusal.reason}))
-        session.write(error_line(identity, refusal))
+
+    def _turn_down(
+        self, session: Session, request: Request, method: Method, refusal: Refusal | None
+    ) -> None:
+        """Refuse a request; who sent none but a notification is told once per change of reason."""
+        if request.identity is not None or not method.may_notify:
+            if refusal is not None:
+                self._refuse(session, request.identity, refusal)
+            return
+        before = session.stream_refused
+        session.stream_refused = None if refusal is None else refusal.reason
+        if refusal is None or refusal.reason == before:
+            return
+        self._log_refusal(session, refusal)
+        session.write(notification_line("stream.refused", encode(error_object(refusal))))
 
     def _note(self, event: Event) -> None:
         """Keep an event for the log; refusals never crowd out what happened to the gripper."""

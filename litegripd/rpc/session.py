@@ -21,9 +21,19 @@ class Session:
     `write` queues a line to be sent, and tells `on_write` when it is the first. `congested` is
     kept by the transport: true while the client has not read all it was sent, so that samples
     are dropped for it rather than queued. `unanswered` counts the requests that wait for a motion.
+    `stream_refused` is the reason why its latest set-point was refused.
     """
 
-    __slots__ = ("congested", "identity", "name", "on_write", "outgoing", "peer", "unanswered")
+    __slots__ = (
+        "congested",
+        "identity",
+        "name",
+        "on_write",
+        "outgoing",
+        "peer",
+        "stream_refused",
+        "unanswered",
+    )
 
     def __init__(self, identity: int, peer: Peer) -> None:
         self.identity = identity
@@ -32,6 +42,7 @@ class Session:
         self.outgoing: list[bytes] = []
         self.congested = False
         self.unanswered = 0
+        self.stream_refused: str | None = None
         self.on_write: Callable[[], None] | None = None
 
     def write(self, line: bytes) -> None:

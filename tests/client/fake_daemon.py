@@ -33,6 +33,11 @@ STATE: dict[str, Any] = {
     "driver_temperature_c": 31.0,
     "coil_temperature_c": 33.0,
     "command_rad": 0.26,
+    "requested_rad": 0.27,
+    "command_torque_nm": 0.4,
+    "requested_torque_nm": 0.5,
+    "force_set_n": None,
+    "is_grasped": False,
     "limited": [],
     "calibrated": True,
     "mount": "reverse",
@@ -51,6 +56,67 @@ MOVE = {
     "limit_rad": 1.0,
     "final_command_rad": 1.01,
     "steps": 200,
+    "protected": False,
+    "state": STATE,
+}
+
+GRASP = {
+    "job": 5,
+    "ok": True,
+    "outcome": "object_held",
+    "reached": False,
+    "stalled": True,
+    "target_rad": 0.95,
+    "force_n": 20.0,
+    "cycles": 15,
+    "width_mm": 31.5,
+    "held_s": 3.0,
+    "state": STATE,
+}
+
+CONTENT = {
+    "channel": "can0",
+    "can_id": 8,
+    "mst_id": 24,
+    "canfd_mode": False,
+    "calibrated": True,
+    "zero_position_rad": 0.104334,
+    "max_position_rad": -1.513123,
+    "travel_range_rad": 1.617457,
+    "rad_to_mm": 74.19,
+    "motor_type": "DM4310",
+    "kp": 100.0,
+    "kd": 2.0,
+    "grasp_torque_threshold": 0.5,
+    "note": "left arm",
+}
+"""A calibration file of the field, with a key that is not the SDK's."""
+
+CALIBRATION = {
+    "calibrated": True,
+    "mount": "normal",
+    "closed_rad": 0.104334,
+    "open_rad": -1.513123,
+    "travel_rad": 1.617457,
+    "travel_mm": 120.0,
+    "rad_to_mm": 74.19,
+    "kp": 100.0,
+    "kd": 2.0,
+    "file": "/var/lib/litegripd/can0_calibration.json",
+    "content": CONTENT,
+}
+
+ZERO = {
+    "job": 6,
+    "ok": True,
+    "outcome": "measured",
+    "closed_rad": 0.104334,
+    "open_rad": -1.513123,
+    "travel_rad": 1.617457,
+    "rad_to_mm": 74.19,
+    "content": CONTENT,
+    "path": "/var/lib/litegripd/can0_calibration.json",
+    "message": None,
     "state": STATE,
 }
 
@@ -64,7 +130,17 @@ HELLO = {
     "simulated": True,
     "stop_generation": 3,
     "motor": {"type": "DM4310", "can_id": 8, "master_id": 24, "serial": None},
-    "gripper": {},
+    "gripper": {
+        "calibrated": True,
+        "mount": "normal",
+        "travel_mm": 120.0,
+        "closed_rad": 0.104334,
+        "open_rad": -1.513123,
+        "rad_to_mm": 74.19,
+        "stroke_mm": 120.0,
+        "kp": 100.0,
+        "kd": 2.0,
+    },
     "limits": {},
 }
 
@@ -87,16 +163,18 @@ class Request:
         error = {"code": code, "message": message, "data": detail}
         self.send({"jsonrpc": "2.0", "id": self.identity, "error": error})
 
-    def progress(self, step: int = 1, job: int = 4) -> None:
+    def progress(
+        self, step: int = 1, job: int = 4, phase: str = "travel", total_steps: int = 10
+    ) -> None:
         self.notify(
             "job.progress",
             {
                 "job": job,
                 "request": self.identity,
                 "kind": "open",
-                "phase": "travel",
+                "phase": phase,
                 "step": step,
-                "total_steps": 10,
+                "total_steps": total_steps,
                 "command_rad": 0.1,
                 "position_rad": 0.2,
                 "torque_nm": 0.3,

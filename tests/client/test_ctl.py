@@ -157,11 +157,13 @@ def test_health_ends_by_the_verdict(daemon: FakeDaemon, ctl: Ctl, verdict: str, 
 
 
 def test_a_state_in_full(daemon: FakeDaemon, ctl: Ctl) -> None:
+    known: dict[str, Any] = {"command_torque_nm": 0.25, "force_set_n": None, "limited": []}
+    daemon.handlers["state.get"] = lambda request: {**STATE, **known}
     assert ctl("state")[1].splitlines() == [
         "mode         holding (motor enabled, bus up)",
         "opening      35.25 mm, 50% open",
         "position     +0.2500 rad",
-        "command      +0.2600 rad",
+        "command      +0.2600 rad, +0.250 N·m",
         "velocity     +0.0000 rad/s",
         "torque       +0.500 N·m, force about +5.0 N",
         "temperature  driver 31 °C, coil 33 °C",
@@ -180,19 +182,36 @@ def test_a_stale_state_says_so_first_and_unknown_figures_are_no_numbers(
         **unknown,
         "stale": True,
         "age_s": 0.42,
-        "limited": ["speed"],
+        "limited": ["speed", "torque"],
+        "requested_rad": 0.5,
+        "requested_torque_nm": 2.0,
+        "force_set_n": 20.0,
+        "is_grasped": True,
         "job": {"job": 4, "kind": "open", "phase": "travel", "owner": {"program": "p", "pid": 1}},
         "stop": {"level": "hold", "by": {"program": "q", "pid": 2}, "why": "smoke"},
     }
     lines = ctl("state")[1].splitlines()
     assert lines[0] == "STALE, 0.4 s old: these are the last known figures"
     assert "opening      -- mm, -- open" in lines
-    assert lines[-4:] == [
+    assert lines[-6:] == [
         "age          STALE, 0.4 s old",
-        "limited      speed",
+        "squeezing    with 20.0 N, an object is held",
+        "limited      speed, torque",
+        "requested    +0.5000 rad, +2.000 N·m",
         "job          4 open, travel, by p (pid 1)",
         "stop         hold, by q (pid 2): smoke (clear it with: litegripctl clear)",
     ]
+
+
+def test_a_state_of_an_older_daemon_is_shown_without_what_it_does_not_tell(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    new = ("requested_rad", "command_torque_nm", "requested_torque_nm", "force_set_n", "is_grasped")
+    old = {name: value for name, value in STATE.items() if name not in new}
+    daemon.handlers["state.get"] = lambda request: old
+    lines = ctl("state")[1].splitlines()
+    assert lines[3] == "command      +0.2600 rad"
+    assert not [line for line in lines if line.startswith(("squeezing", "requested"))]
 
 
 def watched(daemon: FakeDaemon, *states: dict[str, Any]) -> None:

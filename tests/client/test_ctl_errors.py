@@ -11,6 +11,7 @@ from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
 
 IN_ITS_OWN_WORDS = {
+    "not_calibrated",
     "stopped",
     "sent_before_stop",
     "not_enabled",
@@ -41,6 +42,11 @@ def test_every_error_ends_with_its_exit_code(daemon: FakeDaemon, ctl: Ctl, kind:
     [
         ("stopped", -32021, "litegripctl clear"),
         ("busy", -32020, "litegripctl jobs"),
+        (
+            "not_calibrated",
+            -32010,
+            "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero",
+        ),
         ("motor_silent", -32032, "try again"),
         ("internal_error", -32603, "journalctl -u litegripd@can0"),
     ],

@@ -2,25 +2,18 @@
 
 import os
 import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE
+from tests.client.ctl_terminal import COMMAND, ROOT, Terminal, start
 from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import processor_time_of_children_s
-
-ROOT = Path(__file__).resolve().parents[2]
-COMMAND = [sys.executable, "-m", "litegrip_client.ctl"]
-
-
-def start(*arguments: str, **streams: Any) -> subprocess.Popen[bytes]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"}
-    return subprocess.Popen([*COMMAND, *arguments], env=environment, **streams)
 
 
 def samples(daemon: FakeDaemon, count: int) -> None:
@@ -34,21 +27,6 @@ def samples(daemon: FakeDaemon, count: int) -> None:
     daemon.handlers["state.unsubscribe"] = lambda request: {"subscription": 1}
 
 
-def on_a_terminal(*arguments: str) -> tuple[int, str]:
-    terminal, inner = os.openpty()
-    process = start(*arguments, stdout=inner, stderr=inner)
-    os.close(inner)
-    shown = b""
-    while True:
-        try:
-            piece = os.read(terminal, 4096)
-        except OSError:  # how a terminal says that its program has gone
-            break
-        shown += piece
-    os.close(terminal)
-    return process.wait(DEADLINE_S), shown.decode()
-
-
 def test_a_motion_on_a_terminal_shows_a_bar_and_then_the_result(daemon: FakeDaemon) -> None:
     def move(request: Request) -> Any:
         for step in (0, 5, 10):
@@ -56,7 +34,7 @@ def test_a_motion_on_a_terminal_shows_a_bar_and_then_the_result(daemon: FakeDaem
         return MOVE
 
     daemon.handlers["motion.open"] = move
-    code, shown = on_a_terminal("--socket", daemon.path, "open")
+    code, shown = Terminal("--socket", daemon.path, "open").end()
     assert code == 0
     frames = [frame.partition("\x1b[K")[0] for frame in shown.split("\r") if frame.strip()]
     assert frames[:3] == [
@@ -64,13 +42,13 @@ def test_a_motion_on_a_terminal_shows_a_bar_and_then_the_result(daemon: FakeDaem
         f"[{'#' * 12}{'.' * 12}]  12.50 mm  +0.30 N·m  travel",
         f"[{'#' * 24}]  12.50 mm  +0.30 N·m  travel",
     ]
-    assert shown.endswith("\r\x1b[Kopen: pressed, at 35.25 mm\r\n")
+    assert shown.endswith("\r\x1b[Kopen: pressed, at 35.25 mm\n")
 
 
 def test_watch_on_a_terminal_is_one_line(daemon: FakeDaemon) -> None:
     samples(daemon, 3)
-    code, shown = on_a_terminal("--socket", daemon.path, "watch", "--count", "4")
-    assert (code, shown.count("\n"), shown.count("\r")) == (0, 1, 5)
+    code, shown = Terminal("--socket", daemon.path, "watch", "--count", "4").end()
+    assert (code, shown.count("\n"), shown.count("\r")) == (0, 1, 4)
 
 
 def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
@@ -147,6 +125,23 @@ def test_a_channel_that_was_asked_for_must_be_the_daemons(
         ["stop", "--level", "gently"],
         ["cancel"],
         ["cancel", "x"],
+        ["grasp", "--force", "0"],
+        ["grasp", "--hold", "0"],
+        ["grasp", "--tolerance", "2"],
+        ["grasp", "--width", "48"],
+        ["release", "--by", "-5"],
+        ["move"],
+        ["move", "45mm", "--speed", "5", "--duration", "2"],
+        ["force"],
+        ["zero", "--mount", "upside-down"],
+        ["calibration", "forget"],
+        ["calibration", "load"],
+        ["calibration", "load", "normal", "--chain"],
+        ["config", "set"],
+        ["config", "set", "force_n"],
+        ["config", "set", "force_n=strong"],
+        ["config", "set", "force_n=nan"],
+        ["register"],
         ["-c", "../etc", "state"],
         ["-c", "can0", "--socket", "/x", "state"],
     ],
@@ -165,3 +160,39 @@ def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> N
     listed = capsys.readouterr().out.partition("exit codes:")[2].split("\n")
     codes = {int(line.split()[0]) for line in listed if line[2:3].isdigit()}
     assert codes == {0, 1, 2, 130, 141} | {kind.exit_code for kind in ERROR_TABLE}
+
+
+ACTIONS = {
+    "calibration": ["show", "templates", "load", "save", "manual"],
+    "config": ["get", "set"],
+}
+
+
+def listed(help_text: str) -> list[str]:
+    """Find the names of commands, or of actions, in a help text."""
+    lines = help_text.partition("positional arguments:")[2].partition("\n\n")[0].splitlines()
+    return [line.split()[0] for line in lines if line[:4] == "    " and line[4:5].isalpha()]
+
+
+def test_every_command_is_there_and_helps(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+
+    def help_of(*arguments: str) -> str:
+        with pytest.raises(SystemExit) as caught:
+            main([*arguments, "--help"])
+        assert caught.value.code == 0
+        text = capsys.readouterr().out
+        assert max(map(len, text.splitlines())) <= 80
+        assert text.startswith(" ".join(["usage: litegripctl", *arguments, "[-h]"]))
+        return text
+
+    names = listed(help_of())
+    assert len(names) == len(set(names)) == 23
+    for name in names:
+        assert callable(find(name))
+        text = help_of(name)
+        assert listed(text) == ACTIONS.get(name, [])
+        for action in listed(text):
+            help_of(name, action)

@@ -4,8 +4,16 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import EnableResult, GripperState, MoveProgress, MoveResult, ProtocolError
-from tests.client.fake_daemon import MOVE, STATE
+from litegrip_client import (
+    EnableResult,
+    GraspResult,
+    GripperState,
+    MoveProgress,
+    MoveResult,
+    ProtocolError,
+    SetZeroResult,
+)
+from tests.client.fake_daemon import GRASP, MOVE, STATE
 
 PROGRESS = {
     "phase": "travel",
@@ -16,6 +24,7 @@ PROGRESS = {
     "torque_nm": 0.3,
 }
 ENABLE = {"ok": True, "tries": 2, "state": STATE}
+ZEROED = {"job": 3, "ok": True, "shift_rad": 0.25, "position_rad": 0.0, "state": STATE}
 
 
 def test_a_move_has_the_vendor_sdks_names() -> None:
@@ -24,12 +33,25 @@ def test_a_move_has_the_vendor_sdks_names() -> None:
     assert (move.ok, move.reached, move.stalled, move.steps) == (True, False, True, 200)
     assert (move.target_rad, move.limit_rad, move.final_cmd_rad) == (1.05, 1.0, 1.01)
     assert (move.outcome, move.state.opening_mm) == ("pressed", 35.25)
+    assert MoveResult.from_wire({**MOVE, "protected": True}).protected
+
+
+def test_a_grasp_has_the_vendor_sdks_names_and_more() -> None:
+    grasp = GraspResult.from_wire(GRASP)
+    assert grasp
+    assert (grasp.ok, grasp.reached, grasp.stalled) == (True, False, True)
+    assert (grasp.target_rad, grasp.force_n, grasp.cycles) == (0.95, 20.0, 15)
+    assert (grasp.outcome, grasp.width_mm, grasp.held_s) == ("object_held", 31.5, 3.0)
+    assert grasp.state.mode == "holding"
 
 
 def test_truth_is_ok() -> None:
     assert not MoveResult.from_wire({**MOVE, "ok": False, "reached": True})
     assert EnableResult.from_wire(ENABLE)
     assert not EnableResult.from_wire({**ENABLE, "ok": False})
+    assert not GraspResult.from_wire({**GRASP, "ok": False, "outcome": "no_object"})
+    assert SetZeroResult.from_wire(ZEROED)
+    assert not SetZeroResult.from_wire({**ZEROED, "ok": False})
 
 
 def test_an_enable_that_failed_tells_why() -> None:
@@ -62,14 +84,15 @@ def test_the_age_goes_on() -> None:
     [
         (GripperState, STATE),
         (MoveResult, MOVE),
+        (GraspResult, GRASP),
+        (SetZeroResult, ZEROED),
         (EnableResult, ENABLE),
         (MoveProgress, PROGRESS),
     ],
 )
 def test_more_is_ignored_and_less_is_an_error(kind: Any, data: dict[str, Any]) -> None:
     assert kind.from_wire({**data, "of_tomorrow": 1}) == kind.from_wire(data)
-    optional = {"job"} if kind is MoveResult else set()
-    for name in data.keys() - optional:
+    for name in data.keys() - ({"job"} if kind is not GripperState else set()):
         less = {key: value for key, value in data.items() if key != name}
         with pytest.raises(ProtocolError, match=f"lacks '{name}'"):
             kind.from_wire(less)

@@ -9,12 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.geometry import Geometry
-from litegripd.model.motion_config import RANGES, MotionConfig, move_conflict
+from litegripd.model.motion_config import RANGES, MotionConfig, MotionConfigError
+from litegripd.model.motion_limits import move_conflict
 
 CONFIG = MotionConfig()
 GEOMETRY = Geometry(0.114, -1.491, 74.8)
 VENDOR = {
     "speed_mm_s": 50.0,
+    "grasp_speed_mm_s": 50.0,
+    "margin": 0.05,
+    "frame_interval": 0.005,
     "sample_interval": 0.05,
     "settle_s": 0.3,
     "reach_tol": 0.02,
@@ -26,22 +30,38 @@ VENDOR = {
     "press_zone_mm": 2.0,
     "stop_lead_mm": 0.7,
     "stop_tol": 0.02,
+    "force_n": 20.0,
+    "hold_interval": 0.2,
+    "hold_kp": 150.0,
+    "hold_kd": 2.0,
     "enable_retries": 3,
     "enable_retry_interval": 0.2,
+    "calib_kp": 20.0,
+    "calib_kd": 2.0,
     "calib_step_rad": 0.05,
     "calib_tau_limit": 2.0,
+    "calib_stall_delta": 0.0015,
+    "calib_stall_cycles": 5,
+    "calib_max_iter": 200,
 }
+FIELD = {"force_rate_n_s": 20.0, "stop_torque_nm": 0.7, "stop_torque_cycles": 3}
+FIELD["stop_release_s"] = 0.2
+TOGETHER = {"max_lead_mm": {"stop_lead_mm": 0.1}, "stop_lead_mm": {"max_lead_mm": 6.0}}
+TOGETHER |= {name: {"calib_kp": 2.0} for name in ("calib_step_rad", "calib_tau_limit")}
+TOGETHER["calib_tau_limit"] = {"calib_kp": 2.0}
+TOGETHER["calib_kp"] = {"calib_step_rad": 0.005}
+"""What a field at its extremes needs of another one."""
 
 
 def test_the_defaults_are_the_vendors() -> None:
-    assert {field.name: getattr(CONFIG, field.name) for field in fields(CONFIG)} == VENDOR
+    assert CONFIG.as_fields(0.005) == VENDOR | FIELD
 
 
-@pytest.mark.parametrize("name", sorted(VENDOR))
+@pytest.mark.parametrize("name", sorted(RANGES))
 def test_each_field_has_its_range(name: str) -> None:
     lowest, highest = RANGES[name]
     for allowed in (lowest, highest):
-        changed: dict[str, Any] = {name: allowed}
+        changed: dict[str, Any] = {**TOGETHER.get(name, {}), name: allowed}
         assert getattr(MotionConfig(**changed), name) == allowed
     for bad in (lowest - 1e-6, highest * 1.001, math.nan, math.inf):
         wrong: dict[str, Any] = {name: bad}
@@ -80,3 +100,38 @@ def test_the_overshoot_must_reach_beyond_the_tolerance() -> None:
     assert conflict_of(replace(CONFIG, press_overshoot=0.012)) == "press_overshoot"
     assert conflict_of(replace(CONFIG, press_overshoot=0.013)) is None
     assert conflict_of(replace(CONFIG, reach_tol=0.1)) == "press_overshoot"
+
+
+def test_every_field_has_a_range_and_only_those() -> None:
+    assert {field.name for field in fields(CONFIG)} == RANGES.keys()
+
+
+@pytest.mark.parametrize(
+    ("values", "field", "word"),
+    [
+        ({"froce_n": 5}, "froce_n", "there are: frame_interval, speed_mm_s"),
+        ({"force_n": "5"}, "force_n", "a number"),
+        ({"force_n": True}, "force_n", "a number"),
+        ({"force_n": 10**400}, "force_n", "too large"),
+        ({"stall_cycles": 5.0}, "stall_cycles", "an integer"),
+        ({"stall_cycles": True}, "stall_cycles", "an integer"),
+        ({"force_n": 31}, "force_n", "0.5 to 30"),
+        ({"force_n": math.nan}, "force_n", "0.5 to 30"),
+        ({"frame_interval": 0.01}, "frame_interval", "read-only"),
+        ({"frame_interval": "0.005"}, "frame_interval", "read-only"),
+        ({"stop_lead_mm": 2.0, "max_lead_mm": 1.0}, "stop_lead_mm", "at most max_lead_mm"),
+        ({"calib_kp": 100.0}, "calib_kp", "calib_tau_limit"),
+    ],
+)
+def test_what_a_client_may_not_change_is_named(
+    values: dict[str, Any], field: str, word: str
+) -> None:
+    with pytest.raises(MotionConfigError, match=word) as caught:
+        CONFIG.changed(values, 0.005)
+    assert caught.value.field == field
+
+
+def test_a_client_changes_what_it_names_and_nothing_else() -> None:
+    changed = CONFIG.changed({"force_n": 5, "stall_cycles": 7, "frame_interval": 0.005}, 0.005)
+    assert changed == replace(CONFIG, force_n=5.0, stall_cycles=7)
+    assert isinstance(changed.force_n, float)

@@ -64,3 +64,11 @@ class Registers:
             self.status = 0
         head = bytes([self.status << 4 | CAN_ID])
         return [CanFrame(MASTER_ID, head + bytes.fromhex("80007FF8002020"))]
+
+
+def started(**changes: bytes) -> Registers:
+    bus = Registers(Motor(CAN_ID), **changes)
+    for _ in range(60):
+        bus.tick()
+    assert bus.motor.view().identity is not None
+    return bus

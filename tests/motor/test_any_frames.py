@@ -14,6 +14,8 @@ from litegripd.model.motor import (
     MotorOrder,
     MotorPhase,
     Ranges,
+    RegisterRequest,
+    SetZero,
 )
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
@@ -30,6 +32,7 @@ class Period:
 
     answers: bool
     request: str | None
+    register: int | None
     status: int | None  # the motor changes its status by itself
     extra: tuple[CanFrame, ...]
 
@@ -53,15 +56,24 @@ answer_frame = st.builds(
 periods = st.builds(
     Period,
     st.sampled_from([True, True, True, True, False]),
-    st.sampled_from([None, None, None, None, "enable", "disable"]),
+    st.sampled_from([None, None, None, None, "enable", "disable", "zero", "zero"]),
+    st.none() | st.sampled_from([7, 9, 20, 21]) | st.integers(-1, 256),
     st.sampled_from([None, None, None, None, None, None, 0, 1, 8, 13]),
     st.lists(any_frame | feedback_frame | answer_frame, max_size=2).map(tuple) | st.just(()),
 )
 
 
-def order_of(request: str | None) -> MotorOrder:
-    made = {"enable": EnableMotor(2, 0.02), "disable": DisableMotor(), None: None}[request]
-    return MotorOrder(COMMAND, made, is_motion=True)
+REQUESTS = {
+    "enable": EnableMotor(2, 0.02),
+    "disable": DisableMotor(),
+    "zero": SetZero(),
+    None: None,
+}
+
+
+def order_of(request: str | None, register: int | None = None) -> MotorOrder:
+    asked = None if register is None else RegisterRequest(register, register)
+    return MotorOrder(COMMAND, REQUESTS[request], is_motion=True, register=asked)
 
 
 def is_slack(data: bytes, spans: Ranges) -> bool:
@@ -96,16 +108,24 @@ def test_it_never_raises_and_energises_nothing_unasked(
         elif period.request == "disable":
             asked = False
         spans = before.identity.ranges if before.identity is not None else Ranges()
-        sent = bus.tick(order_of(period.request), answers=period.answers)
+        sent = bus.tick(order_of(period.request, period.register), answers=period.answers)
         own = [frame.data for frame in sent if frame.can_id == CAN_ID]
         assert asked or codec.ENABLE not in own
-        assert codec.SET_ZERO not in own
+        if codec.SET_ZERO in own:
+            assert before.phase is MotorPhase.DISABLED
+            assert before.feedback is not None
+            assert before.feedback.status == 0
+            assert before.zero.state == "pending"
+            assert own == [codec.SET_ZERO]
         commands = [frame.data for frame in sent if frame.can_id == CAN_ID and is_command(frame)]
         if before.phase is not MotorPhase.ENABLED:
             assert all(is_slack(data, spans) for data in commands)
             assert asked or not commands
         else:
             assert len(own) == 1
+            assert len(sent) <= 2
+        reply = motor.view().register
+        assert reply is None or (reply.value is None) is (reply.failure is not None)
         powered = motor.view().phase in (MotorPhase.ENABLED, MotorPhase.ENABLING)
         if before.phase is MotorPhase.ENABLED and motor.view().phase is not MotorPhase.ENABLED:
             asked = asked and motor.view().phase is MotorPhase.SILENT

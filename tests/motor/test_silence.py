@@ -1,5 +1,7 @@
 """A motor that stops answering, comes back, faults, or is replaced."""
 
+from itertools import pairwise
+
 import pytest
 
 from litegripd.model.frame import CanFrame
@@ -172,6 +174,17 @@ def test_a_motor_that_is_exchanged_while_it_is_looked_at_is_found() -> None:
     assert world.in_phase(MotorPhase.DISABLED)
 
 
+def test_a_motor_that_has_fallen_silent_is_never_said_to_be_unknown() -> None:
+    world = World().start()
+    deaf(world)
+    phases = [world.phase]
+    while phases[-1] is not MotorPhase.SILENT:
+        world.tick()
+        phases.append(world.phase)
+        assert len(phases) < 100
+    assert set(phases) == {MotorPhase.DISABLED, MotorPhase.SILENT}
+
+
 def test_no_motor_at_all_is_silent_from_the_start() -> None:
     world = World()
     deaf(world)
@@ -180,6 +193,8 @@ def test_no_motor_at_all_is_silent_from_the_start() -> None:
     assert world.state.mode == "offline"
     assert world.state.position_rad is None
     assert {s.frame.can_id for s in world.sent} == {0x7FF}
+    asked = [s.at_s for s in world.sent if s.frame.data[2] == 0x33]
+    assert all(later - earlier >= 0.02 for earlier, later in pairwise(asked))
 
 
 def test_a_fault_while_enabled_ends_the_job_and_is_not_cleared_by_itself() -> None:

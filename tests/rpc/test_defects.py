@@ -12,12 +12,13 @@ from tests.world import World
 def test_a_defect_in_a_handler_is_told_and_logged_but_not_raised(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    world = World().start()
+    world = World()
+    world.enabled()
 
     def broken(*_arguments: object) -> None:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setattr(world.engine, "hold", broken)
+    monkeypatch.setattr(world.engine, "settle", broken)
     raw = Raw(world)
     answer = raw.error(request("motion.hold", 5))
     assert answer["id"] == 5

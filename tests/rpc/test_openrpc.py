@@ -12,6 +12,7 @@ JSON_TYPES = {
     "boolean": "boolean",
     "string": "string",
     "strings": "array",
+    "object": "object",
 }
 
 

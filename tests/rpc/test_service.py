@@ -17,7 +17,14 @@ PARAMS: dict[str, dict[str, Any]] = {
     "state.unsubscribe": {"subscription": 1},
     "motor.enable": {"retries": 3, "on_lost": "relax"},
     "motor.keep": {"on_lost": "relax"},
-    "motion.open": {"speed_mm_s": 60},
+    "motion.open": {"speed_mm_s": 60, "config": {"settle_s": 0.1}},
+    "motion.grasp": {"force_n": 10, "hold_s": 0.2, "hold_by": "gains"},
+    "motion.move": {"opening_mm": 60, "duration_s": 1.5},
+    "motion.set_force": {"force_n": 2},
+    "stream.set": {"openness": 0.5, "valid_s": 0.05, "torque_nm": 0.5},
+    "calibration.load": {"template": "normal"},
+    "motor.read_register": {"register": "PMAX"},
+    "config.set": {"config": {"force_n": 5}, "keep": True},
     "stop": {"level": "hold", "why": "a test"},
     "job.get": {"job": 1},
     "job.wait": {"job": 1},
@@ -28,10 +35,16 @@ PARAMS: dict[str, dict[str, Any]] = {
 def test_every_method_answers_with_a_result() -> None:
     world = World().start()
     client = world.client()
+    client.result("motor.enable")
     for method in METHODS:
-        if method.name.startswith("motion."):
+        if method.name.startswith(("motion.", "calibration.")):
             client.result("motor.enable")
+        if method.name == "calibration.manual":
+            for step in ("begin", "cancel"):
+                client.result(method.name, step=step)
+            continue
         client.result(method.name, **PARAMS.get(method.name, {}))
+        world.run(0.1)  # a stream ends by itself
 
 
 def test_state_get_tells_the_present_state() -> None:
@@ -249,7 +262,7 @@ def test_refusals_say_who_and_what_helps() -> None:
     assert error["data"]["reason"] == "busy"
     assert error["data"]["owner"]["pid"] == client.session.peer.pid
     world.run_until(lambda: world.state.job is None)
-    error = client.call("motion.open", speed_mm_s=1e6)["error"]
+    error = client.call("motion.open", speed_mm_s=400)["error"]
     assert error["data"]["reason"] == "out_of_limits"
     assert error["data"]["limit"] < error["data"]["requested"]
 

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.state import GripperState
-from litegripd.rpc.methods import STATE_FIELDS
+from litegripd.rpc.reading_table import STATE_FIELDS
 from litegripd.rpc.subscriptions import MAX_PER_SESSION
 from litegripd.rpc.wire import encode
 from tests.world import Client, World

@@ -3,10 +3,21 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+from litegripd.control.filter import Bounds
+from litegripd.control.rest import Rest
 from litegripd.model.calibration import Calibration
+from litegripd.model.errands import Errand
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import DisableMotor, EnableMotor, MitCommand, MotorView
+from litegripd.model.motor import MitCommand, MotorRequest, MotorView
 from litegripd.model.results import Progress, Result
+
+
+@dataclass(frozen=True, slots=True)
+class Adopted:
+    """A calibration that is in use from now on, and the file that has it, if any."""
+
+    calibration: Calibration
+    file: str | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,32 +25,10 @@ class Step:
     """What an action wants in this tick, and its outcome in its last one."""
 
     command: MitCommand | None = None
-    request: EnableMotor | DisableMotor | None = None
+    request: MotorRequest | None = None
     outcome: Result | Refusal | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class Gains:
-    """Stiffness and damping of position commands."""
-
-    kp_nm_rad: float
-    kd_nm_s_rad: float
-
-    def at(self, position_rad: float, velocity_rad_s: float = 0.0) -> MitCommand:
-        """Return the command that goes to a position, without torque of its own."""
-        return MitCommand(position_rad, velocity_rad_s, self.kp_nm_rad, self.kd_nm_s_rad, 0.0)
-
-
-DEFAULT_GAINS = Gains(kp_nm_rad=100.0, kd_nm_s_rad=2.0)
-
-
-def gains_of(calibration: Calibration) -> Gains:
-    """Return a calibration's gains; the default stands for one that it does not give."""
-    kp, kd = calibration.kp_nm_rad, calibration.kd_nm_s_rad
-    return Gains(
-        DEFAULT_GAINS.kp_nm_rad if kp is None else kp,
-        DEFAULT_GAINS.kd_nm_s_rad if kd is None else kd,
-    )
+    errand: Errand | None = None
+    adopted: Adopted | None = None
 
 
 class Action(Protocol):
@@ -48,8 +37,29 @@ class Action(Protocol):
     needs_power: bool
     """Whether it runs only while the motor is enabled; then losing power ends it."""
 
+    bounds: Bounds | None
+    """Where its commands may lie; None: in the calibrated travel."""
+
     def step(self, now_s: float, motor: MotorView) -> Step:
         """Advance to `now_s`. A position on a ramp follows from the time, not from the calls."""
 
+    def rest(self) -> Rest | None:
+        """Tell what the jaws do if it ends now; None: hold where they are."""
+
     def progress(self) -> Progress | None:
         """Tell where it is, None for an action that has nothing to tell."""
+
+
+class PlainAction:
+    """What most actions have in common: no bounds of their own, no rest, nothing to tell."""
+
+    needs_power = True
+    bounds: Bounds | None = None
+
+    def rest(self) -> Rest | None:
+        """Let the jaws hold where they are."""
+        return None
+
+    def progress(self) -> Progress | None:
+        """There is nothing to tell."""
+        return None

@@ -7,29 +7,31 @@ within `press_zone_mm` of the stop, so that the jaws press gently.
 
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import Gains, Step
+from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.gains import Gains
+from litegripd.control.guard import TorqueGuard
+from litegripd.control.ramp import Ramp
 from litegripd.control.stall import StallDetector
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import Feedback, MotorView
+from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import MoveOutcome, MoveResult, Progress
 
 Direction: TypeAlias = Literal["open", "close"]
-Phase: TypeAlias = Literal["ramp", "press", "settle"]
+Phase: TypeAlias = Literal["ramp", "press", "settle", "release"]
 
 _GIVE_UP_FACTOR = 2.0
 _GIVE_UP_EXTRA_S = 2.0
 
 
-class MoveToStop:
+class MoveToStop(PlainAction):
     """One `open` or `close` at `speed_mm_s`.
 
     Phases: `ramp`, until the command has reached the target past the stop; `press`, until the
     jaws stall; `settle`, a while of pressing that is not checked, since a still jaw is expected.
-    A stall short of the stop ends the move at once.
+    A stall short of the stop ends the move at once; a jam that yields slowly, after a while of
+    letting go (`release`).
     """
-
-    needs_power = True
 
     def __init__(
         self,
@@ -54,10 +56,10 @@ class MoveToStop:
         self._phase: Phase = "ramp"
         self._phase_began_s = 0.0
         self._stall = StallDetector(config, self._speed_rad_s)
+        self._guard = TorqueGuard(config, self._speed_rad_s)
         self._stalled = False
-        self._began: tuple[float, float] | None = None
+        self._ramp: Ramp | None = None
         self._steps = 0
-        self._total_steps = 0
         self._command_rad = 0.0
         self._feedback: Feedback | None = None
 
@@ -66,78 +68,84 @@ class MoveToStop:
         feedback = motor.feedback
         if feedback is None:
             return Step()
-        if self._began is None:
-            self._begin(now_s, feedback.position_rad)
+        if self._ramp is None:
+            self._ramp = self._begin(now_s, feedback.position_rad)
         self._steps += 1
         self._feedback = feedback
-        ramp_rad, velocity_rad_s = self._ramp(now_s)
+        ramp_rad, velocity_rad_s = self._ramp.at(now_s)
         self._command_rad = self._capped(ramp_rad, feedback.position_rad)
         if self._command_rad != ramp_rad:
             velocity_rad_s = 0.0  # kd·dq would add to the torque that the cap is to bound
-        outcome = self._judge(now_s, feedback.position_rad)
-        return Step(
-            command=self._gains.at(self._command_rad, velocity_rad_s),
-            outcome=None if outcome is None else self._result(outcome),
-        )
+        outcome = self._judge(now_s, feedback, self._ramp)
+        command = self._gains.at(self._command_rad, velocity_rad_s)
+        if self._phase == "release":
+            command = MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
+        return Step(command, outcome=None if outcome is None else self._result(outcome))
 
     def progress(self) -> Progress | None:
         """Tell the phase, the step, and where command and jaws are."""
-        if self._feedback is None:
+        if self._feedback is None or self._ramp is None:
             return None
+        total_steps = max(round(self._ramp.duration_s / self._period_s), 1)
         return Progress(
             phase=self._phase,
-            step=min(self._steps, self._total_steps),
-            total_steps=self._total_steps,
+            step=min(self._steps, total_steps),
+            total_steps=total_steps,
             command_rad=self._command_rad,
             position_rad=self._feedback.position_rad,
             torque_nm=self._feedback.torque_nm,
         )
 
-    def _begin(self, now_s: float, position_rad: float) -> None:
+    def _begin(self, now_s: float, position_rad: float) -> Ramp:
         """Start where the jaws are: no step, whatever was commanded before."""
-        self._began = (now_s, position_rad)
         self._phase_began_s = now_s
-        self._total_steps = max(round(self._ramp_s() / self._period_s), 1)
-
-    def _ramp_s(self) -> float:
-        start_rad = self._target_rad if self._began is None else self._began[1]
-        return max((self._target_rad - start_rad) * self._sign, 0.0) / self._speed_rad_s
-
-    def _ramp(self, now_s: float) -> tuple[float, float]:
-        """Return the uncapped command and its velocity; both follow from the time alone."""
-        began_s, start_rad = self._began or (now_s, self._target_rad)
-        elapsed_s = now_s - began_s
-        if elapsed_s >= self._ramp_s():
-            return self._target_rad, 0.0
-        velocity_rad_s = self._sign * self._speed_rad_s
-        return start_rad + velocity_rad_s * elapsed_s, velocity_rad_s
+        start_rad = position_rad
+        if (self._target_rad - position_rad) * self._sign < 0.0:
+            start_rad = self._target_rad  # they are past it: there is nothing to go back to
+        return Ramp(now_s, start_rad, self._target_rad, self._speed_rad_s)
 
     def _capped(self, command_rad: float, position_rad: float) -> float:
-        short_rad = (self._limit_rad - position_rad) * self._sign
-        in_press_zone = short_rad <= self._geometry.to_rad(self._config.press_zone_mm)
+        in_press_zone = self._is_in_press_zone(position_rad)
         lead_mm = self._config.stop_lead_mm if in_press_zone else self._config.max_lead_mm
         lead_rad = self._geometry.to_rad(lead_mm)
         return min(max(command_rad, position_rad - lead_rad), position_rad + lead_rad)
 
-    def _judge(self, now_s: float, position_rad: float) -> MoveOutcome | None:
+    def _is_in_press_zone(self, position_rad: float) -> bool:
+        short_rad = (self._limit_rad - position_rad) * self._sign
+        return short_rad <= self._geometry.to_rad(self._config.press_zone_mm)
+
+    def _judge(self, now_s: float, feedback: Feedback, ramp: Ramp) -> MoveOutcome | None:
         """Go on to the next phase, or say how the move ended."""
+        position_rad = feedback.position_rad
         in_phase_s = now_s - self._phase_began_s
+        if self._phase == "release":
+            return "protected" if in_phase_s >= self._config.stop_release_s else None
         if self._phase == "settle":
             if in_phase_s < self._config.settle_s:
                 return None
             return "pressed_home" if self._is_home(position_rad) else "blocked"
         if self._phase == "press" and self._has_reached_target(position_rad):
             return "no_stop"
-        if self._stall.add(now_s, position_rad):
+        if self._is_jammed(now_s, feedback):
+            self._stalled = True
+            self._enter("release", now_s)
+        elif self._stall.add(now_s, position_rad):
             self._stalled = True
             if not self._is_home(position_rad):
                 return "blocked"
             self._enter("settle", now_s)
-        elif self._phase == "ramp" and in_phase_s >= self._ramp_s():
+        elif self._phase == "ramp" and ramp.is_over(now_s):
             self._enter("press", now_s)
-        elif in_phase_s > _GIVE_UP_FACTOR * self._ramp_s() + _GIVE_UP_EXTRA_S:
+        elif in_phase_s > _GIVE_UP_FACTOR * ramp.duration_s + _GIVE_UP_EXTRA_S:
             return "timed_out"
         return None
+
+    def _is_jammed(self, now_s: float, feedback: Feedback) -> bool:
+        """Whether something takes the torque where nothing should; at the stop, the stop does."""
+        if self._is_in_press_zone(feedback.position_rad):
+            self._guard.rest()
+            return False
+        return self._guard.add(now_s, feedback.position_rad, feedback.torque_nm)
 
     def _enter(self, phase: Phase, now_s: float) -> None:
         self._phase = phase
@@ -158,6 +166,7 @@ class MoveToStop:
             outcome=outcome,
             reached=self._has_reached_target(position_rad),
             stalled=self._stalled,
+            protected=outcome == "protected",
             target_rad=self._target_rad,
             limit_rad=self._limit_rad,
             final_command_rad=self._command_rad,

@@ -1,14 +1,14 @@
 """Enabling and disabling the motor, watched until the motor itself confirms it."""
 
-from litegripd.control.actions.base import Step
+from litegripd.control.actions.base import PlainAction, Step
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import DisableMotor, EnableMotor, MotorPhase, MotorView
-from litegripd.model.results import DisableResult, EnableResult, Progress
+from litegripd.model.results import DisableResult, EnableResult
 
 _DISABLE_WITHIN_S = 1.0
 
 
-class Enable:
+class Enable(PlainAction):
     """Enables the motor; ends when it says so, or with the reason why it does not."""
 
     needs_power = False
@@ -37,12 +37,8 @@ class Enable:
         why = "the motor was not enabled" if failure is None else failure.message
         return Step(outcome=EnableResult(ok=False, tries=motor.enable_tries, message=why))
 
-    def progress(self) -> Progress | None:
-        """There is nothing to tell."""
-        return None
 
-
-class Disable:
+class Disable(PlainAction):
     """Disables the motor; ends when it says so, or as not confirmed."""
 
     needs_power = False
@@ -60,10 +56,6 @@ class Disable:
         if now_s - self._asked_s < _DISABLE_WITHIN_S:
             return Step()
         return Step(outcome=motor.failure or motor.problem or _NOT_CONFIRMED)
-
-    def progress(self) -> Progress | None:
-        """There is nothing to tell."""
-        return None
 
 
 _STILL_DISABLING = Refusal("not_confirmed", "the motor is still being disabled: try again")

@@ -1,44 +1,17 @@
-"""The commands of `litegripctl`: each makes its calls, has the result shown, gives an exit code.
-
-Errors are raised; what they look like and which exit code they have is not decided here.
-"""
+"""The commands that look at things, switch the motor, stop, and see to jobs."""
 
 from __future__ import annotations
 
-from argparse import Namespace
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
-from litegrip_client.connection import Connection
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import Output
-from litegrip_client.errors import CancelledError
+from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Run
 from litegrip_client.link import ACTION_TIMEOUT_S
-from litegrip_client.motions import Motion
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
-    from typing import Any, TypeAlias
-
-OK = 0
-NOT_OK = 1
-INTERRUPTED = 130
-
-_ENDING = ("cancelled", "running")
-"""States of a job after its cancelling; one that still runs ends with the next tick."""
-
-
-class Run:
-    """What a command works with."""
-
-    __slots__ = ("connection", "options", "output")
-
-    def __init__(self, connection: Connection, options: Namespace, output: Output) -> None:
-        self.connection = connection
-        self.options = options
-        self.output = output
-
-
-Command: TypeAlias = Callable[[Run], int]
+    from typing import Any
 
 
 def state(run: Run) -> int:
@@ -86,48 +59,6 @@ def disable(run: Run) -> int:
     return OK if data["ok"] else NOT_OK
 
 
-def move(run: Run) -> int:
-    """Open or close, as `options.command` says. The motion outlives this program's death."""
-    params: dict[str, Any] = {"detach": True}
-    if run.options.speed is not None:
-        params["speed_mm_s"] = run.options.speed
-    method = f"motion.{run.options.command}"
-    if run.options.no_wait:
-        call = run.connection.prepare_guarded(method, {**params, "wait": False})
-        data = run.connection.run(call)
-        run.output.result(data, f"{run.options.command}: job {data['job']} started")
-        return OK
-
-    def show(progress: dict[str, Any]) -> None:
-        if run.output.live:
-            run.output.line(render.progress(progress))
-
-    motion = Motion(run.connection, method, params, show)
-    try:
-        data = motion.run()
-    except KeyboardInterrupt:
-        run.output.erase_line()
-        _report_cancelled(motion, run.output)
-        return INTERRUPTED
-    run.output.erase_line()
-    run.output.result(data, render.move(run.options.command, data))
-    return OK if data["ok"] else NOT_OK
-
-
-def _report_cancelled(motion: Motion, output: Output) -> None:
-    hint = ""
-    if motion.cancel_error is not None:
-        text = f"interrupted, but the motion could NOT be cancelled: {motion.cancel_error.message}"
-        hint = "it may go on; stop it with: litegripctl stop"
-    elif motion.cancelled is None:
-        text = "interrupted: no motion was running, the jaws hold"
-    elif motion.cancelled["state"] in _ENDING:
-        text = f"interrupted: job {motion.cancelled['job']} cancelled, the jaws hold"
-    else:
-        text = f"interrupted: job {motion.cancelled['job']} had ended, {motion.cancelled['state']}"
-    output.error(CancelledError(text, reason="interrupted"), hint)
-
-
 def hold(run: Run) -> int:
     """Hold the measured position."""
     data = run.connection.run(run.connection.prepare_guarded("motion.hold", {}))
@@ -162,7 +93,7 @@ def jobs(run: Run) -> int:
 def cancel(run: Run) -> int:
     """Cancel a job."""
     data = run.connection.call("job.cancel", {"job": run.options.job})
-    done = data["state"] in _ENDING
+    done = data["state"] in ENDING
     text = "cancelled, the jaws hold" if done else f"had ended already: {data['state']}"
     run.output.result(data, render.plain(f"job {data['job']} {text}"))
     return OK if done else NOT_OK
@@ -197,8 +128,6 @@ COMMANDS: Mapping[str, Command] = {
     "watch": watch,
     "enable": enable,
     "disable": disable,
-    "open": move,
-    "close": move,
     "hold": hold,
     "stop": stop,
     "clear": clear,

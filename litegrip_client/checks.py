@@ -1,0 +1,58 @@
+"""What values must be before they are sent, and after they came.
+
+Ranges are the daemon's business; here is only what no range could hold.
+"""
+
+from __future__ import annotations
+
+import math
+import operator
+from collections.abc import Mapping
+
+from litegrip_client.errors import CommandError, ProtocolError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+
+def number(name: str, value: Any) -> float:
+    """Return `value` as a float; raises `CommandError` for what is no finite number."""
+    try:
+        if isinstance(value, bool | str | bytes):
+            raise TypeError
+        result = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise _wrong(name, f"is {value!r:.60}, it must be a number") from None
+    if not math.isfinite(result):
+        raise _wrong(name, f"is {result}, it must be a finite number")
+    return result
+
+
+def integer(name: str, value: Any) -> int:
+    """Return `value` as an int; raises `CommandError` for what is no whole number."""
+    try:
+        if isinstance(value, bool):
+            raise TypeError
+        return operator.index(value)
+    except TypeError:
+        raise _wrong(name, f"is {value!r:.60}, it must be a whole number") from None
+
+
+def given_numbers(**values: Any) -> dict[str, Any]:
+    """Return those of the arguments that are not None, as floats; raises `CommandError`."""
+    return {name: number(name, value) for name, value in values.items() if value is not None}
+
+
+def pick(data: Mapping[str, Any], names: tuple[str, ...], what: str) -> dict[str, Any]:
+    """Take `names` out of what the daemon sent; raises `ProtocolError` when one is missing."""
+    try:
+        return {name: data[name] for name in names}
+    except KeyError as error:
+        raise ProtocolError(f"the daemon's {what} lacks {error}", reason="missing_field") from None
+    except TypeError:
+        raise ProtocolError(f"the daemon's {what} is no object: {data!r:.80}") from None
+
+
+def _wrong(name: str, problem: str) -> CommandError:
+    return CommandError(f"{name} {problem}", reason="invalid_params", data={"parameter": name})

@@ -1,0 +1,74 @@
+"""The commands that read and change settings: the daemon's configuration, the motor's registers.
+
+Registers are only read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from litegrip_client.ctl import render_results as render
+from litegrip_client.ctl.render import plain
+from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.errors import CommandError
+from litegrip_client.link import ACTION_TIMEOUT_S
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+
+def config(run: Run) -> int:
+    """Show or change the daemon's defaults for motions."""
+    if run.options.action == "set":
+        return _set(run)
+    data = run.connection.call("config.get")
+    field = run.options.field
+    if field is None:
+        run.output.result(data, render.config(data))
+        return OK
+    if field not in data["config"]:
+        raise CommandError(
+            f"there is no field {field!r}",
+            reason="invalid_params",
+            data={"hint": "all fields: litegripctl config"},
+        )
+    only = _only(data, (field,))
+    run.output.result(only, plain(only["config"][field]))
+    return OK
+
+
+def _set(run: Run) -> int:
+    fields = dict(run.options.fields)
+    if len(fields) < len(run.options.fields):
+        return run.refuse("a field is given twice", "give each field one value")
+    data = run.connection.call(
+        "config.set", {"config": fields, "keep": run.options.keep}, ACTION_TIMEOUT_S
+    )
+    text = render.config(_only(data, fields))
+    if not run.options.keep:
+        text += "\nuntil the daemon restarts; for longer: --keep"
+    run.output.result(data, text)
+    return OK
+
+
+def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -> dict[str, Any]:
+    """Leave the named fields of a configuration."""
+    return {
+        **data,
+        "config": {name: data["config"][name] for name in names},
+        "ranges": {name: data["ranges"][name] for name in names if name in data["ranges"]},
+    }
+
+
+def register(run: Run) -> int:
+    """Read registers."""
+    rows = [
+        run.connection.call("motor.read_register", {"register": name})
+        for name in run.options.registers
+    ]
+    run.output.result({"registers": rows}, render.registers(rows))
+    return OK
+
+
+COMMANDS: Mapping[str, Command] = {"config": config, "register": register}

@@ -1,0 +1,103 @@
+"""The command line of `litegripctl`: which commands there are and what they take.
+
+Imports nothing that is slow, and does nothing.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+
+from litegrip_client.ctl.options import calibration, general, motions, settings
+from litegrip_client.ctl.options.late import (
+    CHANNEL_VARIABLE,
+    DEFAULT_CHANNEL,
+    Fill,
+    LateParser,
+    common,
+)
+from litegrip_client.ctl.options.values import protect_target
+from litegrip_client.discovery import check_channel
+from litegrip_client.errors import CommandError
+
+_EPILOG = """\
+exit codes:
+  0    ok; the verdict "ok" of health
+  1    the action ended, but not as it should (something blocks the jaws, or
+       nothing is held, say), or you said no; the verdict "degraded" of health
+  2    wrong usage; the verdict "down" of health
+  3    no daemon to talk to, or no longer
+  4    refused: not calibrated, a value out of its range, no such job or file
+  5    the motor or its bus does not work
+  6    busy: another motion is running
+  7    stopped: a stop is latched (see: clear)
+  8    the motion was cancelled
+  70   a defect, or another version of the daemon
+  130  interrupted by Ctrl-C
+  141  whoever read the output has gone
+
+A motion goes on when litegripctl is killed; Ctrl-C cancels it.
+"""
+
+
+def parse(arguments: list[str] | None = None) -> argparse.Namespace:
+    """Read the command line; exits with 2 when it is wrong.
+
+    `channel_chosen` tells whether a channel was asked for, by option or by environment.
+    """
+    parser = _parser()
+    given = sys.argv[1:] if arguments is None else arguments
+    options = parser.parse_args([protect_target(argument) for argument in given])
+    chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
+    options.channel_chosen = chosen is not None
+    options.socket = getattr(options, "socket", None)
+    options.json = getattr(options, "json", False)
+    if options.command == "grasp" and (options.width is None) != (options.tolerance is None):
+        parser.error("grasp: --width and --tolerance go together: give both")
+    try:
+        options.channel = check_channel(chosen or DEFAULT_CHANNEL)
+    except CommandError as error:
+        parser.error(error.message)
+    return options
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="litegripctl",
+        description="Look at a LiteGrip gripper and drive it, through its daemon.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        parents=[common()],
+    )
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", parser_class=LateParser
+    )
+
+    def add(name: str, text: str, fill: Fill | None = None) -> None:
+        commands.add_parser(name, help=text, description=text, fill=fill)
+
+    add("state", "show the state once")
+    add("watch", "show the state again and again", general.watch)
+    add("enable", "enable the motor; it stays enabled", general.enable)
+    add("disable", "disable the motor: no torque")
+    add("open", "open the jaws to the stop", motions.to_stop)
+    add("close", "close the jaws to the stop", motions.to_stop)
+    add("grasp", "close until something is held, and hold it with a force", motions.grasp)
+    add("release", "open a little, to let go", motions.release)
+    add("move", "move to an opening, a position or a share of the travel", motions.move)
+    add("force", "change the force of a grasp, or begin to squeeze", motions.force)
+    add("slack", "let the jaws be moved by hand, until 'hold'")
+    add("hold", "hold the present position")
+    add("stop", "stop the gripper, whoever moves it, until 'clear'", general.stop)
+    add("clear", "clear a stop; moves nothing")
+    add("jobs", "list the running motions and the last ended ones")
+    add("cancel", "cancel a motion; the jaws then hold", general.cancel)
+    add("zero", "measure the travel: moves to both stops", calibration.zero)
+    add("calibration", "show, load, store the calibration, or make it by hand", calibration.actions)
+    add("config", "show or change the daemon's defaults for motions", settings.config)
+    add("register", "read registers of the motor", settings.register)
+    add("health", "show how the daemon is; the exit code tells the verdict")
+    add("info", "show what does not change: versions, motor, calibration")
+    add("discover", "list the methods of the daemon (with --json: its OpenRPC document)")
+    return parser

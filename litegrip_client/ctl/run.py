@@ -1,0 +1,47 @@
+"""What every command works with, and the exit codes that are no error's.
+
+It must not know single commands.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from collections.abc import Callable
+
+from litegrip_client.connection import Connection
+from litegrip_client.ctl.output import Output
+from litegrip_client.errors import CommandError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import TypeAlias
+
+OK = 0
+NOT_OK = 1
+WRONG_USAGE = 2
+INTERRUPTED = 130
+
+CHOOSE_MOUNT = "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero"
+"""What to do when there is no calibration."""
+
+ENDING = ("cancelled", "running")
+"""States of a job after its cancelling; one that still runs ends with the next tick."""
+
+
+class Run:
+    """What a command works with."""
+
+    __slots__ = ("connection", "options", "output")
+
+    def __init__(self, connection: Connection, options: Namespace, output: Output) -> None:
+        self.connection = connection
+        self.options = options
+        self.output = output
+
+    def refuse(self, text: str, hint: str) -> int:
+        """Say that it cannot be used like this, and what to do; returns the exit code."""
+        self.output.error(CommandError(text, reason="wrong_usage"), hint)
+        return WRONG_USAGE
+
+
+Command: TypeAlias = Callable[[Run], int]

@@ -1,0 +1,155 @@
+"""The motions: to the stops, to a position, onto an object; and the ways of holding.
+
+They ask for a motion and wait for its end; what decides or moves is the daemon's.
+"""
+
+from __future__ import annotations
+
+from litegrip_client.base import ActionBase, ProgressCallback, state_of
+from litegrip_client.checks import given_numbers, number
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+    from typing import Any, Literal
+
+    from litegrip_client.results import GraspResult, GripperState, MoveResult
+
+
+class MotionActions(ActionBase):
+    """What moves the jaws. `progress` gets a `MoveProgress` up to 20 times a second.
+
+    An interrupt, or an error of the callback, cancels the motion before it is raised; the jaws
+    then hold.
+    """
+
+    def open(
+        self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Open the jaws to the mechanical stop, at `speed_mm_s` or `motion_config`'s.
+
+        A success is `ok` and `stalled`: pressed onto the stop. Raises what `GripperActions` says.
+        """
+        return self._move("motion.open", given_numbers(speed_mm_s=speed_mm_s), progress)
+
+    def close(
+        self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Close the jaws to the mechanical stop; everything as for `open`."""
+        return self._move("motion.close", given_numbers(speed_mm_s=speed_mm_s), progress)
+
+    def grasp(
+        self,
+        force_n: float | None = None,
+        hold_s: float = 0.0,
+        *,
+        speed_mm_s: float | None = None,
+        width_mm: float | None = None,
+        tolerance_mm: float | None = None,
+        until: Literal["held", "verdict"] = "held",
+        hold_by: Literal["torque", "gains"] | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> GraspResult:
+        """Close until an object stops the jaws, then hold it with `force_n`.
+
+        `force_n`: 0.5 to 30 N, `motion_config.force_n` by default; approximate. `hold_s`: seconds
+        until this returns; with 0 it does not return by itself while the object is held, and
+        Ctrl-C ends the waiting. Either way the jaws go on holding with the same force, until
+        they are told something else or the motor is disabled (which the end of the `with` block
+        does). With `until` "verdict" it returns as soon as it is known whether there is an
+        object, and `hold_s` must be left out.
+
+        `speed_mm_s` is the closing speed, `motion_config.grasp_speed_mm_s` by default. With
+        `width_mm` an object of another width, by more than `tolerance_mm` (to be given, too), is
+        held as well, but gives `ok` False.
+        `hold_by` "gains" holds with `hold_kp` and `hold_kd` around a position, which loses force
+        when the object yields.
+
+        Without an object it returns at once, with `ok` False. Raises what `GripperActions` says.
+        """
+        from litegrip_client.results import GraspResult  # noqa: PLC0415 - see above
+
+        params: dict[str, Any] = given_numbers(
+            force_n=force_n,
+            hold_s=hold_s,
+            speed_mm_s=speed_mm_s,
+            width_mm=width_mm,
+            tolerance_mm=tolerance_mm,
+        )
+        if until != "held":
+            params["until"] = until
+            if hold_s == 0.0:  # the default, which the verdict does not go with
+                del params["hold_s"]
+        if hold_by is not None:
+            params["hold_by"] = hold_by
+        return GraspResult.from_wire(self._run("motion.grasp", self._configured(params), progress))
+
+    def goto(
+        self,
+        opening_mm: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to an opening between the fingers, in mm: 0 at the closed stop.
+
+        `duration`: seconds; None moves at `motion_config.speed_mm_s`. A success is `reached` and
+        not `stalled`. Raises what `GripperActions` says; a target outside the calibrated travel
+        is refused, and `data["limit"]` of the `CommandError` tells the travel.
+        """
+        return self._go(given_numbers(opening_mm=opening_mm, duration_s=duration), progress)
+
+    def goto_rad(
+        self,
+        position_rad: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to a position of the motor, in rad; everything else as for `goto`."""
+        return self._go(given_numbers(position_rad=position_rad, duration_s=duration), progress)
+
+    def goto_openness(
+        self,
+        openness: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
+        return self._go(given_numbers(openness=openness, duration_s=duration), progress)
+
+    def move_at_speed(
+        self, opening_mm: float, speed_mm_s: float, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Move to an opening in mm at a speed; everything else as for `goto`."""
+        return self._go(given_numbers(opening_mm=opening_mm, speed_mm_s=speed_mm_s), progress)
+
+    def set_force(self, force_n: float) -> GripperState:
+        """Squeeze with `force_n` from now on, 0.5 to 30 N, ramped.
+
+        It changes the force of a grasp, also while another thread of this program waits for
+        that; without a grasp the jaws begin to squeeze from where they are.
+        """
+        params = self._configured({"force_n": number("force_n", force_n)})
+        return state_of(self._command("motion.set_force", params))
+
+    def zero_gravity(self, on: bool = True) -> GripperState:
+        """Let the jaws be moved freely by hand, the motor enabled but without any torque.
+
+        They are loose until `zero_gravity(False)`, `hold` or any motion.
+        """
+        return state_of(self._command("motion.zero_gravity", {})) if on else self.hold()
+
+    def hold(self) -> GripperState:
+        """Hold from now on: what is held already, with its force, else the measured position."""
+        return state_of(self._command("motion.hold", {}))
+
+    def _go(self, params: dict[str, Any], progress: ProgressCallback | None) -> MoveResult:
+        return self._move("motion.move", params, progress)
+
+    def _move(
+        self, method: str, params: dict[str, Any], progress: ProgressCallback | None
+    ) -> MoveResult:
+        from litegrip_client.results import MoveResult  # noqa: PLC0415 - see above
+
+        return MoveResult.from_wire(self._run(method, self._configured(params), progress))

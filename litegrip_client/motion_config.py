@@ -1,0 +1,131 @@
+"""`MotionConfig`: how one `LiteGrip` object wants its motions, with the vendor SDK's names.
+
+Only what the program set is sent, with each call; the daemon has its own defaults for the rest
+and checks the ranges.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+from typing import TYPE_CHECKING, Any
+
+from litegrip_client.checks import integer, number
+from litegrip_client.errors import CommandError
+
+
+class _Float(float):
+    """A default that nobody set: a number like any other, but not one to be sent."""
+
+    __slots__ = ()
+
+
+class _Int(int):
+    """The same for the whole numbers."""
+
+    __slots__ = ()
+
+
+@dataclass(slots=True)
+class MotionConfig:
+    """The tunables of the motions; they count for the calls of the object that has them.
+
+    A field that was set, by the constructor or by assignment, is sent with every call, also when
+    it is set to the value that it has already. A field that was not set is the daemon's
+    (`config.set` of the protocol changes it), and reading it shows the vendor's default: the
+    daemon may have another one.
+
+    Units are in the names, or: `margin` and `press_overshoot` are shares of the travel,
+    `stall_ratio` one of the expected distance; `reach_tol`, `stall_delta`, `stop_tol` and
+    `calib_stall_delta` radians; `settle_s` and what ends in `_interval` seconds; gains
+    N·m/rad (`kp`) and N·m·s/rad (`kd`); `calib_tau_limit` N·m. The last four fields are not the
+    vendor's: how fast a force is ramped, and the torque guard of open and close.
+
+    `frame_interval` is the daemon's control period and cannot be changed from here; `sleep_fn`
+    and `monotonic_fn` have no effect across a process, so only their defaults are accepted.
+    Raises `CommandError` for those, and for what is no finite number. The daemon refuses a value
+    out of its range when it is used.
+    """
+
+    speed_mm_s: float = _Float(50.0)
+    grasp_speed_mm_s: float = _Float(50.0)
+    margin: float = _Float(0.05)
+    frame_interval: float = _Float(0.005)
+    sample_interval: float = _Float(0.05)
+    settle_s: float = _Float(0.3)
+    reach_tol: float = _Float(0.02)
+    stall_cycles: int = _Int(5)
+    stall_ratio: float = _Float(0.2)
+    stall_delta: float = _Float(0.0015)
+    max_lead_mm: float = _Float(4.0)
+    press_overshoot: float = _Float(0.05)
+    press_zone_mm: float = _Float(2.0)
+    stop_lead_mm: float = _Float(0.7)
+    stop_tol: float = _Float(0.02)
+    force_n: float = _Float(20.0)
+    hold_interval: float = _Float(0.2)
+    hold_kp: float = _Float(150.0)
+    hold_kd: float = _Float(2.0)
+    enable_retries: int = _Int(3)
+    enable_retry_interval: float = _Float(0.2)
+    calib_kp: float = _Float(20.0)
+    calib_kd: float = _Float(2.0)
+    calib_step_rad: float = _Float(0.05)
+    calib_tau_limit: float = _Float(2.0)
+    calib_stall_delta: float = _Float(0.0015)
+    calib_stall_cycles: int = _Int(5)
+    calib_max_iter: int = _Int(200)
+    sleep_fn: Callable[[float], None] | None = field(default=time.sleep, repr=False)
+    monotonic_fn: Callable[[], float] | None = field(default=time.monotonic, repr=False)
+    force_rate_n_s: float = field(default=_Float(20.0), kw_only=True)
+    stop_torque_nm: float = field(default=_Float(0.7), kw_only=True)
+    stop_torque_cycles: int = field(default=_Int(3), kw_only=True)
+    stop_release_s: float = field(default=_Float(0.2), kw_only=True)
+
+    if not TYPE_CHECKING:  # with it, a type checker would allow any name
+
+        def __setattr__(self, name, value):
+            """Check what is set; `CommandError` says what is wrong with it."""
+            if name in _DEFAULTS:
+                value = _checked(name, value)
+            object.__setattr__(self, name, value)
+
+    def to_wire(self) -> dict[str, float]:
+        """Return the fields that were set: what is sent as `config`."""
+        values = {name: getattr(self, name) for name in _NUMBERS}
+        return {name: value for name, value in values.items() if not _is_unset(value)}
+
+
+_DEFAULTS = {one.name: one.default for one in fields(MotionConfig)}
+_NUMBERS = tuple(name for name in _DEFAULTS if not name.endswith("_fn"))
+
+
+def _is_unset(value: object) -> bool:
+    return isinstance(value, _Float | _Int)
+
+
+def _checked(name: str, value: Any) -> Any:
+    default: Any = _DEFAULTS[name]
+    if name not in _NUMBERS:
+        if value is None or value is default:
+            return default
+        raise _unsupported(
+            name,
+            f"{name} has no effect here: the motions run in the daemon, by its own clock",
+            "to try a program without hardware, let the daemon simulate: litegripd --simulate",
+        )
+    if _is_unset(value) and value == default:
+        return value  # of another MotionConfig, so that a copy of it sends no more than it does
+    if isinstance(default, _Int):
+        return integer(name, value)
+    result = number(name, value)
+    if name == "frame_interval" and result != default:
+        raise _unsupported(
+            name,
+            f"frame_interval cannot be {result:g}: it is the daemon's control period and read-only",
+            "the daemon's configuration sets it, for all clients: rate_hz in [control]",
+        )
+    return result
+
+
+def _unsupported(name: str, message: str, hint: str) -> CommandError:
+    return CommandError(message, reason="unsupported", data={"parameter": name, "hint": hint})

@@ -1,0 +1,69 @@
+"""Following a stream of set-points, for policies and tele-operation at 10 to 200 Hz.
+
+The latest set-point wins. The command moves towards it at no more than its speed, and presses on
+whatever the jaws meet with no more than its torque.
+"""
+
+from dataclasses import dataclass
+
+from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.budget import budgeted
+from litegripd.control.gains import Gains
+from litegripd.control.rest import Hold, Rest
+from litegripd.model.motor import MotorView
+from litegripd.model.results import StreamResult
+
+
+@dataclass(frozen=True, slots=True)
+class SetPoint:
+    """Where the jaws shall be, for how long this counts, and how they go there."""
+
+    position_rad: float
+    valid_s: float
+    speed_rad_s: float
+    torque_nm: float
+
+
+class Stream(PlainAction):
+    """Follows set-points until the latest one has expired; then holds as it pressed last."""
+
+    def __init__(self, gains: Gains, period_s: float) -> None:
+        self._gains = gains
+        self._period_s = period_s
+        self._point: SetPoint | None = None
+        self._is_new = False
+        self._valid_until_s = 0.0
+        self._set_points = 0
+        self._reference: tuple[float, float] | None = None
+        self._rest: Hold | None = None
+
+    def set(self, point: SetPoint) -> None:
+        """Follow another set-point from the next tick on."""
+        self._point, self._is_new = point, True
+        self._set_points += 1
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Move the command on."""
+        feedback, point = motor.feedback, self._point
+        if feedback is None or point is None:
+            return Step()
+        if self._is_new:
+            self._is_new = False
+            self._valid_until_s = now_s + point.valid_s
+        if now_s >= self._valid_until_s:
+            return Step(outcome=StreamResult(self._set_points))
+        gains, lead_rad = budgeted(point.torque_nm, point.speed_rad_s, self._gains, self._period_s)
+        was_s, was_rad = self._reference or (now_s, feedback.position_rad)
+        elapsed_s = max(now_s - was_s, 0.0)
+        step_rad = point.speed_rad_s * elapsed_s
+        wanted_rad = was_rad + min(max(point.position_rad - was_rad, -step_rad), step_rad)
+        low_rad, high_rad = feedback.position_rad - lead_rad, feedback.position_rad + lead_rad
+        reference_rad = min(max(wanted_rad, low_rad), high_rad)
+        velocity_rad_s = (wanted_rad - was_rad) / elapsed_s if elapsed_s > 0.0 else 0.0
+        self._reference = (now_s, reference_rad)
+        self._rest = Hold(reference_rad, gains)
+        return Step(gains.at(reference_rad, velocity_rad_s))
+
+    def rest(self) -> Rest | None:
+        """Go on pressing as in the latest tick."""
+        return self._rest

@@ -1,0 +1,30 @@
+"""Stiffness and damping of position commands."""
+
+from dataclasses import dataclass
+
+from litegripd.model.calibration import Calibration
+from litegripd.model.motor import MitCommand
+
+
+@dataclass(frozen=True, slots=True)
+class Gains:
+    """Stiffness and damping of position commands."""
+
+    kp_nm_rad: float
+    kd_nm_s_rad: float
+
+    def at(self, position_rad: float, velocity_rad_s: float = 0.0) -> MitCommand:
+        """Return the command that goes to a position, without torque of its own."""
+        return MitCommand(position_rad, velocity_rad_s, self.kp_nm_rad, self.kd_nm_s_rad, 0.0)
+
+
+DEFAULT_GAINS = Gains(kp_nm_rad=100.0, kd_nm_s_rad=2.0)
+
+
+def gains_of(calibration: Calibration) -> Gains:
+    """Return a calibration's gains; the default stands for one that it does not give."""
+    kp, kd = calibration.kp_nm_rad, calibration.kd_nm_s_rad
+    return Gains(
+        DEFAULT_GAINS.kp_nm_rad if kp is None else kp,
+        DEFAULT_GAINS.kd_nm_s_rad if kd is None else kd,
+    )

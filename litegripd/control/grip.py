@@ -1,0 +1,135 @@
+"""Holding something by force, and watching that it is still there.
+
+The force is a torque, not a stiffness: around an old position reading, kp = 150 turned 20 N into
+5 N when the object yielded at 3 mm/s. But a torque alone lets the jaws shoot shut when the object
+vanishes, so the motor damps what is faster than half the grasp speed: the damping is told to
+expect the measured velocity, as far as that is slow, and so costs a yielding object no force.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand
+
+HoldBy: TypeAlias = Literal["torque", "gains"]
+
+HARDEST_DAMPING_NM_S_RAD = 5.0  # what a command frame can carry
+SOFTEST_DAMPING_NM_S_RAD = 0.5
+FREE_SPEED_SHARE = 0.5
+"""Up to this share of the grasp speed the jaws follow a yielding object undamped; vanishing
+objects let them go at most this much and the grasp speed together."""
+
+LOST_SPEED_SHARE = 0.7
+LOST_TORQUE_SHARE = 0.5
+LOST_TORQUE_NM = 0.3  # closing freely takes about 0.2 N·m of friction
+LOST_TICKS = 3
+
+
+@dataclass(frozen=True, slots=True)
+class GripSettings:
+    """What a grip is made of; speeds and positions count in the motor's radians."""
+
+    geometry: Geometry
+    grasp_speed_rad_s: float
+    rate_nm_s: float
+    lost_at_rad: float
+    """Closed this far, counted from the open side, there is nothing between the jaws."""
+    by: HoldBy
+    interval_s: float
+    kp_nm_rad: float
+    kd_nm_s_rad: float
+
+    @classmethod
+    def of(
+        cls, geometry: Geometry, config: MotionConfig, speed_mm_s: float, by: HoldBy
+    ) -> "GripSettings":
+        """Take the settings from a configuration."""
+        return cls(
+            geometry=geometry,
+            grasp_speed_rad_s=geometry.to_rad(speed_mm_s),
+            rate_nm_s=config.force_rate_n_s / FORCE_PER_TORQUE_N_NM,
+            lost_at_rad=geometry.close_sign * geometry.closed_rad - config.stop_tol,
+            by=by,
+            interval_s=config.hold_interval,
+            kp_nm_rad=config.hold_kp,
+            kd_nm_s_rad=config.hold_kd,
+        )
+
+
+class Grip:
+    """A hold by `force_n`, ramped from the torque in flight; `is_lost` once it holds nothing.
+
+    A grip that is not `watched` squeezes from wherever the jaws are: nothing can be lost.
+    """
+
+    def __init__(
+        self, settings: GripSettings, force_n: float, in_flight_nm: float, *, watched: bool
+    ) -> None:
+        self.force_n = force_n
+        self.watched = watched
+        self.is_lost = False
+        self._settings = settings
+        self._sign = settings.geometry.close_sign
+        self._applied_nm = max(in_flight_nm, 0.0)
+        self._ramped_at_s: float | None = None
+        self._fast_ticks = 0
+        self._slice_began_s = 0.0
+        self._slice_rad: float | None = None
+
+    @property
+    def applied_n(self) -> float:
+        """The force that is commanded now, on its way to `force_n`."""
+        return self._applied_nm * FORCE_PER_TORQUE_N_NM
+
+    @property
+    def is_holding(self) -> bool:
+        """Whether there is something between the jaws."""
+        return self.watched and not self.is_lost
+
+    def freeze(self) -> None:
+        """Let the force rise no further: what is in flight is what is held."""
+        self.force_n = min(self.force_n, self.applied_n)
+
+    def command(self, now_s: float, feedback: Feedback) -> MitCommand:
+        """Return the command of this tick."""
+        self._ramp(now_s)
+        if self.watched and not self.is_lost:
+            self._watch(feedback)
+        if self._settings.by == "gains":
+            return self._around_reading(now_s, feedback)
+        limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
+        expected_rad_s = min(max(feedback.velocity_rad_s, -limit_rad_s), limit_rad_s)
+        damping = self._applied_nm / self._settings.grasp_speed_rad_s
+        damping = min(max(damping, SOFTEST_DAMPING_NM_S_RAD), HARDEST_DAMPING_NM_S_RAD)
+        torque_nm = self._sign * self._applied_nm
+        return MitCommand(feedback.position_rad, expected_rad_s, 0.0, damping, torque_nm)
+
+    def _around_reading(self, now_s: float, feedback: Feedback) -> MitCommand:
+        """Hold as the vendor's SDK does: stiff around a position that is read now and then."""
+        settings = self._settings
+        if self._slice_rad is None or now_s - self._slice_began_s >= settings.interval_s:
+            self._slice_began_s, self._slice_rad = now_s, feedback.position_rad
+        torque_nm = self._sign * self._applied_nm
+        return MitCommand(self._slice_rad, 0.0, settings.kp_nm_rad, settings.kd_nm_s_rad, torque_nm)
+
+    def _ramp(self, now_s: float) -> None:
+        elapsed_s = 0.0 if self._ramped_at_s is None else max(now_s - self._ramped_at_s, 0.0)
+        self._ramped_at_s = now_s
+        step_nm = self._settings.rate_nm_s * elapsed_s
+        wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
+        self._applied_nm += min(max(wanted_nm - self._applied_nm, -step_nm), step_nm)
+
+    def _watch(self, feedback: Feedback) -> None:
+        """Notice that the jaws close on nothing: fast without resistance, or all the way.
+
+        An object that gives way while the force rises may be as fast, but it resists.
+        """
+        settings, sign = self._settings, self._sign
+        fast = sign * feedback.velocity_rad_s > LOST_SPEED_SHARE * settings.grasp_speed_rad_s
+        least_nm = max(LOST_TORQUE_SHARE * self._applied_nm, LOST_TORQUE_NM)
+        free = fast and sign * feedback.torque_nm < least_nm
+        self._fast_ticks = self._fast_ticks + 1 if free else 0
+        closed = sign * feedback.position_rad >= settings.lost_at_rad
+        self.is_lost = closed or self._fast_ticks >= LOST_TICKS

@@ -1,0 +1,292 @@
+"""How warm the motor's coil gets, and how much torque it may be asked for long.
+
+`HeatModel` estimates the coil between and ahead of the reported whole degrees; `HeatGuard` lowers
+what commands may ask for before the coil passes its limit. Neither changes a command: the guard
+says what it allows and returns every change of that, so that whoever applies it can announce it.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+from litegripd.model.motor import Feedback
+
+COIL_LIMIT_C = 80.0  # the firmware disarms the motor at 100 °C
+LEAST_NM = 0.3  # the lowest allowance; it still overcomes the breakaway friction of 0.21 N·m
+
+# DM4310: 0.945 N·m/A at the output, 10.26 A at most (maker's table); three phases of 0.85 Ω at an
+# amplitude I lose 1.5·R·I². Resistances and time constants are estimates, corrected by readings.
+_MOST_NM = 0.945 * 10.26
+_WATTS_PER_NM2 = 1.5 * 0.85 / 0.945**2
+_WINDING_K_W, _WINDING_S = 2.8, 60.0
+_HOUSING_K_W, _HOUSING_S = 1.5, 750.0
+
+_WINDOW_S = 0.5  # the model advances by the mean loss of such a window
+_RECENT_WINDOWS = 6  # "the last seconds"
+_SETTLED = 1.2  # the loss of a window over that of the one before
+_STALE_S = 0.5  # an older measurement says nothing about now
+_UNKNOWN_AFTER_S = 0.5  # in a longer gap the motor's own watchdog has disarmed it
+_PLAUSIBLE_STEP_C = 2  # between two readings
+_PERSISTS_S, _PERSISTS_TICKS = 1.0, 10  # how long any other reading must go on to be believed
+
+# The filter: how far its two figures and a reading may be off (standard deviations, squared).
+_BASE_VARIANCE, _SHARE_VARIANCE, _READING_VARIANCE = 2.0**2, 0.3**2, 0.3**2
+_FORGET_S = 1800.0  # for about so long it trusts what the readings taught
+_LEAST_SHARE, _MOST_SHARE = 0.5, 2.0
+_STRAYS_K = 1.0  # the estimate leaves the reported degree by no more
+_HORIZON_S = 3600.0
+_LOOK_AHEAD_S, _COOLS_WITHIN_S = 10.0, 60.0
+_STEP, _STEP_EVERY_S, _STEP_SOONER_S = 0.9, 4.0, 2.0
+_FAR_ABOVE_C = COIL_LIMIT_C + 2.0
+_RAISE_BELOW_C, _COOL_C = 75.0, 60.0
+_RAISE_EVERY_S, _RAISE_EVERY_AT_MOST_S = 20.0, 320.0
+_RAISED_LASTS_S = 300.0  # five times the winding's time constant
+_IN_EFFECT = 0.98  # of the allowance: a command that asks for more is limited by it
+
+
+@dataclass(frozen=True, slots=True)
+class HeatChange:
+    """A change of the allowance; `from_nm` or `to_nm` is infinite where nothing is limited."""
+
+    from_nm: float
+    to_nm: float
+    coil_c: float
+    why: str
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """The coil from now on at a constant loss: two lags on their way to `end_c`."""
+
+    end_c: float
+    winding_k: float
+    housing_k: float
+
+    def at(self, ahead_s: float) -> float:
+        """Return the coil's temperature in °C, `ahead_s` from now."""
+        winding_k = self.winding_k * math.exp(-ahead_s / _WINDING_S)
+        return self.end_c + winding_k + self.housing_k * math.exp(-ahead_s / _HOUSING_S)
+
+    def passes_s(self, limit_c: float, within_s: float) -> float | None:
+        """Return when the coil first reaches `limit_c`, None if not `within_s`."""
+        if self.at(0.0) >= limit_c:
+            return 0.0
+        low_s, high_s = 0.0, self._rises_until_s(within_s)
+        if self.at(high_s) < limit_c:
+            return None
+        for _ in range(20):  # halvings, from an hour to milliseconds
+            middle_s = (low_s + high_s) / 2
+            is_below = self.at(middle_s) < limit_c
+            low_s, high_s = (middle_s, high_s) if is_below else (low_s, middle_s)
+        return high_s
+
+    def _rises_until_s(self, within_s: float) -> float:
+        """Return when a rise of the winding gives way to the cooling of the housing."""
+        if not self.winding_k < 0.0 < self.housing_k:
+            return within_s
+        ratio_log = math.log(-self.winding_k) - math.log(self.housing_k)  # a ratio may overflow
+        slopes_log = ratio_log + math.log(_HOUSING_S / _WINDING_S)
+        turns_s = slopes_log / (1 / _WINDING_S - 1 / _HOUSING_S)
+        return min(max(turns_s, 0.0), within_s)
+
+
+class _Readings:
+    """Tells which readings of the coil to believe: those near the last, or those that persist."""
+
+    def __init__(self) -> None:
+        self.believed_c: int | None = None
+        self.doubtful_c: int | None = None  # unlike the believed one, and not yet persistent
+        self._since_s, self._ticks = 0.0, 0
+
+    def add(self, now_s: float, reading_c: int) -> bool:
+        """Take a reading; tell whether one far from those before is believed from now on."""
+        doubtful_c = self.doubtful_c
+        if self.believed_c is not None and abs(reading_c - self.believed_c) <= _PLAUSIBLE_STEP_C:
+            self.believed_c, self.doubtful_c = reading_c, None
+            return False
+        if doubtful_c is None or abs(reading_c - doubtful_c) > _PLAUSIBLE_STEP_C:
+            self._since_s, self._ticks = now_s, 0
+        self.doubtful_c = reading_c
+        self._ticks += 1
+        if now_s - self._since_s < _PERSISTS_S or self._ticks < _PERSISTS_TICKS:
+            return False
+        self.believed_c, self.doubtful_c = reading_c, None
+        return True
+
+
+class HeatModel:
+    """Estimates the coil from the torque and the reported whole degrees, which are truncated.
+
+    The coil is `base` + `share` · (what the nominal resistances make of the losses so far). The
+    base stands for the room and for heat from before; the share for resistances other than the
+    nominal ones. A Kalman filter of these two, which forgets slowly, follows the readings.
+    """
+
+    def __init__(self) -> None:
+        self.coil_c: float | None = None
+        self.windows = 0
+        self._readings = _Readings()
+        self._last_s: float | None = None
+        self._square_nm2_s = self._elapsed_s = 0.0
+        self._recent_w: deque[float] = deque(maxlen=_RECENT_WINDOWS)
+        self._winding_w = self._housing_w = 0.0  # the losses, as each of the two has taken them up
+        self._base_c, self._share = 0.0, 1.0
+        self._variances = (_BASE_VARIANCE, 0.0, _SHARE_VARIANCE)
+
+    def update(self, now_s: float, feedback: Feedback) -> None:
+        """Take the measurement of this tick; one that is stale is ignored."""
+        if now_s - feedback.at_s > _STALE_S:
+            return
+        elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
+        self._last_s = now_s
+        torque_nm = min(_MOST_NM, abs(feedback.torque_nm))
+        self._square_nm2_s += torque_nm * torque_nm * min(elapsed_s, _UNKNOWN_AFTER_S)
+        self._elapsed_s += elapsed_s
+        if self._readings.add(now_s, feedback.coil_temperature_c):
+            self.coil_c = feedback.coil_temperature_c + 0.5
+            self._base_c = self.coil_c - self._share * self._rise_k()
+            self._variances = (_BASE_VARIANCE, 0.0, _SHARE_VARIANCE)
+        if self._elapsed_s >= _WINDOW_S:
+            self._advance()
+
+    def time_to_limit_s(self) -> float | None:
+        """Return when the coil reaches `COIL_LIMIT_C` if the loss of the last seconds goes on.
+
+        0.0 at or over it, None if not within an hour, or while no reading is known.
+        """
+        return None if self.coil_c is None else self.course().passes_s(COIL_LIMIT_C, _HORIZON_S)
+
+    def settled_nm(self) -> float | None:
+        """Return the largest torque of the last seconds, None while it has only begun to act.
+
+        It is the root mean square of a window, so that a single frame does not count.
+        """
+        recent_w = self._recent_w
+        if len(recent_w) < 2 or recent_w[-1] > _SETTLED * recent_w[-2]:
+            return None
+        return math.sqrt(max(recent_w) / _WATTS_PER_NM2)
+
+    def course(self, torque_nm: float | None = None) -> Course:
+        """Return how the coil goes on at a torque, or with the loss of the last seconds."""
+        watts = sum(self._recent_w) / max(len(self._recent_w), 1)
+        if torque_nm is not None:
+            watts = _WATTS_PER_NM2 * torque_nm**2
+        winding_k_w, housing_k_w = self._share * _WINDING_K_W, self._share * _HOUSING_K_W
+        return Course(
+            self._base_c + (winding_k_w + housing_k_w) * watts,
+            winding_k_w * (self._winding_w - watts),
+            housing_k_w * (self._housing_w - watts),
+        )
+
+    def _rise_k(self) -> float:
+        return _WINDING_K_W * self._winding_w + _HOUSING_K_W * self._housing_w
+
+    def _advance(self) -> None:
+        watts = _WATTS_PER_NM2 * self._square_nm2_s / self._elapsed_s
+        self._recent_w.append(watts)
+        self._winding_w += (watts - self._winding_w) * -math.expm1(-self._elapsed_s / _WINDING_S)
+        self._housing_w += (watts - self._housing_w) * -math.expm1(-self._elapsed_s / _HOUSING_S)
+        if self._readings.believed_c is not None:
+            coil_c = self.coil_c = self._base_c + self._share * self._rise_k()
+            if self._readings.doubtful_c is None:
+                self._correct(coil_c, self._readings.believed_c)
+        self._square_nm2_s = self._elapsed_s = 0.0
+        self.windows += 1
+
+    def _correct(self, coil_c: float, reading_c: int) -> None:
+        """Follow the reading, which says no more than between which degrees the coil is."""
+        rise_k = self._rise_k()
+        keep = math.exp(-self._elapsed_s / _FORGET_S)
+        base, both, share = (keep * variance for variance in self._variances)
+        base, share = base + (1 - keep) * _BASE_VARIANCE, share + (1 - keep) * _SHARE_VARIANCE
+        error_k = min(max(coil_c, reading_c), reading_c + 1.0) - coil_c
+        if error_k != 0.0:
+            base_part, share_part = base + both * rise_k, both + share * rise_k
+            total = base_part + share_part * rise_k + _READING_VARIANCE
+            corrected = self._share + share_part / total * error_k
+            self._share = min(max(corrected, _LEAST_SHARE), _MOST_SHARE)
+            coil_c += (1.0 - _READING_VARIANCE / total) * error_k
+            base -= base_part**2 / total
+            both -= base_part * share_part / total
+            share -= share_part**2 / total
+        self._variances = (base, both, share)
+        self.coil_c = min(max(coil_c, reading_c - _STRAYS_K), reading_c + 1.0 + _STRAYS_K)
+        self._base_c = self.coil_c - self._share * rise_k  # takes what the share may not
+
+
+class HeatGuard:
+    """Decides how much torque commands may ask for, so that the coil stays below its limit.
+
+    `allowance_nm` is infinite while nothing is limited, and changes only when `update` says so.
+    """
+
+    def __init__(self) -> None:
+        self.model = HeatModel()
+        self.allowance_nm = math.inf
+        self._windows, self._asked_nm = 0, 0.0
+        self._changed_s, self._was_raised, self._raise_every_s = -math.inf, False, _RAISE_EVERY_S
+        self._top_nm = 0.0  # what was applied when the limiting began
+
+    def update(self, now_s: float, feedback: Feedback, torque_bound_nm: float) -> HeatChange | None:
+        """Take this tick's measurement and the most torque that its command asks for.
+
+        `torque_bound_nm` may be that before or after it was limited to the allowance. Returns
+        the change of `allowance_nm`, if there is one; it wants to be announced.
+        """
+        self.model.update(now_s, feedback)
+        self._asked_nm = max(self._asked_nm, torque_bound_nm)
+        coil_c = self.model.coil_c
+        if coil_c is None or self.model.windows == self._windows:
+            return None
+        self._windows = self.model.windows
+        asked_nm, self._asked_nm = self._asked_nm, 0.0
+        waited_s = now_s - self._changed_s
+        change = self._lowered(coil_c, waited_s) or self._raised(coil_c, waited_s, asked_nm)
+        if change is not None:
+            self._learn(change, waited_s)
+            self._changed_s, self.allowance_nm = now_s, change.to_nm
+        return change
+
+    def _lowered(self, coil_c: float, waited_s: float) -> HeatChange | None:
+        course = self.model.course()
+        ahead_c = course.at(_LOOK_AHEAD_S)
+        rises = ahead_c > coil_c
+        if ahead_c <= COIL_LIMIT_C or not (rises or course.at(_COOLS_WITHIN_S) > COIL_LIMIT_C):
+            return None
+        is_urgent = rises and (coil_c > COIL_LIMIT_C or ahead_c > _FAR_ABOVE_C)
+        settled_nm = self.model.settled_nm()
+        if settled_nm is None or waited_s < (_STEP_SOONER_S if is_urgent else _STEP_EVERY_S):
+            return None
+        applied_nm = min(settled_nm, self.allowance_nm)
+        if applied_nm <= LEAST_NM:
+            return None  # this torque is not what heats the coil
+        to_nm = max(_STEP * applied_nm, LEAST_NM)
+        why = (
+            f"the coil is at {coil_c:.1f} °C, in {_LOOK_AHEAD_S:.0f} s at {ahead_c:.1f} °C with "
+            f"{applied_nm:.2f} N·m; the limit is {COIL_LIMIT_C:.0f} °C: {to_nm:.2f} N·m allowed"
+        )
+        return HeatChange(self.allowance_nm, to_nm, coil_c, why)
+
+    def _raised(self, coil_c: float, waited_s: float, asked_nm: float) -> HeatChange | None:
+        every_s = _RAISE_EVERY_S if coil_c < _COOL_C else self._raise_every_s
+        if self.allowance_nm == math.inf or coil_c >= _RAISE_BELOW_C or waited_s < every_s:
+            return None
+        next_nm = self.allowance_nm / _STEP
+        is_in_effect = asked_nm >= _IN_EFFECT * self.allowance_nm
+        course = self.model.course(min(next_nm, self._top_nm) if is_in_effect else None)
+        if course.passes_s(COIL_LIMIT_C, _RAISED_LASTS_S) is not None:
+            return None
+        to_nm = math.inf if next_nm >= self._top_nm else next_nm
+        allowed = "any torque" if to_nm == math.inf else f"{to_nm:.2f} N·m"
+        why = f"the coil has cooled to {coil_c:.1f} °C: {allowed} allowed"
+        return HeatChange(self.allowance_nm, to_nm, coil_c, why)
+
+    def _learn(self, change: HeatChange, waited_s: float) -> None:
+        """Learn from a change: after a raise that did not last, be slower to raise again."""
+        was_raised, self._was_raised = self._was_raised, change.to_nm > change.from_nm
+        if was_raised and waited_s >= _RAISED_LASTS_S:
+            self._raise_every_s = _RAISE_EVERY_S
+        elif was_raised and not self._was_raised:
+            self._raise_every_s = min(2.0 * self._raise_every_s, _RAISE_EVERY_AT_MOST_S)
+        if change.from_nm == math.inf:
+            self._top_nm = change.to_nm / _STEP

@@ -1,0 +1,232 @@
+"""What clients may ask the gripper to do: each admitted or refused at once, then run by the engine.
+
+A motion's `config` is the caller's own; it counts for this motion only.
+"""
+
+from litegripd.control.actions.grasp import Grasp, GraspRequest
+from litegripd.control.actions.move_to import MoveTo
+from litegripd.control.actions.move_to_stop import Direction, MoveToStop
+from litegripd.control.actions.power import Disable, Enable
+from litegripd.control.actions.stream import SetPoint, Stream
+from litegripd.control.admission import (
+    NO_FEEDBACK,
+    NOT_CALIBRATED,
+    Target,
+    busy_refusal,
+    conflict_refusal,
+    duration_refusal,
+    motor_refusal,
+    position_refusal,
+    target_refusal,
+)
+from litegripd.control.engine import Engine
+from litegripd.control.grip import Grip, GripSettings
+from litegripd.control.rest import Hold, Relax
+from litegripd.model.errors import Refusal
+from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import Job, OnLost, Owner
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motion_limits import fast_conflict, move_conflict, slow_conflict
+from litegripd.model.motor import EnableMotor, Feedback
+from litegripd.model.results import ForceResult, HoldResult, SlackResult
+
+SMALLEST_MOVE_RAD = 1e-4
+
+
+class Motions:
+    """Begins motions on one engine; a refusal says why not, and nothing has changed."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+
+    def enable(
+        self, owner: Owner, config: MotionConfig, detached: bool, on_lost: OnLost
+    ) -> Job | Refusal:
+        """Begin to enable the motor; `owner` becomes its keeper."""
+        engine = self._engine
+        refusal = engine.unfree() or engine.motor.problem
+        if refusal is not None:
+            return refusal
+        request = EnableMotor(config.enable_retries, config.enable_retry_interval)
+        engine.keeping.propose(owner.client, on_lost)
+        return engine.begin("enable", Enable(request), owner, detached)
+
+    def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
+        """Begin to disable the motor; ends the owner's own motion, but not another's."""
+        engine = self._engine
+        running = engine.jobs.running
+        if running is not None and running.owner.client == owner.client:
+            engine.end(Refusal("cancelled", "ended by motor.disable of the same client"))
+        refusal = busy_refusal(engine.jobs.running)
+        if refusal is not None:
+            return refusal
+        engine.keeping.end()
+        return engine.begin("disable", Disable(), owner, detached)
+
+    def move_to_stop(
+        self,
+        direction: Direction,
+        owner: Owner,
+        config: MotionConfig,
+        speed_mm_s: float | None,
+        detached: bool,
+    ) -> Job | Refusal:
+        """Begin to open or close at `speed_mm_s` (the configured speed by default)."""
+        engine, geometry = self._engine, self._ready()
+        if isinstance(geometry, Refusal):
+            return geometry
+        speed = config.speed_mm_s if speed_mm_s is None else speed_mm_s
+        refusal = conflict_refusal(move_conflict(config, speed, geometry, engine.period_s))
+        if refusal is not None:
+            return refusal
+        action = MoveToStop(
+            direction,
+            speed,
+            geometry=geometry,
+            config=config,
+            gains=engine.gains,
+            period_s=engine.period_s,
+        )
+        return engine.begin(direction, action, owner, detached)
+
+    def grasp(
+        self, request: GraspRequest, owner: Owner, config: MotionConfig, detached: bool
+    ) -> Job | Refusal:
+        """Begin to close until something is gripped."""
+        engine, geometry = self._engine, self._ready()
+        if isinstance(geometry, Refusal):
+            return geometry
+        conflict = slow_conflict(config, request.speed_mm_s, geometry, "grasp_speed_mm_s")
+        refusal = conflict_refusal(conflict)
+        if refusal is not None:
+            return refusal
+        action = Grasp(
+            request,
+            geometry=geometry,
+            config=config,
+            gains=engine.gains,
+            period_s=engine.period_s,
+        )
+        return engine.begin("grasp", action, owner, detached)
+
+    def move_to(
+        self,
+        target: Target,
+        owner: Owner,
+        config: MotionConfig,
+        *,
+        speed_mm_s: float | None,
+        duration_s: float | None,
+        detached: bool,
+    ) -> Job | Refusal:
+        """Begin to move to a position, at a speed (the configured one by default) or in a time."""
+        engine, geometry = self._engine, self._ready()
+        feedback = engine.motor.feedback
+        if isinstance(geometry, Refusal) or feedback is None:
+            return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
+        refusal = target_refusal(target, geometry)
+        if refusal is not None:
+            return refusal
+        target_rad = target.position_rad(geometry)
+        speed = config.speed_mm_s if speed_mm_s is None else speed_mm_s
+        distance_mm = abs(target_rad - feedback.position_rad) * geometry.rad_to_mm
+        if duration_s is not None and distance_mm > geometry.rad_to_mm * SMALLEST_MOVE_RAD:
+            speed = distance_mm / duration_s
+        conflict = fast_conflict(config, speed, engine.period_s)
+        if conflict is not None and duration_s is not None:
+            return duration_refusal(duration_s, distance_mm / conflict.limit, distance_mm)
+        if conflict is not None:
+            return conflict_refusal(conflict) or NOT_CALIBRATED
+        action = MoveTo(
+            target_rad,
+            geometry.to_rad(speed),
+            geometry=geometry,
+            config=config,
+            gains=engine.gains,
+            period_s=engine.period_s,
+        )
+        return engine.begin("move", action, owner, detached)
+
+    def hold(self, owner: Owner) -> Job | Refusal:
+        """Hold from now on: what is held already, else the measured position."""
+        engine, feedback = self._engine, self._powered()
+        if isinstance(feedback, Refusal):
+            return feedback
+        rest = engine.rest
+        if isinstance(rest, Relax):  # holding anew would lose the force of a hold
+            rest = Hold(feedback.position_rad, engine.gains)
+        position_rad = rest.position_rad if isinstance(rest, Hold) else feedback.position_rad
+        return engine.settle("hold", rest, owner, HoldResult(position_rad))
+
+    def zero_gravity(self, owner: Owner) -> Job | Refusal:
+        """Let the jaws go: enabled, but without stiffness, damping and torque."""
+        feedback = self._powered()
+        if isinstance(feedback, Refusal):
+            return feedback
+        result = SlackResult(feedback.position_rad)
+        return self._engine.settle("zero_gravity", Relax(), owner, result)
+
+    def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
+        """Squeeze by `force_n` from now on: what is gripped, else from where the jaws are.
+
+        The owner's running grasp goes on with it; anybody else's is not touched.
+        """
+        engine, grip, running = self._engine, self._engine.grip, self._engine.jobs.running
+        if grip is not None and running is not None and running.owner.client == owner.client:
+            grip.force_n = force_n
+            return running
+        geometry = self._ready()
+        feedback = engine.motor.feedback
+        if isinstance(geometry, Refusal) or feedback is None:
+            return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
+        if grip is None:
+            settings = GripSettings.of(geometry, config, config.grasp_speed_mm_s, "torque")
+            in_flight_nm = geometry.close_sign * feedback.torque_nm
+            grip = Grip(settings, force_n, in_flight_nm, watched=False)
+        grip.force_n = force_n
+        return engine.settle("set_force", grip, owner, ForceResult(force_n))
+
+    def stream(
+        self,
+        target: Target,
+        owner: Owner,
+        *,
+        valid_s: float,
+        speed_mm_s: float | None,
+        torque_nm: float,
+    ) -> Job | Refusal:
+        """Take a set-point of a stream; the first one begins it."""
+        engine = self._engine
+        running, action = engine.jobs.running, engine.action
+        goes_on = running is not None and running.owner.client == owner.client
+        if not (goes_on and isinstance(action, Stream)):
+            running, action = None, Stream(engine.gains, engine.period_s)
+        geometry = self._ready() if running is None else engine.geometry or NOT_CALIBRATED
+        if isinstance(geometry, Refusal):
+            return geometry
+        speed = engine.config.speed_mm_s if speed_mm_s is None else speed_mm_s
+        refusal = target_refusal(target, geometry) or conflict_refusal(
+            fast_conflict(engine.config, speed, engine.period_s)
+        )
+        if refusal is not None:
+            return refusal
+        point = SetPoint(target.position_rad(geometry), valid_s, geometry.to_rad(speed), torque_nm)
+        action.set(point)
+        return running or engine.begin("stream", action, owner, detached=False)
+
+    def _powered(self) -> Feedback | Refusal:
+        """Return the present feedback where the motor is free and enabled, else why not."""
+        refusal = self._engine.unfree() or motor_refusal(self._engine.motor)
+        return refusal or self._engine.motor.feedback or NO_FEEDBACK
+
+    def _ready(self) -> Geometry | Refusal:
+        """Return the travel where a motion in it may begin, else say why not."""
+        engine = self._engine
+        refusal = engine.unfree()
+        if refusal is not None:
+            return refusal
+        geometry = engine.geometry
+        if geometry is None:
+            return engine.calibrated.problem
+        refusal = motor_refusal(engine.motor) or position_refusal(engine.motor, geometry)
+        return refusal or geometry

@@ -1,0 +1,16 @@
+"""Which gripper a daemon drives, as its configuration says."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Unit:
+    """The gripper on one channel: its motor's CAN id, and its whole stroke in mm.
+
+    `mount` is the template or the calibration file that the configuration names, if it does.
+    """
+
+    channel: str = "can0"
+    can_id: int = 0x08
+    stroke_mm: float = 120.0
+    mount: str | None = None

@@ -1,0 +1,70 @@
+"""What goes to the motor in every tick while nothing special happens: commands, or status requests.
+
+Each is counted as unanswered until feedback comes. It decides no phase and energises nothing.
+"""
+
+from dataclasses import dataclass, replace
+
+from litegripd.model.frame import CanFrame
+from litegripd.model.motor import MitCommand, Ranges
+from litegripd.motor import codec
+from litegripd.motor.registers import status_request
+from litegripd.motor.silence import POLL_INTERVAL_S, Silence
+
+
+@dataclass(slots=True)
+class MotorCounters:
+    """What went by since the start."""
+
+    commands: int = 0
+    missed_replies: int = 0
+    withheld_commands: int = 0
+    ignored_frames: int = 0
+    foreign_commands: int = 0
+    """Frames to our motor that somebody else on the bus sent."""
+
+
+class Traffic:
+    """The regular frames to the motor `can_id`."""
+
+    def __init__(self, can_id: int, silence: Silence, counters: MotorCounters) -> None:
+        self._can_id = can_id
+        self._silence = silence
+        self._counters = counters
+        self._polled_at_s = float("-inf")
+        self._last_command: MitCommand | None = None
+
+    def forget_command(self) -> None:
+        """Begin anew: whoever is enabled next repeats nothing of before."""
+        self._last_command = None
+
+    def poll_soon(self) -> None:
+        """Ask for the status in the next tick that polls."""
+        self._polled_at_s = float("-inf")
+
+    def command(self, command: MitCommand, is_motion: bool, ranges: Ranges) -> list[CanFrame]:
+        """Give one command; while answers fail, a motion's last one again, without feed-forward.
+
+        What is no motion is what a stop has led to, or a hold: that goes out as it is.
+        """
+        if self._silence.unanswered:
+            last = self._last_command if is_motion else None
+            command = replace(last or command, velocity_rad_s=0.0)
+        self._last_command = command
+        self._silence.unanswered += 1
+        self._counters.commands += 1
+        return [CanFrame(self._can_id, codec.encode_command(command, ranges))]
+
+    def poll(self, now_s: float) -> list[CanFrame]:
+        """Ask for the status at 20 Hz."""
+        if now_s - self._polled_at_s < POLL_INTERVAL_S:
+            return []
+        self._polled_at_s = now_s
+        self._silence.unanswered += 1
+        return [status_request(self._can_id)]
+
+    def probe(self, now_s: float) -> list[CanFrame]:
+        """Ask for the status in every tick, in place of the commands to a motor that is lost."""
+        self._counters.withheld_commands += 1
+        self._polled_at_s = now_s
+        return [status_request(self._can_id)]

@@ -1,0 +1,71 @@
+"""What a row of the table of methods is, and the parameters that many methods have."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from litegripd.rpc.schema import Param
+
+COMMON_PARAMS = (
+    Param("sent_s", "number", "When the request was sent, seconds of CLOCK_MONOTONIC.", minimum=0),
+    Param("stop_generation", "integer", "The count of stops that the sender knew of.", minimum=0),
+)
+"""Every method takes these; a motion that was sent before a stop never runs after it."""
+
+WAIT = Param("wait", "boolean", "Answer when it has ended (true, the default), or at once.")
+DETACH = Param("detach", "boolean", "Let it outlive this connection (default false).")
+PROGRESS = Param("progress", "boolean", "Send job.progress on the way (default false).")
+JOB = Param("job", "integer", "The job's number.", required=True, minimum=1)
+CONFIG = Param(
+    "config",
+    "object",
+    "Fields of the motion configuration (config.get lists them) that count for this call only.",
+)
+RUN_PARAMS = (CONFIG, WAIT, PROGRESS, DETACH)
+"""What every motion takes that lasts."""
+
+SPEED_MM_S = (0.1, 500.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """One method.
+
+    `moves` marks those that a stop makes void when they were sent before it, `waits` those whose
+    answer comes when a job has ended, `may_notify` those that may be sent without an id.
+    """
+
+    name: str
+    summary: str
+    result: str
+    params: tuple[Param, ...] = ()
+    moves: bool = False
+    waits: bool = False
+    may_notify: bool = False
+    declared: Mapping[str, Param] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Index the parameters by name."""
+        declared = {param.name: param for param in (*self.params, *COMMON_PARAMS)}
+        object.__setattr__(self, "declared", declared)
+
+
+def speed_param(default: str) -> Param:
+    """Describe a jaw speed whose default is this field of the configuration."""
+    low, high = SPEED_MM_S
+    text = f"Jaw speed (default: {default} of the configuration)."
+    return Param("speed_mm_s", "number", text, minimum=low, maximum=high)
+
+
+def target_params() -> tuple[Param, ...]:
+    """Describe where to go, in one of three quantities."""
+    return (
+        Param("opening_mm", "number", "Where to go: the opening, 0 closed."),
+        Param("position_rad", "number", "Where to go: the motor's position."),
+        Param(
+            "openness",
+            "number",
+            "Where to go: the share of the travel that is open, 0 to 1.",
+            minimum=0,
+            maximum=1,
+        ),
+    )

@@ -1,0 +1,208 @@
+"""The rows of the methods that move the jaws or change the motor's power, and that stop them."""
+
+from dataclasses import replace
+
+from litegripd.model.jobs import STOP_LEVELS
+from litegripd.model.motion_config import RANGES
+from litegripd.rpc.method import (
+    CONFIG,
+    DETACH,
+    JOB,
+    RUN_PARAMS,
+    WAIT,
+    Method,
+    speed_param,
+    target_params,
+)
+from litegripd.rpc.schema import Param
+
+_ON_LOST = Param(
+    "on_lost",
+    "string",
+    "What the jaws do when this connection, having enabled the motor, ends: keep the present hold"
+    " (hold, the default), go slack (relax) or be disabled (disable).",
+    choices=("hold", "relax", "disable"),
+)
+_FORCE = Param(
+    "force_n",
+    "number",
+    "Squeezing force, about 0.1 N·m a newton (default: force_n of the configuration).",
+    minimum=RANGES["force_n"][0],
+    maximum=RANGES["force_n"][1],
+)
+_FORCE_DUE = replace(_FORCE, description="Squeezing force.", required=True)
+
+_GRASP = Method(
+    "motion.grasp",
+    "Close until something is gripped, then hold it by force.",
+    "ok, outcome, width_mm, force_n, held_s, cycles, and the state.",
+    (
+        _FORCE,
+        Param(
+            "speed_mm_s",
+            "number",
+            "Closing speed (default: grasp_speed_mm_s of the configuration).",
+            minimum=0.1,
+            maximum=200,
+        ),
+        Param(
+            "hold_s",
+            "number",
+            "Answer after so long a hold; 0 (the default) never: the hold lasts until it is ended."
+            " The jaws hold on in any case.",
+            minimum=0,
+            maximum=86_400,
+        ),
+        Param(
+            "until",
+            "string",
+            "Answer when the hold is over (held, the default) or when it has begun (verdict).",
+            choices=("held", "verdict"),
+        ),
+        Param(
+            "hold_by",
+            "string",
+            "Hold by a pure torque (torque, the default), or stiff around a position that is read"
+            " every hold_interval, with hold_kp and hold_kd (gains).",
+            choices=("torque", "gains"),
+        ),
+        Param("width_mm", "number", "The width that is expected.", minimum=0, maximum=1000),
+        Param("tolerance_mm", "number", "By how much it may differ.", minimum=0, maximum=1000),
+        *RUN_PARAMS,
+    ),
+    moves=True,
+    waits=True,
+)
+_MOVE = Method(
+    "motion.move",
+    "Move to a position inside the calibrated travel, then hold.",
+    "The move's result and the state.",
+    (
+        *target_params(),
+        speed_param("speed_mm_s"),
+        Param(
+            "duration_s",
+            "number",
+            "How long the way shall take, in place of a speed.",
+            minimum=0.01,
+            maximum=3600,
+        ),
+        *RUN_PARAMS,
+    ),
+    moves=True,
+    waits=True,
+)
+_SET_FORCE = Method(
+    "motion.set_force",
+    "Squeeze with this force from now on: what is gripped, else from where the jaws are.",
+    "The force and the state.",
+    (_FORCE_DUE, CONFIG),
+    moves=True,
+)
+_STREAM = Method(
+    "stream.set",
+    "Go towards a set-point; the latest wins. It may be sent without an id, up to 200 times a"
+    " second. When none comes in time, the jaws hold where they are.",
+    "The number of the stream's job.",
+    (
+        *target_params(),
+        Param(
+            "valid_s",
+            "number",
+            "How long it counts (default 0.2).",
+            minimum=0.02,
+            maximum=2,
+        ),
+        speed_param("speed_mm_s"),
+        Param(
+            "torque_nm",
+            "number",
+            "How hard to press on whatever is in the way (default 1).",
+            minimum=0.1,
+            maximum=3,
+        ),
+    ),
+    moves=True,
+    may_notify=True,
+)
+_ZERO_GRAVITY = Method(
+    "motion.zero_gravity",
+    "Let the jaws go: enabled, but moved freely by hand, until motion.hold or a motion.",
+    "The position and the state.",
+    moves=True,
+    waits=True,
+)
+
+MOVING: tuple[Method, ...] = (
+    Method(
+        "motor.enable",
+        "Energise the motor and hold the measured position.",
+        "ok, tries, message and the state.",
+        (
+            Param("retries", "integer", "Attempts at most.", minimum=1, maximum=20),
+            _ON_LOST,
+            CONFIG,
+            WAIT,
+            DETACH,
+        ),
+        moves=True,
+        waits=True,
+    ),
+    Method(
+        "motor.keep",
+        "Change what the jaws do when this connection, having enabled the motor, ends.",
+        "kept: whether this connection is the one that enabled the motor.",
+        (replace(_ON_LOST, required=True),),
+    ),
+    Method(
+        "motor.disable",
+        "De-energise the motor, confirmed.",
+        "ok and the state.",
+        (WAIT, DETACH),
+        waits=True,
+    ),
+    Method(
+        "motion.open",
+        "Open until the mechanical stop ends the move, then hold.",
+        "The move's result and the state.",
+        (speed_param("speed_mm_s"), *RUN_PARAMS),
+        moves=True,
+        waits=True,
+    ),
+    Method(
+        "motion.close",
+        "Close until the mechanical stop ends the move, then hold.",
+        "The move's result and the state.",
+        (speed_param("speed_mm_s"), *RUN_PARAMS),
+        moves=True,
+        waits=True,
+    ),
+    _GRASP,
+    _MOVE,
+    Method(
+        "motion.hold",
+        "Hold from now on: what is held already, else the measured position.",
+        "The position and the state.",
+        moves=True,
+        waits=True,
+    ),
+    _ZERO_GRAVITY,
+    _SET_FORCE,
+    _STREAM,
+    Method(
+        "stop",
+        "Stop and latch: nothing moves until stop.clear. Anybody may.",
+        "The latched level, the generation and the state.",
+        (
+            Param(
+                "level",
+                "string",
+                "Freeze the position (hold, the default), go slack (relax), or disable.",
+                choices=STOP_LEVELS,
+            ),
+            Param("why", "string", "A reason, shown to everybody whom the stop refuses."),
+        ),
+    ),
+    Method("stop.clear", "Allow motions again.", "The generation and the state."),
+    Method("job.cancel", "End a running job; the jaws hold where they are.", "The job.", (JOB,)),
+)

@@ -1,0 +1,216 @@
+"""The methods on what persists: the calibration, the daemon's defaults, the motor's registers."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from litegripd.control.calibrating import Calibrating
+from litegripd.control.engine import Engine
+from litegripd.control.saving import content_of
+from litegripd.model.calibration import Calibration, CalibrationError, from_plain, read_content
+from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
+from litegripd.model.motion_config import RANGES
+from litegripd.model.motor import RegisterReply
+from litegripd.motor.registers import REGISTERS, Register
+from litegripd.rpc.calls import Answer, Call, Deferred, Function, Later, later
+
+
+class Settings:
+    """Functions on calibration, motion configuration and registers."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._calibrating = Calibrating(engine)
+
+    def functions(self) -> Mapping[str, Function]:
+        """Return the functions by the names of their methods."""
+        return {
+            "calibration.get": lambda _call: self._calibration(),
+            "calibration.templates": self._templates,
+            "calibration.load": self._load,
+            "calibration.save": self._save,
+            "calibration.zero": self._zero,
+            "calibration.manual": self._by_hand,
+            "motor.set_zero": lambda call: later(
+                self._calibrating.set_zero(call.owner, call.detached)
+            ),
+            "motor.read_register": self._read_register,
+            "config.get": lambda _call: self._config(),
+            "config.set": self._set_config,
+        }
+
+    def _calibration(self) -> dict[str, Any]:
+        engine, in_use = self._engine, self._engine.calibrated
+        calibration = in_use.calibration
+        geometry = None if calibration is None else calibration.geometry
+        return {
+            "calibrated": in_use.geometry is not None,
+            "mount": None if geometry is None else geometry.mount,
+            "closed_rad": None if geometry is None else geometry.closed_rad,
+            "open_rad": None if geometry is None else geometry.open_rad,
+            "travel_rad": None if geometry is None else geometry.travel_rad,
+            "travel_mm": None if geometry is None else geometry.travel_mm,
+            "rad_to_mm": None if geometry is None else geometry.rad_to_mm,
+            "kp": in_use.gains.kp_nm_rad,
+            "kd": in_use.gains.kd_nm_s_rad,
+            "file": in_use.file,
+            "content": {}
+            if calibration is None
+            else content_of(calibration, engine.unit, in_use.gains, engine.motor),
+        }
+
+    def _templates(self, _call: Call) -> Answer:
+        return self._errand("calibration.templates", {}, lambda value: {"templates": value})
+
+    def _load(self, call: Call) -> Answer:
+        params = call.params
+        if "template" in params and "content" in params:
+            text = "calibration.load takes a template or a content, not both"
+            return Refusal("invalid_params", text, {"parameter": "content"})
+        refusal = self._calibrating.refusal_to_load()
+        if refusal is not None:
+            return refusal
+        if "content" not in params:
+            unit, template = self._engine.unit, params.get("template")
+            wanted = {
+                "channel": unit.channel,
+                "mount": template or unit.mount,
+                "configured": template is None,
+            }
+            return self._errand("calibration.load", wanted, self._adopt_found)
+        try:
+            calibration = read_content(params["content"])
+        except CalibrationError as error:
+            return Refusal("calibration_unreadable", f"the content cannot be used: {error}")
+        return self._adopt(calibration, None, [])
+
+    def _adopt_found(self, value: Any) -> Mapping[str, Any] | Refusal:
+        """Take what the helper found, unless a motion has begun meanwhile."""
+        skipped = list(value["skipped"])
+        if value["calibration"] is None:
+            return {**self._calibration(), "loaded": False, "skipped": skipped}
+        return self._adopt(from_plain(value["calibration"]), value["path"], skipped)
+
+    def _adopt(
+        self, calibration: Calibration, file: str | None, skipped: list[str]
+    ) -> Mapping[str, Any] | Refusal:
+        refusal = self._calibrating.load(calibration, file)
+        if refusal is not None:
+            return refusal
+        return {**self._calibration(), "loaded": True, "skipped": skipped}
+
+    def _save(self, _call: Call) -> Answer:
+        deferred = Deferred()
+
+        def saved(result: ErrandResult) -> None:
+            deferred.resolve(_outcome("calibration.save", result))
+
+        return self._calibrating.save(saved) or deferred
+
+    def _zero(self, call: Call) -> Answer:
+        config = call.config(self._engine.config, self._engine.period_s)
+        if isinstance(config, Refusal):
+            return config
+        return later(
+            self._calibrating.zero(
+                call.owner,
+                config,
+                mount=call.params.get("mount"),
+                keep=call.params.get("save", True),
+                detached=call.detached,
+            )
+        )
+
+    def _by_hand(self, call: Call) -> Answer:
+        step, calibrating, engine = call.params["step"], self._calibrating, self._engine
+        if step == "begin":
+            job = calibrating.by_hand(call.owner, engine.config)
+            return job if isinstance(job, Refusal) else {"job": job.number}
+        if step == "finish":
+            job = calibrating.finish(call.owner, keep=call.params.get("save", True))
+            return job if isinstance(job, Refusal) else Later(job)
+        if step == "cancel":
+            return calibrating.give_up(call.owner) or {}
+        marks = calibrating.mark(step, call.owner)
+        if isinstance(marks, Refusal):
+            return marks
+        return {"closed_rad": marks.get("closed"), "open_rad": marks.get("open")}
+
+    def _read_register(self, call: Call) -> Answer:
+        register = find_register(call.params["register"])
+        if isinstance(register, Refusal):
+            return register
+        deferred = Deferred()
+
+        def replied(reply: RegisterReply) -> None:
+            named = {"number": register.number, "name": register.name, "value": reply.value}
+            deferred.resolve(reply.failure or named)
+
+        return self._engine.inquiries.add(register.number, replied) or deferred
+
+    def _config(self) -> dict[str, Any]:
+        engine = self._engine
+        return {
+            "config": engine.config.as_fields(engine.period_s),
+            "ranges": {name: list(limits) for name, limits in RANGES.items()},
+            "kept": engine.config_is_kept,
+        }
+
+    def _set_config(self, call: Call) -> Answer:
+        engine = self._engine
+        config = call.config(engine.config, engine.period_s)
+        if isinstance(config, Refusal):
+            return config
+        keeps = call.params.get("keep", False)
+        engine.config, engine.config_is_kept = config, False
+        if not keeps:
+            return self._config()
+        fields = config.as_fields(engine.period_s)
+        del fields["frame_interval"]
+        parameters = {"channel": engine.unit.channel, "config": fields}
+
+        def kept(_value: Any) -> Mapping[str, Any]:
+            engine.config_is_kept = engine.config == config
+            return self._config()
+
+        return self._errand("motion.save", parameters, kept)
+
+    def _errand(self, operation: str, parameters: Mapping[str, Any], then: Any) -> Deferred:
+        """Have something done by the helper process, and answer with what `then` makes of it."""
+        deferred = Deferred()
+
+        def done(result: ErrandResult) -> None:
+            outcome = _outcome(operation, result)
+            deferred.resolve(outcome if isinstance(outcome, Refusal) else then(outcome))
+
+        self._engine.errands.append(Errand(operation, parameters, done))
+        return deferred
+
+
+def find_register(text: str) -> Register | Refusal:
+    """Find a register by its name, in any case, or its number, decimal or after 0x."""
+    named = {register.name.lower(): register for register in REGISTERS.values()}
+    register = named.get(text.strip().lower())
+    if register is None:
+        try:
+            register = REGISTERS.get(int(text, 0))
+        except ValueError:
+            register = None
+    if register is not None:
+        return register
+    known = ", ".join(f"{number} {register.name}" for number, register in REGISTERS.items())
+    message = f"there is no register {text!r}; there are: {known}"
+    return Refusal("invalid_params", message, {"parameter": "register"})
+
+
+_FAILURES = {
+    "calibration.load": "calibration_unreadable",
+    "calibration.templates": "calibration_unreadable",
+}
+
+
+def _outcome(operation: str, result: ErrandResult) -> Any:
+    """Return what an errand brought, or a refusal that says why it brought nothing."""
+    if result.error is None:
+        return result.value
+    return Refusal(_FAILURES.get(operation, "not_saved"), result.error)

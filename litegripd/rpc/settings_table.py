@@ -1,0 +1,90 @@
+"""The rows of the methods on what persists: calibration, configuration, registers."""
+
+from dataclasses import replace
+
+from litegripd.rpc.method import CONFIG, DETACH, RUN_PARAMS, WAIT, Method
+from litegripd.rpc.schema import Param
+
+_MOUNT = Param(
+    "mount",
+    "string",
+    "Which way closing runs: increasing radians (normal) or decreasing ones (reverse). Default: as"
+    " the calibration in use has it.",
+    choices=("normal", "reverse"),
+)
+_SAVE = Param("save", "boolean", "Write it to the daemon's own file (default true).")
+
+SETTINGS: tuple[Method, ...] = (
+    Method("calibration.get", "Tell the calibration in use.", "The calibration."),
+    Method("calibration.templates", "Tell the templates of the mounts.", "The templates."),
+    Method(
+        "calibration.load",
+        "Take another calibration: a template, a file's content, or what the daemon's own files"
+        " have.",
+        "loaded, the calibration, and the files that were passed over.",
+        (
+            replace(_MOUNT, name="template", description="The mount to declare."),
+            Param("content", "object", "What a calibration file holds."),
+        ),
+        moves=True,
+        waits=True,
+    ),
+    Method(
+        "calibration.save",
+        "Write the calibration in use to the daemon's own file.",
+        "The path, and that of the file before, which is kept.",
+        waits=True,
+    ),
+    Method(
+        "calibration.zero",
+        "Measure the travel by probing both stops, and take it. The jaws move to both stops.",
+        "ok, outcome, the calibration, and the state.",
+        (_MOUNT, _SAVE, *RUN_PARAMS),
+        moves=True,
+        waits=True,
+    ),
+    Method(
+        "calibration.manual",
+        "Measure the travel by hand: begin (the jaws go slack), mark closed and open, finish.",
+        "The job, the marks, or as calibration.zero.",
+        (
+            Param(
+                "step",
+                "string",
+                "What to do.",
+                required=True,
+                choices=("begin", "closed", "open", "finish", "cancel"),
+            ),
+            _SAVE,
+        ),
+        moves=True,
+        waits=True,
+    ),
+    Method(
+        "motor.read_register",
+        "Read a register of the motor.",
+        "Its number, name and value.",
+        (Param("register", "string", 'Its name or number: "PMAX", "21", "0x15".', required=True),),
+        waits=True,
+    ),
+    Method(
+        "motor.set_zero",
+        "Take the present position as the motor's zero; disables the motor first. The calibration"
+        " fits no longer then.",
+        "ok, shift_rad, position_rad, and the state.",
+        (WAIT, DETACH),
+        moves=True,
+        waits=True,
+    ),
+    Method("config.get", "Tell the daemon's motion configuration.", "Fields and ranges."),
+    Method(
+        "config.set",
+        "Change the daemon's motion configuration, for everybody who does not say otherwise.",
+        "As config.get.",
+        (
+            replace(CONFIG, required=True, description="The fields that change."),
+            Param("keep", "boolean", "Also over a restart of the daemon (default false)."),
+        ),
+        waits=True,
+    ),
+)
