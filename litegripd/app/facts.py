@@ -1,6 +1,7 @@
 """What the daemon tells about itself: identity, configuration, and how it fares."""
 
 import dataclasses
+import math
 import os
 import resource
 import secrets
@@ -11,6 +12,7 @@ from pathlib import Path
 
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
+from litegripd.control.heat import COIL_LIMIT_C, HeatGuard
 from litegripd.io.bus import FrameBus
 from litegripd.io.helper import Helper
 from litegripd.io.log import LogHandler
@@ -125,6 +127,9 @@ class DaemonFacts:
         late_s = parts.reactor.recent_lateness.p99_s()
         if late_s is not None and late_s > _LATE_SHARE * parts.reactor.period_s:
             degraded.append(f"ticks start late: p99 {late_s * 1e6:.0f} µs in the last minute")
+        allowed_nm = self._machine.engine.output.heat.allowance_nm
+        if math.isfinite(allowed_nm):
+            degraded.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
         defects = parts.reactor.tick_errors + parts.reactor.backlog_errors
         if defects:
             degraded.append(f"{defects} ticks or requests failed by a defect; see the log")
@@ -220,6 +225,7 @@ class Parts:
                 **{name: getattr(counters, name) for name in _BUS_COUNTERS},
             },
             "motor": dataclasses.asdict(machine.motor.counters),
+            "heat": _heat(machine.engine.output.heat),
             "rpc": {
                 "clients": self.server.clients,
                 "requests": self.server.requests,
@@ -238,3 +244,14 @@ class Parts:
 
 
 _BUS_COUNTERS = ("sent", "received", "send_failures", "ignored", "errors", "reopened")
+
+
+def _heat(heat: HeatGuard) -> Mapping[str, object]:
+    """Tell the coil's temperature as the model has it, and how long the present load may last."""
+    coil_c, limit_s = heat.model.coil_c, heat.model.time_to_limit_s()
+    return {
+        "coil_c": None if coil_c is None else round(coil_c, 1),
+        "limit_c": COIL_LIMIT_C,
+        "time_to_limit_s": None if limit_s is None else round(limit_s, 1),
+        "allowed_nm": heat.allowance_nm if math.isfinite(heat.allowance_nm) else None,
+    }

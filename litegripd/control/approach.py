@@ -107,17 +107,16 @@ class Approach:
         if self._arrived_s is not None and self._short_rad(position_rad) <= self._config.reach_tol:
             settled = now_s - self._arrived_s >= self._config.settle_s
             return "empty" if settled else None
-        if self._stall.add(now_s, position_rad):
-            return "stalled"
+        if self._stall.add(now_s, position_rad) and self._is_slow(feedback):
+            return "stalled"  # and not on its way back from where a thump has thrown it
         late_s = _GIVE_UP_FACTOR * self._ramp_s + _GIVE_UP_EXTRA_S
         return "timed_out" if now_s - began_s > late_s else None
 
     def _touches(self, now_s: float, feedback: Feedback, held_back: bool) -> bool:
         """Whether the jaws stand against something that takes the torque, for long enough."""
-        slow_rad_s = max(CONTACT_SPEED_SHARE * self.speed_rad_s, SLOWEST_RAD_S)
         resisted = (
             held_back
-            and self._sign * feedback.velocity_rad_s < slow_rad_s
+            and self._is_slow(feedback)
             and self._sign * feedback.torque_nm >= CONTACT_TORQUE_SHARE * BUDGET_NM
         )
         if not resisted:
@@ -126,3 +125,8 @@ class Approach:
         if self._contact_since_s is None:
             self._contact_since_s = now_s
         return now_s - self._contact_since_s >= CONTACT_S * 0.999
+
+    def _is_slow(self, feedback: Feedback) -> bool:
+        """Whether the jaws stand, by the measure of their speed; thrown back, they do not."""
+        slow_rad_s = max(CONTACT_SPEED_SHARE * self.speed_rad_s, SLOWEST_RAD_S)
+        return abs(feedback.velocity_rad_s) < slow_rad_s

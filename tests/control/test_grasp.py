@@ -1,0 +1,295 @@
+"""Grasps on the simulated gripper: verdicts, the hold, and how each may end."""
+
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from tests.world import Client, World
+
+MOUNTS = ("normal", "reverse")
+FORCE_CODE_NM = 0.05  # a code of torque, and one of velocity under the damping of a hold
+
+
+def world_with(
+    width_mm: float | None, mount: str = "normal", **item: float
+) -> tuple[World, Client]:
+    closed_rad, open_rad = limits_of_mount(mount)
+    opening_mm = 100.0 if width_mm is None else min(width_mm + 20.0, 115.0)
+    parameters = SimulatorParameters(
+        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
+    )
+    world = World(mount, parameters=parameters)
+    if width_mm is not None:
+        world.gripper.put_object(width_mm=width_mm, **item)
+    return world, world.enabled()
+
+
+def squeeze_nm(world: World) -> float:
+    """Return the motor's true torque in the closing direction."""
+    geometry = world.engine.geometry
+    assert geometry is not None
+    return geometry.close_sign * world.gripper.motor_torque_nm
+
+
+def kinds(world: World) -> list[str]:
+    """Return the kinds of the events since the last call."""
+    seen = []
+    while events := world.service.take_events():
+        seen += [event.kind for event in events]
+    return seen
+
+
+def grasped(client: Client, **params: Any) -> dict[str, Any]:
+    return client.result("motion.grasp", until="verdict", **params)
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_an_object_is_held_with_the_set_force(mount: str) -> None:
+    world, client = world_with(50.0, mount)
+    result = grasped(client, force_n=15)
+    assert (result["ok"], result["outcome"]) == (True, "object_held")
+    assert (result["stalled"], result["reached"]) == (True, False)
+    assert result["width_mm"] == pytest.approx(50.0, abs=1.0)
+    assert result["force_n"] == 15
+    world.run(1.0)
+    assert squeeze_nm(world) == pytest.approx(1.5, abs=FORCE_CODE_NM)
+    assert world.state.is_grasped
+    assert world.state.force_set_n == 15
+    assert world.state.mode == "holding"
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_nothing_between_the_jaws_is_no_success_and_nothing_is_squeezed(mount: str) -> None:
+    world, client = world_with(None, mount)
+    result = client.result("motion.grasp")  # also where the hold would be for ever
+    assert (result["ok"], result["outcome"]) == (False, "no_object")
+    assert (result["stalled"], result["reached"]) == (False, True)
+    assert (result["width_mm"], result["cycles"]) == (None, 0)
+    assert abs(world.gripper.position_rad - result["target_rad"]) <= 0.02
+    world.run(0.5)
+    assert abs(world.gripper.motor_torque_nm) < 0.3
+    assert (world.state.is_grasped, world.state.force_set_n) == (False, None)
+
+
+def test_the_force_rises_from_the_torque_in_flight_at_its_rate() -> None:
+    world, client = world_with(50.0)
+    grasped(client, force_n=20, config={"force_rate_n_s": 10})
+    began_s = world.now_s
+    seen = []
+    for _ in range(60):
+        world.run(0.02)
+        seen.append((world.now_s - began_s, world.commands_since(world.now_s)[-1][1].torque_nm))
+    assert 0.5 < seen[0][1] < 1.2
+    steps = [later[1] - earlier[1] for earlier, later in pairwise(seen)]
+    assert max(steps) <= 0.02 + 0.006  # 1 N·m/s for 20 ms, and a code
+    assert seen[-1][1] == pytest.approx(2.0, abs=0.01)
+
+
+def test_hold_s_ends_the_call_but_not_the_hold() -> None:
+    world, client = world_with(50.0)
+    result = client.result("motion.grasp", force_n=10, hold_s=1.5)
+    assert result["outcome"] == "object_held"
+    assert result["held_s"] == pytest.approx(1.5, abs=0.01)
+    assert result["cycles"] == 7  # of 0.2 s
+    world.run(2.0)
+    assert squeeze_nm(world) == pytest.approx(1.0, abs=FORCE_CODE_NM)
+    assert world.state.is_grasped
+    assert client.result("motion.open")["ok"]
+    assert not world.state.is_grasped
+
+
+def test_a_hold_for_ever_lasts_until_it_is_cancelled_and_then_goes_on() -> None:
+    world, client = world_with(50.0)
+    number = client.send("motion.grasp", force_n=10)
+    world.run(10.0)
+    assert not client.has_answer(number)
+    job = world.engine.jobs.running
+    assert job is not None
+    other = world.client()
+    other.result("job.cancel", job=job.number)
+    world.run_until(lambda: client.has_answer(number), 0.1)
+    assert client.answers[number]["error"]["data"]["reason"] == "cancelled"
+    world.run(1.0)
+    assert squeeze_nm(world) == pytest.approx(1.0, abs=FORCE_CODE_NM)
+
+
+def test_an_object_that_vanishes_is_reported_within_50_ms() -> None:
+    world, client = world_with(50.0)
+    grasped(client, force_n=20)
+    world.run(1.5)
+    kinds(world)
+    world.gripper.remove_object()
+    world.run(0.05)
+    assert "object_lost" in kinds(world)
+    assert not world.state.is_grasped
+    width_mm = world.gripper.opening_mm
+    world.run(1.0)
+    assert world.gripper.opening_mm == pytest.approx(width_mm, abs=1.0)  # they hold where they are
+
+
+def test_an_object_that_vanishes_ends_a_running_grasp() -> None:
+    world, client = world_with(50.0)
+    number = client.send("motion.grasp", force_n=20, hold_s=60)
+    world.run(2.0)
+    world.gripper.remove_object()
+    world.run(0.05)
+    assert client.has_answer(number)
+    result = client.answers[number]["result"]
+    assert (result["ok"], result["outcome"]) == (False, "object_lost")
+    assert result["width_mm"] == pytest.approx(50.0, abs=1.0)
+    assert kinds(world).count("object_lost") == 1
+
+
+def test_an_object_that_slips_out_slowly_is_lost_at_the_empty_end() -> None:
+    world, client = world_with(12.0, yield_mm_s=10.0)
+    result = client.result("motion.grasp", force_n=20, hold_s=10)
+    assert result["outcome"] == "object_lost"
+    assert world.gripper.opening_mm < 2.0
+
+
+def test_the_wrong_width_is_told_without_letting_go() -> None:
+    world, client = world_with(50.0)
+    result = grasped(client, force_n=10, width_mm=40, tolerance_mm=3)
+    assert (result["ok"], result["outcome"]) == (False, "wrong_width")
+    world.run(1.0)
+    assert squeeze_nm(world) == pytest.approx(1.0, abs=FORCE_CODE_NM)
+    assert world.state.is_grasped
+    client.result("motion.open")
+    world.gripper.put_object(width_mm=50.0)
+    assert grasped(client, force_n=10, width_mm=51, tolerance_mm=3)["ok"]
+
+
+def test_a_thump_on_the_way_is_no_grip() -> None:
+    world, client = world_with(None)
+    number = client.send("motion.grasp", until="verdict")
+    world.run(0.3)
+    world.gripper.push(-3.0)
+    world.run(0.06)
+    world.gripper.push(0.0)
+    world.run_until(lambda: client.has_answer(number))
+    assert client.answers[number]["result"]["outcome"] == "no_object"
+
+
+@pytest.mark.parametrize("force_n", [2.0, 5.0, 20.0, 30.0])
+def test_the_approach_presses_no_harder_than_its_budget(force_n: float) -> None:
+    world, client = world_with(50.0, stiffness_nm_rad=250.0)
+    number = client.send("motion.grasp", until="verdict", force_n=force_n)
+    peak_nm = 0.0
+    while not client.has_answer(number):
+        world.tick()
+        peak_nm = max(peak_nm, abs(world.gripper.motor_torque_nm))
+    assert peak_nm < 1.3 * max(force_n / 10.0, 0.94)
+
+
+def test_a_yielding_object_keeps_its_force() -> None:
+    """Around a position reading 0.2 s old, kp = 150 would lose most of it."""
+    torques = {}
+    for hold_by in ("torque", "gains"):
+        world, client = world_with(80.0, yield_mm_s=3.0, yield_torque_nm=0.3)
+        grasped(client, force_n=20, hold_by=hold_by)
+        world.run(1.5)
+        samples = []
+        for _ in range(200):
+            world.tick()
+            samples.append(squeeze_nm(world))
+        torques[hold_by] = sum(samples) / len(samples)
+        assert world.state.is_grasped
+    assert torques["torque"] == pytest.approx(2.0, rel=0.05)
+    assert torques["gains"] < 1.7
+
+
+def test_the_gains_of_a_hold_by_gains_are_the_callers() -> None:
+    world, client = world_with(50.0)
+    grasped(client, hold_by="gains", config={"hold_kp": 80.0, "hold_kd": 1.0})
+    world.run(0.1)
+    command = world.commands_since(world.now_s)[-1][1]
+    assert command.kp_nm_rad == pytest.approx(80.0, abs=0.1)
+    assert command.kd_nm_s_rad == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_stop_keeps_the_hold_but_no_more_force_than_there_is() -> None:
+    world, client = world_with(50.0)
+    grasped(client, force_n=30, config={"force_rate_n_s": 5})
+    world.run(0.5)
+    client.result("stop")
+    stopped_nm = squeeze_nm(world)
+    assert 0.9 < stopped_nm < 1.5
+    world.run(3.0)
+    assert squeeze_nm(world) == pytest.approx(stopped_nm, abs=FORCE_CODE_NM)
+    assert world.state.is_grasped
+    assert client.refusal("motion.set_force", force_n=30) == "stopped"
+    world.client().result("stop", level="relax")
+    world.run(0.1)
+    assert abs(world.gripper.motor_torque_nm) < 0.05
+    assert not world.state.is_grasped
+
+
+@pytest.mark.parametrize("on_lost", ["hold", "relax", "disable"])
+def test_a_client_that_dies_in_a_grasp_leaves_what_it_asked_for(on_lost: str) -> None:
+    world, _ = world_with(50.0)
+    client = world.client()
+    client.result("motor.enable", on_lost=on_lost)
+    client.send("motion.grasp", force_n=10)
+    world.run(2.0)
+    client.leave()
+    world.run(0.5)
+    expected_nm = 1.0 if on_lost == "hold" else 0.0
+    assert squeeze_nm(world) == pytest.approx(expected_nm, abs=FORCE_CODE_NM)
+    assert world.state.enabled is (on_lost != "disable")
+    assert world.state.is_grasped is (on_lost == "hold")
+
+
+def test_the_force_changes_without_a_new_grasp() -> None:
+    world, client = world_with(50.0)
+    number = client.send("motion.grasp", force_n=10)
+    world.run(1.5)
+    assert client.result("motion.set_force", force_n=25)["force_n"] == 25
+    world.run(1.5)
+    assert squeeze_nm(world) == pytest.approx(2.5, abs=FORCE_CODE_NM)
+    assert not client.has_answer(number)
+    other = world.client()
+    assert other.refusal("motion.set_force", force_n=5) == "busy"
+    client.result("motion.set_force", force_n=5)
+    world.run(1.5)
+    assert squeeze_nm(world) == pytest.approx(0.5, abs=FORCE_CODE_NM)
+
+
+@pytest.mark.parametrize(
+    ("params", "reason"),
+    [
+        ({"force_n": 31}, "invalid_params"),
+        ({"force_n": 0.1}, "invalid_params"),
+        ({"width_mm": 40}, "invalid_params"),
+        ({"tolerance_mm": 4}, "invalid_params"),
+        ({"until": "verdict", "hold_s": 1}, "invalid_params"),
+        ({"until": "never"}, "invalid_params"),
+        ({"speed_mm_s": 1.0}, "out_of_limits"),
+        ({"config": {"margin": 0.5}}, "invalid_params"),
+        ({"config": {"grasp_speed_mm_s": 1.0}}, "out_of_limits"),
+        ({"config": [1]}, "invalid_params"),
+    ],
+)
+def test_what_cannot_be_grasped_so_is_refused_and_nothing_moves(
+    params: dict[str, Any], reason: str
+) -> None:
+    world, client = world_with(50.0)
+    before_mm = world.gripper.opening_mm
+    assert client.refusal("motion.grasp", **params) == reason
+    world.run(0.3)
+    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.1)
+
+
+def test_progress_tells_the_approach_and_then_the_hold() -> None:
+    _, client = world_with(50.0)
+    client.result("motion.grasp", force_n=10, hold_s=1.0, progress=True)
+    reports = [
+        message["params"] for message in client.notifications if message["method"] == "job.progress"
+    ]
+    phases = [report["phase"] for report in reports]
+    assert phases.index("hold") > 0
+    assert set(phases[: phases.index("hold")]) == {"approach"}
+    assert set(phases[phases.index("hold") :]) == {"hold"}
+    assert all(report["total_steps"] == 0 for report in reports if report["phase"] == "hold")
+    assert all(report["total_steps"] > 0 for report in reports if report["phase"] == "approach")
