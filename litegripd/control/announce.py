@@ -1,6 +1,8 @@
 """The engine's events, worded: what the log tells a person about motions, stops and power."""
 
 import math
+from collections.abc import Mapping
+from dataclasses import fields
 
 from litegripd.control.heat import HeatChange
 from litegripd.model.calibration import Calibration
@@ -22,7 +24,7 @@ def job_started(job: Job) -> Event:
 
 def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
     """Tell how a job ended, and, of a grasp, that its object is lost."""
-    how = outcome.message if isinstance(outcome, Refusal) else str(outcome)
+    how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome)
     text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
     ended = Event("job_ended", text, {"job": job.number, "state": job.state.value})
     lost = isinstance(outcome, GraspResult) and outcome.outcome == "object_lost"
@@ -57,6 +59,18 @@ def not_saved(error: str) -> Event:
     """Tell that the file still holds a calibration that fits no longer."""
     text = f"the calibration file still holds what fits no longer; it was not rewritten: {error}"
     return Event("calibration", text, {"error": error})
+
+
+def _worded(result: Result) -> str:
+    """Tell a result's figures in one line; what has no value, or many, is left out."""
+    shown = []
+    for field in fields(result):
+        value = getattr(result, field.name)
+        if isinstance(value, float):
+            shown.append(f"{field.name} {value:.4g}")
+        elif value is not None and not isinstance(value, Mapping):
+            shown.append(f"{field.name} {value}")
+    return ", ".join(shown)
 
 
 def _finite(torque_nm: float) -> float | None:
