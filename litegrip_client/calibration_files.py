@@ -74,8 +74,9 @@ def read(path: str | os.PathLike[str]) -> dict[str, Any]:
 def own_files(channel: str) -> Iterator[tuple[str, dict[str, Any]]]:
     """Read the user's own files that are for `channel`: its own one, then the old one for all.
 
-    A file that names another channel is passed over, since its direction could be wrong, and so
-    is one that cannot be read; the log says so.
+    A file that names another channel is passed over, since its direction could be wrong; the log
+    says so. Raises `CommandError` for one that is there and cannot be read: what would be found
+    instead could be the other mount's.
     """
     for name in (f"{channel}_calibration.json", "litegrip_calibration.json"):
         path = f"~/.litegrip/{name}"
@@ -83,7 +84,7 @@ def own_files(channel: str) -> Iterator[tuple[str, dict[str, Any]]]:
             content = read(path)
         except CommandError as error:
             if not isinstance(error.__cause__, FileNotFoundError):
-                warn(f"passed over: {error.message}")
+                raise
             continue
         if content.get("channel") not in (None, channel):
             warn(f"passed over: {path} is for channel {content['channel']!r:.80}")

@@ -7,7 +7,7 @@ is given or LITEGRIP_CALIB names one; their contents travel.
 from __future__ import annotations
 
 from litegrip_client.base import ActionBase
-from litegrip_client.errors import CommandError
+from litegrip_client.errors import BusyError, CommandError
 from litegrip_client.link import ACTION_TIMEOUT_S
 from litegrip_client.warn import warn
 
@@ -36,9 +36,10 @@ class LoadingActions(ActionBase):
 
         `path` is a file of this program's; one of `CALIB_TEMPLATES` is that template. `template`
         is "normal" or "reverse". Without either: the file that LITEGRIP_CALIB of this program's
-        environment names; else what the daemon finds for the channel (its own file, the user's
-        whom it runs as, the factory's for can0); else ~/.litegrip/<channel>_calibration.json and
-        ~/.litegrip/litegrip_calibration.json of this program's user.
+        environment names; else what the daemon finds for the channel (its own file, or the user's
+        whom it runs as); else ~/.litegrip/<channel>_calibration.json and
+        ~/.litegrip/litegrip_calibration.json of this program's user; else, for can0, the
+        factory's. While somebody's motion runs, what the daemon has in use already will do.
 
         What was asked for by name and cannot be used is a `CommandError`, never another file.
         """
@@ -87,22 +88,24 @@ class LoadingActions(ActionBase):
     def _load_found(self) -> bool:
         from litegrip_client.calibration_files import own_files  # noqa: PLC0415 - see above
 
-        answer = self._command("calibration.load", {}, ACTION_TIMEOUT_S)
-        if answer["loaded"] is True:
-            return True
-        for reason in answer.get("skipped", ()):
-            warn(f"the daemon passed over: {reason}")
-        files = own_files(self._link.channel)
-        return any(self._load_usable(path, content) for path, content in files)
-
-    def _load_usable(self, path: str, content: dict[str, Any]) -> bool:
         try:
-            return self._load({"content": content})
+            answer = self._command("calibration.load", {}, ACTION_TIMEOUT_S)
+        except BusyError:
+            if self._link.connection.call("calibration.get")["calibrated"] is True:
+                return True
+            raise
+        if answer["loaded"] is True and answer["factory"] is not True:
+            return True
+        for reason in answer["skipped"]:
+            warn(f"the daemon passed over: {reason}")
+        found = next(own_files(self._link.channel), None)
+        if found is None:
+            return answer["loaded"] is True
+        try:
+            return self._load({"content": found[1]})
         except CommandError as error:
-            if error.reason not in ("calibration_unreadable", "invalid_params"):
-                raise
-            warn(f"passed over: {path}: {error.message}")
-            return False
+            error.message = f"{found[0]}: {error.message}"
+            raise
 
     def _content(self) -> dict[str, Any]:
         """Return what a file of the calibration in use holds, other programs' keys included."""

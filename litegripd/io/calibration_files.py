@@ -168,6 +168,7 @@ def load_operation(parameters: Mapping[str, object]) -> dict[str, object]:
     return {
         "path": None if found.path is None else str(found.path),
         "skipped": found.skipped,
+        "factory": found.path == DATA / "factory.json",
         "calibration": None if found.calibration is None else to_plain(found.calibration),
     }
 

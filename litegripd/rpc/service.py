@@ -134,6 +134,8 @@ class RpcService:
             refusal = answer if isinstance(answer, Refusal) else None
             self._turn_down(session, request, method, refusal)
         else:
+            if method.may_notify and not isinstance(answer, Refusal):
+                session.stream_refused = None
             self._answer(session, request, answer)
 
     def _refusal(self, session: Session, request: Request, method: Method) -> Refusal | None:

@@ -6,7 +6,7 @@ from typing import Any
 from litegripd.control.calibrating import Calibrating
 from litegripd.control.engine import Engine
 from litegripd.control.saving import content_of
-from litegripd.model.calibration import Calibration, CalibrationError, from_plain, read_content
+from litegripd.model.calibration import CalibrationError, from_plain, read_content
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import RANGES
@@ -82,22 +82,19 @@ class Settings:
             calibration = read_content(params["content"])
         except CalibrationError as error:
             return Refusal("calibration_unreadable", f"the content cannot be used: {error}")
-        return self._adopt(calibration, None, [])
+        found = {"loaded": True, "factory": False, "skipped": []}
+        return self._calibrating.load(calibration, None) or {**self._calibration(), **found}
 
     def _adopt_found(self, value: Any) -> Mapping[str, Any] | Refusal:
         """Take what the helper found, unless a motion has begun meanwhile."""
         skipped = list(value["skipped"])
         if value["calibration"] is None:
-            return {**self._calibration(), "loaded": False, "skipped": skipped}
-        return self._adopt(from_plain(value["calibration"]), value["path"], skipped)
-
-    def _adopt(
-        self, calibration: Calibration, file: str | None, skipped: list[str]
-    ) -> Mapping[str, Any] | Refusal:
-        refusal = self._calibrating.load(calibration, file)
-        if refusal is not None:
-            return refusal
-        return {**self._calibration(), "loaded": True, "skipped": skipped}
+            found = {"loaded": False, "factory": False, "skipped": skipped}
+            return {**self._calibration(), **found}
+        calibration = from_plain(value["calibration"])
+        refusal = self._calibrating.load(calibration, value["path"])
+        found = {"loaded": True, "factory": value["factory"], "skipped": skipped}
+        return refusal or {**self._calibration(), **found}
 
     def _save(self, _call: Call) -> Answer:
         deferred = Deferred()

@@ -21,7 +21,7 @@ SETTINGS: tuple[Method, ...] = (
         "calibration.load",
         "Take another calibration: a template, a file's content, or what the daemon's own files"
         " have.",
-        "loaded, the calibration, and the files that were passed over.",
+        "loaded, factory, skipped (files that were passed over), and the calibration.",
         (
             replace(_MOUNT, name="template", description="The mount to declare."),
             Param("content", "object", "What a calibration file holds."),

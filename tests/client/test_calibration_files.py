@@ -126,11 +126,17 @@ def test_the_users_files_in_their_order(home: Path) -> None:
     ]
 
 
-def test_a_file_of_another_channel_or_a_broken_one_is_passed_over_and_logged(
+def test_a_file_of_another_channel_is_passed_over_and_logged(
     home: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
-    store(home, "can1_calibration.json", "broken")
     store(home, "litegrip_calibration.json", '{"channel": "can0"}')
     assert list(files.own_files("can1")) == []
-    assert "can1_calibration.json cannot be read: it is not JSON" in caplog.text
     assert "litegrip_calibration.json is for channel 'can0'" in caplog.text
+
+
+def test_a_broken_file_of_the_users_is_not_passed_over(home: Path) -> None:
+    """What would be found in its place could be the other mount's."""
+    store(home, "can1_calibration.json", "broken")
+    store(home, "litegrip_calibration.json", json.dumps(CONTENT))
+    with pytest.raises(CommandError, match="it is not JSON"):
+        next(files.own_files("can1"))

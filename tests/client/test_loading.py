@@ -7,7 +7,8 @@ import pytest
 from litegrip_client import CALIB_TEMPLATES, BusyError, CommandError, HardwareError, LiteGrip
 from tests.client.fake_daemon import CALIBRATION, CONTENT, FakeDaemon, Request
 
-NOTHING = {**CALIBRATION, "calibrated": False, "loaded": False, "skipped": ["f: for can0"]}
+SOME = {**CALIBRATION, "loaded": True, "factory": False, "skipped": []}
+NOTHING = {**SOME, "calibrated": False, "loaded": False, "skipped": ["f: for can0"]}
 
 
 def loads(daemon: FakeDaemon) -> list[dict[str, Any]]:
@@ -19,11 +20,7 @@ def loads(daemon: FakeDaemon) -> list[dict[str, Any]]:
 
 @pytest.fixture(autouse=True)
 def _loading(daemon: FakeDaemon) -> None:
-    daemon.handlers["calibration.load"] = lambda request: {
-        **CALIBRATION,
-        "loaded": True,
-        "skipped": [],
-    }
+    daemon.handlers["calibration.load"] = lambda request: SOME
     daemon.handlers["calibration.get"] = lambda request: CALIBRATION
 
 
@@ -143,18 +140,42 @@ def test_what_the_daemon_does_not_find_may_be_the_users(
             return NOTHING
         if content == {"note": "no geometry"}:
             return request.fail("calibration_unreadable", -32013, "rad_to_mm is missing")
-        return {**CALIBRATION, "loaded": True, "skipped": []}
+        return SOME
 
     daemon.handlers["calibration.load"] = load
     assert gripper.load_calibration() is False
     assert "the daemon passed over: f: for can0" in caplog.text
     (home / ".litegrip").mkdir()
-    (home / ".litegrip/can0_calibration.json").write_text('{"note": "no geometry"}')
-    assert gripper.load_calibration() is False
-    assert "can0_calibration.json: rad_to_mm is missing" in caplog.text
     (home / ".litegrip/litegrip_calibration.json").write_text(json.dumps(CONTENT))
     assert gripper.load_calibration() is True
     assert loads(daemon)[-1] == {"content": CONTENT}
+    (home / ".litegrip/can0_calibration.json").write_text('{"note": "no geometry"}')
+    with pytest.raises(CommandError, match="rad_to_mm is missing"):
+        gripper.load_calibration()
+
+
+def test_the_users_own_file_wins_over_the_factorys(
+    daemon: FakeDaemon, gripper: LiteGrip, home: Path
+) -> None:
+    """The factory's is a normal mount; the user's may be a reverse one."""
+    daemon.handlers["calibration.load"] = lambda request: {
+        **SOME,
+        "factory": "content" not in request.params,
+    }
+    assert gripper.load_calibration() is True
+    assert loads(daemon) == [{}]
+    (home / ".litegrip").mkdir()
+    (home / ".litegrip/can0_calibration.json").write_text(json.dumps(CONTENT))
+    assert gripper.load_calibration() is True
+    assert loads(daemon)[1:] == [{}, {"content": CONTENT}]
+
+
+def test_while_a_motion_runs_what_is_in_use_will_do(daemon: FakeDaemon, gripper: LiteGrip) -> None:
+    daemon.handlers["calibration.load"] = lambda request: request.fail("busy", -32020)
+    assert gripper.load_calibration() is True
+    daemon.handlers["calibration.get"] = lambda request: {**CALIBRATION, "calibrated": False}
+    with pytest.raises(BusyError):
+        gripper.load_calibration()
 
 
 def test_what_has_nothing_to_do_with_the_file_is_raised(

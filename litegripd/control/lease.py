@@ -1,0 +1,220 @@
+"""Who may move the gripper: one lease, granted first come, first served, lost in several ways.
+
+Knows no motion: the engine ends what a lost lease ran. Times are arguments; waiting requests are
+told by a callback.
+"""
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+from litegripd.model.errors import Refusal
+from litegripd.model.jobs import OnLost, Owner
+
+LossCause: TypeAlias = Literal["connection", "process", "expired", "taken"]
+"""Why a lease was lost: its connection ended, its process died, its time to live ran out without
+a request, or somebody took it over."""
+
+MOST_WAITING = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What somebody wants of a lease.
+
+    With `ttl_s` it is lost when its holder sends no request for so long; `on_lost` is what the
+    jaws do then.
+    """
+
+    purpose: str | None = None
+    ttl_s: float | None = None
+    on_lost: OnLost = "hold"
+
+
+@dataclass(frozen=True, slots=True)
+class Grant:
+    """A lease that somebody holds; `number` counts the grants of this start of the daemon."""
+
+    number: int
+    owner: Owner
+    wish: Wish
+    since_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Loss:
+    """A lease that was lost, why, and to whom, if it was taken."""
+
+    grant: Grant
+    cause: LossCause
+    by: Owner | None = None
+    why: str | None = None
+
+
+OnAnswer: TypeAlias = Callable[[Grant | Refusal], None]
+
+
+@dataclass(frozen=True, slots=True)
+class _Waiting:
+    owner: Owner
+    wish: Wish
+    until_s: float
+    on_answer: OnAnswer
+
+
+class Lease:
+    """The one lease of a gripper."""
+
+    def __init__(self) -> None:
+        self.holder: Grant | None = None
+        self._waiting: deque[_Waiting] = deque()
+        self._last = 0
+        self._expires_s: float | None = None
+        self._lapsed: Grant | None = None
+
+    @property
+    def waiting(self) -> int:
+        """How many wait for it."""
+        return len(self._waiting)
+
+    def refusal(self, owner: Owner) -> Refusal | None:
+        """Say why `owner` may not move the gripper, if so.
+
+        Who names a grant must name the present one; who names none may where the lease is free,
+        or is held by the same connection.
+        """
+        holder = self.holder
+        if owner.grant is not None and (holder is None or holder.number != owner.grant):
+            text = "the lease of this token is lost, and nothing retakes it: acquire one anew"
+            data = {} if holder is None else {"owner": _owner_data(holder)}
+            return Refusal("lease_lost", text, data)
+        if holder is None or owner.grant is not None or holder.owner.client == owner.client:
+            return None
+        return held_refusal(holder)
+
+    def acquire(self, owner: Owner, wish: Wish, now_s: float) -> Grant | Refusal:
+        """Grant the lease where it is free; its holder may change what it wished."""
+        holder = self.holder
+        if holder is not None and holder.owner.client == owner.client:
+            self.holder = replace(holder, wish=wish)
+            self._renew(now_s)
+            return self.holder
+        if holder is not None:
+            return held_refusal(holder)
+        if self._waiting:
+            text = f"{len(self._waiting)} are waiting for the lease already: wait, too (wait_s)"
+            return Refusal("lease_held", text, {"waiting": len(self._waiting)})
+        return self._grant(owner, wish, now_s)
+
+    def wait(
+        self, owner: Owner, wish: Wish, until_s: float, on_answer: OnAnswer
+    ) -> Refusal | None:
+        """Wait for the lease; `on_answer` is called once, from `step` or another's request."""
+        if len(self._waiting) >= MOST_WAITING:
+            text = f"{MOST_WAITING} are waiting for the lease already: try again later"
+            return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
+        self._waiting.append(_Waiting(owner, wish, until_s, on_answer))
+        return None
+
+    def release(self, owner: Owner) -> Refusal | None:
+        """Give the lease back, if `owner` has it: nothing is lost by that."""
+        holder = self.holder
+        if holder is None:
+            return Refusal("lease_lost", "there is no lease to release")
+        refusal = self.refusal(owner)
+        if refusal is None:
+            self._free()
+        return refusal
+
+    def take(self, owner: Owner, wish: Wish, why: str, now_s: float) -> tuple[Grant, Loss | None]:
+        """Take the lease over; the caller has made sure that `owner` may."""
+        holder = self.holder
+        loss = None if holder is None else Loss(holder, "taken", owner, why)
+        return self._grant(owner, wish, now_s), loss
+
+    def resume(self, number: int, owner: Owner, now_s: float) -> Grant | Refusal:
+        """Grant a lapsed lease again to who shows its number, if nobody has acquired one since."""
+        lapsed = self._lapsed
+        if self.holder is not None or lapsed is None or lapsed.number != number or self._waiting:
+            text = "the lease of this token is lost, and somebody has had one since: acquire anew"
+            return Refusal("lease_lost", text)
+        return self._grant(owner, lapsed.wish, now_s)
+
+    def renew(self, client: int, now_s: float) -> None:
+        """Take note of a request: its sender does not hang."""
+        if self.holder is not None and self.holder.owner.client == client:
+            self._renew(now_s)
+
+    def lose(self, client: int, cause: LossCause) -> Loss | None:
+        """Forget a client that is gone; return what it lost."""
+        self._waiting = deque(entry for entry in self._waiting if entry.owner.client != client)
+        holder = self.holder
+        if holder is None or holder.owner.client != client:
+            return None
+        self._lapse(holder)
+        return Loss(holder, cause)
+
+    def expire(self, now_s: float) -> Loss | None:
+        """Return what is lost because its holder sent nothing for too long."""
+        holder = self.holder
+        if holder is None or self._expires_s is None or now_s < self._expires_s:
+            return None
+        self._lapse(holder)
+        return Loss(holder, "expired")
+
+    def step(self, now_s: float, *, may_grant: bool) -> None:
+        """Answer who has waited long enough, or is next; `may_grant`: no motion runs by now."""
+        for entry in [entry for entry in self._waiting if now_s >= entry.until_s]:
+            self._waiting.remove(entry)
+            entry.on_answer(_waited_in_vain(self.holder))
+        if may_grant and self.holder is None and self._waiting:
+            entry = self._waiting.popleft()
+            entry.on_answer(self._grant(entry.owner, entry.wish, now_s))
+
+    def _grant(self, owner: Owner, wish: Wish, now_s: float) -> Grant:
+        self._last += 1
+        self.holder = Grant(self._last, replace(owner, grant=None), wish, now_s)
+        self._lapsed = None
+        self._renew(now_s)
+        return self.holder
+
+    def _renew(self, now_s: float) -> None:
+        ttl_s = None if self.holder is None else self.holder.wish.ttl_s
+        self._expires_s = None if ttl_s is None else now_s + ttl_s
+
+    def _lapse(self, holder: Grant) -> None:
+        self._free()
+        self._lapsed = holder
+
+    def _free(self) -> None:
+        self.holder, self._expires_s, self._lapsed = None, None, None
+
+
+def held_refusal(holder: Grant) -> Refusal:
+    """Say who has the lease, and what for."""
+    owner, purpose = holder.owner, holder.wish.purpose
+    what = "" if purpose is None else f" for {purpose}"
+    return Refusal(
+        "lease_held",
+        f"{owner.program} (pid {owner.pid}) has the gripper{what}: wait for it (lease.acquire"
+        " with wait_s), or take it over (lease.take)",
+        {"owner": _owner_data(holder)},
+    )
+
+
+def _owner_data(holder: Grant) -> dict[str, object]:
+    owner = holder.owner
+    return {
+        "pid": owner.pid,
+        "uid": owner.uid,
+        "program": owner.program,
+        "purpose": holder.wish.purpose,
+        "since_s": holder.since_s,
+    }
+
+
+def _waited_in_vain(holder: Grant | None) -> Refusal:
+    if holder is not None:
+        return held_refusal(holder)
+    return Refusal("lease_held", "the gripper was not free in time: wait longer, or try again")
