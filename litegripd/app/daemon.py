@@ -73,7 +73,7 @@ class Daemon:
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._facts = DaemonFacts(config, self._machine)
-        self._service = RpcService(self._machine.engine, self._facts, period_s)
+        self._service = RpcService(self._machine.engine, self._facts, period_s, self._facts.epoch)
         self._reactor = Reactor(period_s, self._tick)
         self._server = Server(self._reactor, self._listener, self._service)
         self._server.let_in(False)

@@ -7,6 +7,7 @@ from litegripd.control.engine import Engine
 from litegripd.model.jobs import Owner
 from litegripd.rpc.calls import Answer, Call, Function
 from litegripd.rpc.facts import Facts
+from litegripd.rpc.leasing import Leasing, Tokens
 from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.moving import Moving
 from litegripd.rpc.reading import Reading
@@ -20,10 +21,16 @@ class Handlers:
     """The functions of all methods; table and functions differing is a defect found at start."""
 
     def __init__(
-        self, engine: Engine, facts: Facts, subscriptions: Subscriptions, reporter: Reporter
+        self,
+        engine: Engine,
+        facts: Facts,
+        subscriptions: Subscriptions,
+        reporter: Reporter,
+        tokens: Tokens,
     ) -> None:
         self._functions: dict[str, Function] = {
             **Reading(engine, facts, subscriptions, reporter).functions(),
+            **Leasing(engine, tokens, reporter).functions(),
             **Moving(engine, reporter).functions(),
             **Settings(engine).functions(),
         }

@@ -12,13 +12,15 @@ from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
 from litegripd.rpc.calls import Answer, Deferred, Later, Result
+from litegripd.rpc.dispatch import Dispatch
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.handlers import Handlers
+from litegripd.rpc.leasing import Tokens
 from litegripd.rpc.method import Method
 from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.reporter import Reporter
 from litegripd.rpc.schema import check
-from litegripd.rpc.session import Peer, Session
+from litegripd.rpc.session import ROLES, Peer, Session
 from litegripd.rpc.subscriptions import Subscriptions
 from litegripd.rpc.view import progress_view
 from litegripd.rpc.waiting import MAX_PER_SESSION, Waiter, WaitingRoom
@@ -42,13 +44,15 @@ _REFUSALS_KEPT = 64
 class RpcService:
     """Implements `Service` on one engine."""
 
-    def __init__(self, engine: Engine, facts: Facts, period_s: float) -> None:
+    def __init__(self, engine: Engine, facts: Facts, period_s: float, epoch: str = "0") -> None:
         self.refused = 0
         self._engine = engine
         self.reporter = Reporter(engine, period_s)
         self._subscriptions = Subscriptions()
         self._waiting = WaitingRoom()
-        self._handlers = Handlers(engine, facts, self._subscriptions, self.reporter)
+        self._tokens = Tokens(epoch)
+        handlers = Handlers(engine, facts, self._subscriptions, self.reporter, self._tokens)
+        self._dispatch = Dispatch(engine, handlers)
         self._last_session = 0
         self._events: deque[Event] = deque()
         self._left_out = 0
@@ -122,14 +126,19 @@ class RpcService:
             text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
             self._refuse(session, request.identity, Refusal("unknown_method", text))
             return
+        self._engine.lease.renew(session.identity, now_s)
+        owner = self._owner(session, request)
         refusal = self._refusal(session, request, method)
-        if refusal is not None:
-            if method.name == "stop":  # whoever asks for a stop gets one, however it is spelt
-                refusal = self._stop_all_the_same(session, refusal, now_s)
-            self._turn_down(session, request, method, refusal)
+        if refusal is None and isinstance(owner, Owner):
+            refusal = self._forbidden(method, session, owner)
+        if refusal is not None or isinstance(owner, Refusal):
+            refused = refusal if isinstance(owner, Owner) else owner
+            if method.name == "stop" and refused is not None:
+                # Whoever asks for a stop gets one, however it is spelt.
+                refused = self._stop_all_the_same(session, refused, now_s)
+            self._turn_down(session, request, method, refused)
             return
-        owner = Owner(session.identity, session.peer.pid, session.peer.uid, session.name)
-        answer = self._handlers.call(request.method, session, owner, request.params, now_s)
+        answer = self._dispatch.carry_out(method, session, owner, request.params, now_s)
         if method.may_notify and request.identity is None:
             refusal = answer if isinstance(answer, Refusal) else None
             self._turn_down(session, request, method, refusal)
@@ -137,6 +146,21 @@ class RpcService:
             if method.may_notify and not isinstance(answer, Refusal):
                 session.stream_refused = None
             self._answer(session, request, answer)
+
+    def _owner(self, session: Session, request: Request) -> Owner | Refusal:
+        """Tell who asks, and under which lease, where a token is shown."""
+        peer, token = session.peer, request.params.get("lease")
+        grant = self._tokens.number(token) if isinstance(token, str) else None
+        if isinstance(grant, Refusal):
+            return grant
+        return Owner(session.identity, peer.pid, peer.uid, session.name, grant)
+
+    def _forbidden(self, method: Method, session: Session, owner: Owner) -> Refusal | None:
+        """Say what the sender's role or somebody's lease forbids."""
+        if ROLES.index(session.role) < ROLES.index(method.role):
+            text = f"{method.name} needs the role {method.role}; uid {owner.uid} is {session.role}"
+            return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})
+        return self._engine.lease.refusal(owner) if method.needs_lease else None
 
     def _refusal(self, session: Session, request: Request, method: Method) -> Refusal | None:
         params = request.params

@@ -2,7 +2,10 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol, TypeAlias
+
+Role: TypeAlias = Literal["observer", "operator", "admin"]
+ROLES: tuple[Role, ...] = ("observer", "operator", "admin")
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +34,7 @@ class Session:
         "on_write",
         "outgoing",
         "peer",
+        "role",
         "stream_refused",
         "unanswered",
     )
@@ -39,6 +43,7 @@ class Session:
         self.identity = identity
         self.peer = peer
         self.name = peer.program
+        self.role: Role = "admin"
         self.outgoing: list[bytes] = []
         self.congested = False
         self.unanswered = 0

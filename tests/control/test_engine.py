@@ -149,10 +149,11 @@ def test_the_engine_says_what_happened() -> None:
     client = world.enabled()
     client.result("stop", why="because")
     client.result("stop.clear")
+    client.result("lease.acquire")
     client.leave()
     kinds = [event.kind for event in world.engine.take_events()]
-    for kind in ("job_started", "job_ended", "motor", "stop", "stop_cleared", "client_lost"):
-        assert kind in kinds
+    wanted = {"job_started", "job_ended", "motor", "stop", "stop_cleared"}
+    assert wanted | {"lease", "lease_lost", "client_lost"} <= set(kinds)
     assert world.engine.take_events() == []
 
 
