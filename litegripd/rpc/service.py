@@ -4,7 +4,7 @@ Pure: lines come in through `handle`, lines go out through the sessions, time is
 Whatever a line holds, `handle` answers it and does not raise.
 """
 
-from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 
 from litegripd.control.engine import Engine
@@ -12,13 +12,15 @@ from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
 from litegripd.rpc.calls import Answer, Deferred, Later, Result
+from litegripd.rpc.clients import Clients
+from litegripd.rpc.event_log import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.handlers import Handlers
 from litegripd.rpc.method import Method
 from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.reporter import Reporter
 from litegripd.rpc.schema import check
-from litegripd.rpc.session import Peer, Session
+from litegripd.rpc.session import Peer, Role, Session
 from litegripd.rpc.subscriptions import Subscriptions
 from litegripd.rpc.view import progress_view
 from litegripd.rpc.waiting import MAX_PER_SESSION, Waiter, WaitingRoom
@@ -34,44 +36,55 @@ from litegripd.rpc.wire import (
     result_line,
 )
 
-EVENTS_PER_TICK = 4  # a log line costs about 50 µs
-_EVENTS_KEPT = 512
-_REFUSALS_KEPT = 64
-
 
 class RpcService:
     """Implements `Service` on one engine."""
 
-    def __init__(self, engine: Engine, facts: Facts, period_s: float) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        facts: Facts,
+        period_s: float,
+        role_of: Callable[[Peer], Role] = lambda _peer: "admin",
+    ) -> None:
         self.refused = 0
+        self._role_of = role_of
         self._engine = engine
         self.reporter = Reporter(engine, period_s)
+        self._clients = Clients()
         self._subscriptions = Subscriptions()
         self._waiting = WaitingRoom()
-        self._handlers = Handlers(engine, facts, self._subscriptions, self.reporter)
+        self._handlers = Handlers(engine, facts, self._clients, self._subscriptions, self.reporter)
         self._last_session = 0
-        self._events: deque[Event] = deque()
-        self._left_out = 0
+        self._event_log = EventLog()
+        self._now_s = 0.0
 
     # Service ------------------------------------------------------------------------------------
 
-    def opened(self, peer: Peer, _now_s: float) -> Session:
+    def opened(self, peer: Peer, now_s: float) -> Session:
         """Begin a session for a new connection."""
         self._last_session += 1
-        return Session(self._last_session, peer)
+        session = Session(self._last_session, peer, now_s)
+        session.role = self._role_of(peer)
+        self._clients.add(session)
+        return session
 
-    def closed(self, session: Session, _now_s: float) -> None:
+    def closed(self, session: Session, now_s: float) -> None:
         """End a session; what its connection owned is lost with it."""
+        self._clients.remove(session)
         self._subscriptions.remove_all(session)
         self._waiting.remove_all(session)
         self._engine.client_lost(session.identity)
+        self._collect_events(now_s)
 
     def is_idle(self, session: Session) -> bool:
         """Whether nothing will be sent to `session` that it has not asked for anew."""
-        return not session.unanswered and not self._subscriptions.any_of(session)
+        return not session.unanswered and not session.subscriptions
 
     def handle(self, session: Session, line: bytes, now_s: float) -> None:
         """Answer one line, at once or when the motion that it asked for has ended."""
+        self._now_s = now_s
+        session.counters.requests += 1
         request = parse(line)
         try:
             if isinstance(request, BadRequest):
@@ -80,11 +93,13 @@ class RpcService:
                 self._call(session, request, now_s)
         except Exception as error:  # noqa: BLE001 - no request ends the daemon
             self._refuse(session, request.identity, _defect("the request", error))
+        self._collect_events(now_s)
 
     # The tick -------------------------------------------------------------------------------------
 
     def after_tick(self, now_s: float, bus_is_up: bool) -> None:
         """Answer whoever waits for a job that has ended; find what is to be sent."""
+        self._collect_events(now_s)
         self.reporter.tick(now_s, bus_is_up)
         self.reporter.keep_ends()
         self._answer_waiters()
@@ -93,26 +108,20 @@ class RpcService:
 
     @property
     def pending(self) -> bool:
-        """Whether samples wait to be sent."""
+        """Whether events or samples wait to be sent."""
         return self._subscriptions.pending
 
     def send_one(self) -> None:
-        """Send one sample; the transport calls this in the time that it has."""
-        self._subscriptions.send_one(self.reporter.state())
+        """Serve one subscription; the transport calls this in the time that it has."""
+        self._subscriptions.send_one(self.reporter.state)
 
     def take_events(self) -> list[Event]:
         """Return what has happened, the oldest first, so much at once as a tick can log.
 
         What a flood of refused requests makes beyond that is counted and told as one event.
         """
-        for event in self._engine.take_events():
-            self._note(event)
-        taken = [self._events.popleft() for _ in range(min(EVENTS_PER_TICK, len(self._events)))]
-        if self._left_out and not self._events:
-            text = f"{self._left_out} events are left out of the log: too many came at once"
-            taken.append(Event("refused", text, {"left_out": self._left_out}))
-            self._left_out = 0
-        return taken
+        self._collect_events(self._now_s)
+        return self._event_log.take()
 
     # Inside ---------------------------------------------------------------------------------------
 
@@ -191,6 +200,7 @@ class RpcService:
         return replace(refusal, message=f"{refusal.message}; stopped (hold) all the same")
 
     def _refuse(self, session: Session, identity: RequestId, refusal: Refusal) -> None:
+        session.counters.refused += 1
         self._log_refusal(session, refusal)
         session.write(error_line(identity, refusal))
 
@@ -198,7 +208,8 @@ class RpcService:
         self.refused += 1
         peer = session.peer
         text = f"refused {session.name} (pid {peer.pid}, uid {peer.uid}): {refusal.message}"
-        self._note(Event("refused", text, {"reason": refusal.reason}))
+        self._collect_events(self._now_s)  # what happened before it
+        self._note(Event("refused", text, {"reason": refusal.reason}), self._now_s)
 
     def _turn_down(
         self, session: Session, request: Request, method: Method, refusal: Refusal | None
@@ -208,6 +219,7 @@ class RpcService:
             if refusal is not None:
                 self._refuse(session, request.identity, refusal)
             return
+        session.counters.refused += refusal is not None
         before = session.stream_refused
         session.stream_refused = None if refusal is None else refusal.reason
         if refusal is None or refusal.reason == before:
@@ -215,12 +227,16 @@ class RpcService:
         self._log_refusal(session, refusal)
         session.write(notification_line("stream.refused", encode(error_object(refusal))))
 
-    def _note(self, event: Event) -> None:
-        """Keep an event for the log; refusals never crowd out what happened to the gripper."""
-        if len(self._events) < (_REFUSALS_KEPT if event.kind == "refused" else _EVENTS_KEPT):
-            self._events.append(event)
-        else:
-            self._left_out += 1
+    def _collect_events(self, now_s: float) -> None:
+        """Take what happened to the gripper since the last call."""
+        self._now_s = now_s
+        for event in self._engine.take_events():
+            self._note(event, now_s)
+
+    def _note(self, event: Event, now_s: float) -> None:
+        """Keep an event for the log, and for who has subscribed to its kind."""
+        self._event_log.note(event)
+        self._subscriptions.events.note(event, now_s)
 
     def _answer_waiters(self) -> None:
         for waiter in self._waiting.take_ended():

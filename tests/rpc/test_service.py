@@ -15,6 +15,8 @@ PARAMS: dict[str, dict[str, Any]] = {
     "hello": {"client": "a test"},
     "state.subscribe": {"hz": 50, "fields": ["position_rad", "enabled"]},
     "state.unsubscribe": {"subscription": 1},
+    "events.subscribe": {"kinds": ["stop", "job_ended"]},
+    "events.unsubscribe": {"subscription": 2},
     "motor.enable": {"retries": 3, "on_lost": "relax"},
     "motor.keep": {"on_lost": "relax"},
     "motion.open": {"speed_mm_s": 60, "config": {"settle_s": 0.1}},
