@@ -23,6 +23,7 @@ from litegripd.model.state import GripperState  # noqa: E402
 from litegripd.rpc.method import Method  # noqa: E402
 from litegripd.rpc.methods import METHODS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
+from litegripd.rpc.reading_table import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.schema import Param  # noqa: E402
 from litegripd.rpc.wire import MAX_LINE_BYTES  # noqa: E402
 
@@ -113,8 +114,8 @@ def _method_section(method: Method) -> str:
 
 def _allowed(param: Param) -> str:
     if param.choices:
-        names = param.choices if len(param.choices) < MANY else ("the fields of the state",)
-        return ", ".join(names)
+        is_field = param.choices == STATE_FIELDS
+        return "the fields of the state" if is_field else ", ".join(param.choices)
     bounds = (param.minimum, param.maximum)
     if bounds == (None, None):
         return ""
@@ -142,7 +143,6 @@ def _type_name(hint: Any) -> str:
     return JSON_NAMES.get(hint, "object")
 
 
-MANY = 10
 JSON_NAMES = {
     int: "integer",
     float: "number",
@@ -170,9 +170,16 @@ user who may not write there.
   with an error. [errors.md](errors.md) lists all reasons.
 - Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a
   motion that was sent before a stop never runs after it.
-- Subscriptions send `state.sample` notifications: `subscription`, `seq`, `dropped`,
+- Subscriptions to the state send `state.sample` notifications: `subscription`, `seq`, `dropped`,
   `monotonic_s`, `state`. The latest wins: a client that does not read loses samples and is told
-  how many; one that lets too much wait is closed.
+  how many. `seq` counts the samples that were due, `dropped` those of them that were not sent.
+- With `"batch": n` they send `state.batch` notifications: `subscription`, `seq` (of the last row),
+  `dropped`, `fields`, and `rows`, each the values of the fields in one sample. A batch for a client
+  that does not read is dropped as a whole.
+- Subscriptions to events send `event` notifications: `subscription`, `seq`, `monotonic_s`, `kind`,
+  `message`, `data`. `seq` counts all events since the daemon's start, those of other kinds
+  included. No event is dropped.
+- A client that lets too much wait to be read is closed, with the reason `backlog_full`.
 - A connection that the daemon closes gets a last line first, an error whose `id` is null.
 
 ## Methods

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from litegripd.app.roles import ALLOWED, ROLES, Access, UnknownEntryError, access_of
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import TEMPLATES
 
@@ -72,6 +73,7 @@ class Config:
     gripper: GripperConfig = field(default_factory=GripperConfig)
     control: ControlConfig = field(default_factory=ControlConfig)
     rpc: RpcConfig = field(default_factory=RpcConfig)
+    access: Access = field(default_factory=Access)
     source: Path | None = None
 
 
@@ -83,7 +85,10 @@ _RANGES: Mapping[tuple[str, str], tuple[float, float]] = {
     ("control", "rate_hz"): (100, 1000),
     ("control", "priority"): (0, 99),
 }
-_CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {("motor", "type"): MOTOR_TYPES}
+_CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {
+    ("motor", "type"): MOTOR_TYPES,
+    ("access", "default"): ROLES,
+}
 _TYPES: Mapping[tuple[str, str], type] = {
     ("bus", "interface"): str,
     ("bus", "channel"): str,
@@ -98,16 +103,21 @@ _TYPES: Mapping[tuple[str, str], type] = {
     ("control", "cpus"): list,
     ("rpc", "socket"): str,
     ("rpc", "group"): str,
+    ("access", "default"): str,
+    ("access", "admins"): tuple,
+    ("access", "operators"): tuple,
+    ("access", "observers"): tuple,
 }
 _OURS = ("ignore_config",)
 """Arguments of python-can that the daemon sets itself."""
 
-_TABLES = ("bus", "motor", "gripper", "control", "rpc")
+_TABLES = ("bus", "motor", "gripper", "control", "rpc", "access")
 _NAMED = {
     str: "a string",
     int: "an integer",
     float: "a number",
     list: "an array of integers, 0 to 1023",
+    tuple: f"an array of these: {ALLOWED}",
 }
 _MAX_CPUS = 1024
 
@@ -169,8 +179,16 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
         gripper=gripper,
         control=ControlConfig(**control),
         rpc=RpcConfig(**content.get("rpc", {})),
+        access=_access(where, content.get("access", {})),
         source=source,
     )
+
+
+def _access(where: str, table: Mapping[str, Any]) -> Access:
+    try:
+        return access_of(table.get("default", "operator"), table)
+    except UnknownEntryError as error:
+        raise ConfigError(f"{where}: [access] {error}; allowed: {ALLOWED}") from error
 
 
 def _check(where: str, table: str, key: str, value: Any) -> None:
@@ -221,6 +239,10 @@ def _has_type(value: Any, kind: type) -> bool:
         return isinstance(value, list) and all(
             isinstance(item, int) and not isinstance(item, bool) and 0 <= item < _MAX_CPUS
             for item in value
+        )
+    if kind is tuple:
+        return isinstance(value, list) and all(
+            isinstance(item, int | str) and not isinstance(item, bool) for item in value
         )
     return isinstance(value, kind)
 

@@ -1,6 +1,7 @@
 """The daemon: builds the objects, runs the control thread, and ends it without moving the jaws."""
 
 import logging
+import os
 import signal
 import time
 from pathlib import Path
@@ -12,14 +13,17 @@ from litegripd.app.starting import load_at_start
 from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
 from litegripd.io.child import Child
 from litegripd.io.helper import Helper
-from litegripd.io.listener import ChannelClaim, listen, runtime_directory
+from litegripd.io.listener import ChannelClaim, listen_on_all, runtime_directory
 from litegripd.io.log import JournalSink, LogHandler, goes_to_journal
 from litegripd.io.pumped_bus import PumpedBus
 from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire
 from litegripd.io.server import Server
 from litegripd.io.signals import Signals
+from litegripd.io.stop_listener import StopListener
+from litegripd.io.urgent import Urgent
 from litegripd.model.events import Event
+from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.unit import Unit
 from litegripd.motor.look import warnings
@@ -47,6 +51,11 @@ def socket_path(config: Config) -> Path:
     return runtime_directory() / f"{config.channel}.sock"
 
 
+def stop_socket_path(path: Path) -> Path:
+    """Return where stops are taken: `can0.stop.sock` beside `can0.sock`."""
+    return path.parent / f"{path.name.removesuffix('.sock')}.stop.sock"
+
+
 def make_bus(config: Config, period_s: float) -> FrameBus:
     """Choose how the adapter is driven: in the control thread, or by a process of its own."""
     if config.bus.interface in DIRECT_INTERFACES:
@@ -57,7 +66,7 @@ def make_bus(config: Config, period_s: float) -> FrameBus:
 
 
 class Daemon:
-    """One channel's daemon; `run` returns after SIGTERM or SIGINT.
+    """One channel's daemon; `run` returns after SIGTERM or SIGINT, SIGUSR1 stops the gripper.
 
     Raises `InUseError` when the channel or the socket belongs to another process.
     """
@@ -67,21 +76,37 @@ class Daemon:
         self._config = config
         self._claim = ChannelClaim(config.bus.interface, config.bus.channel)
         self._path = socket_path(config)
-        self._listener = listen(self._path, config.rpc.group)
+        self._stop_path = stop_socket_path(self._path)
+        # In this order, so that whoever has reached the one can stop by the other.
+        stops, listener = listen_on_all((self._stop_path, self._path), config.rpc.group)
         unit = Unit(
             config.channel, config.motor.can_id, config.gripper.stroke_mm, config.gripper.mount
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._facts = DaemonFacts(config, self._machine)
-        self._service = RpcService(self._machine.engine, self._facts, period_s, self._facts.epoch)
+        self._service = RpcService(
+            self._machine.engine,
+            self._facts,
+            period_s,
+            role_of=config.access.role_of,
+            epoch=self._facts.epoch,
+        )
         self._reactor = Reactor(period_s, self._tick)
-        self._server = Server(self._reactor, self._listener, self._service)
+        self._urgent = Urgent(period_s)
+        self._stop_listener = StopListener(self._urgent, stops, self._stop)
+        self._server = Server(self._reactor, listener, self._service)
         self._server.let_in(False)
         self._reactor.backlog = self._server
         self._helper = Helper(self._watch, self._unwatch)
         self._bus = make_bus(config, period_s)
         self._log_handler = self._make_log_handler()
-        self._signals = Signals({signal.SIGTERM: self._end, signal.SIGINT: self._end})
+        self._signals = Signals(
+            {
+                signal.SIGTERM: self._end,
+                signal.SIGINT: self._end,
+                signal.SIGUSR1: self._stop_by_signal,
+            }
+        )
         self._parts: Parts | None = None
         self._ending_since_s: float | None = None
         self._motor_was_known = False
@@ -90,7 +115,8 @@ class Daemon:
 
     def run(self) -> bool:
         """Run until told to end, and disable the motor; tell whether it is known to be off."""
-        self._reactor.add(self._signals.fileno(), self._signals)
+        self._urgent.add(self._signals.fileno(), self._signals)
+        self._reactor.add(self._urgent.fileno(), self._urgent)
         self._reactor.add(self._claim.fileno(), self._claim)
         self._helper.poll(time.monotonic())
         load_at_start(self._machine.engine, self._note_calibration)
@@ -127,7 +153,8 @@ class Daemon:
         return is_off
 
     def _tick(self, now_s: float) -> None:
-        """Do one period's work; whatever fails in it, the end stays possible."""
+        """Do one period's work, stops first; whatever fails in it, the end stays possible."""
+        self._urgent.serve()
         try:
             self._work(now_s)
         except Exception:
@@ -158,7 +185,19 @@ class Daemon:
         if now_s >= latest_s or (self._calibration_is_known and not self._machine.is_out_of_reach):
             self._opens_at_s = None
             self._server.let_in(True)
-            _log.info("channel %s: listening on %s", self._config.channel, self._path)
+            channel = self._config.channel
+            _log.info("channel %s: listening on %s and %s", channel, self._path, self._stop_path)
+
+    def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
+        """Stop, in force with the next command; return the level that is latched, and the count."""
+        engine = self._machine.engine
+        engine.stop(level, by, why, time.monotonic())
+        self._service.reporter.refresh()
+        latched = engine.stop_latch.latched
+        return level if latched is None else latched.level, engine.stop_latch.generation
+
+    def _stop_by_signal(self) -> None:
+        self._stop("hold", Owner(0, os.getpid(), os.getuid(), "signal SIGUSR1"), None)
 
     def _end(self) -> None:
         """Begin the end: the motor is disabled in the next tick."""
@@ -179,11 +218,14 @@ class Daemon:
     def _close(self) -> None:
         self._server.flush()
         self._server.close()
-        self._path.unlink(missing_ok=True)
+        self._stop_listener.close()
+        for path in (self._path, self._stop_path):
+            path.unlink(missing_ok=True)
         self._helper.close()
         self._bus.close()
         self._signals.close()
         self._claim.close()
+        self._urgent.close()
         self._reactor.close()
 
     def _greet_motor(self) -> None:

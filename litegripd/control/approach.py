@@ -1,13 +1,14 @@
 """Closing with a torque budget until something resists: the first half of a grasp.
 
-Its command never asks for more than `BUDGET_NM`, whatever the jaws meet and however old the
-feedback is: the position part is bounded by the lead, the damping part by the speed commanded. A
-ramp of full stiffness reaches 3.2 N·m 50 ms after it has met an object of 250 N·m/rad.
+Its command never pushes jaws that are stopped with more than `BUDGET_NM`, whatever has stopped them
+and however old the feedback is: the position part is bounded by the lead, the damping part by the
+speed commanded. (Jaws that are thrown back, or shot forward, are braked harder.) A ramp of full
+stiffness reaches 3.2 N·m 50 ms after it has met an object of 250 N·m/rad.
 """
 
 from typing import Literal, TypeAlias
 
-from litegripd.control.budget import SOFTEST_KP_NM_RAD, budgeted
+from litegripd.control.budget import budgeted
 from litegripd.control.gains import Gains
 from litegripd.control.stall import StallDetector
 from litegripd.model.geometry import Geometry
@@ -22,8 +23,11 @@ BUDGET_NM = 1.05
 CONTACT_S = 0.08
 """So long all signs of a contact must last: a thump on the way, or a jaw that sticks, is over by
 then. The lead takes about 15 ms to build up before."""
-CONTACT_SPEED_SHARE = 0.3
+CONTACT_SPEED_SHARE = 0.5
+"""Slower than this share of their speed the jaws are held up. With less, something soft and damped
+that they meet slowly would take its time: they slow down as they compress it."""
 CONTACT_TORQUE_SHARE = 0.5
+KP_MAX_NM_RAD = 500.0  # what a command frame can carry
 SLOWEST_RAD_S = 0.02  # feedback counts velocity in steps of 0.015 rad/s
 
 _GIVE_UP_FACTOR = 2.0
@@ -50,7 +54,8 @@ class Approach:
         self.speed_rad_s = geometry.to_rad(speed_mm_s)
         self._config = config
         self._moving, self._lead_rad = budgeted(BUDGET_NM, self.speed_rad_s, gains, period_s)
-        kp = max(gains.kp_nm_rad, SOFTEST_KP_NM_RAD)
+        # Soft gains would leave the jaws stuck short of the end, in front of nothing.
+        kp = min(max(gains.kp_nm_rad, BUDGET_NM / config.reach_tol), KP_MAX_NM_RAD)
         self._arrived = Gains(kp, gains.kd_nm_s_rad)
         self._arrived_lead_rad = BUDGET_NM / kp
         self._stall = StallDetector(config, self.speed_rad_s)
@@ -58,6 +63,7 @@ class Approach:
         self._anchor = (0.0, 0.0)
         self._ramp_s = 0.0
         self._arrived_s: float | None = None
+        self._slow_since_s: float | None = None
         self._contact_since_s: float | None = None
         self.command_rad = 0.0
 
@@ -100,33 +106,45 @@ class Approach:
         return self._moving.at(command_rad, velocity_rad_s), held_back
 
     def _judge(self, now_s: float, feedback: Feedback, held_back: bool) -> Verdict | None:
+        """Say what the jaws have met, once it is sure.
+
+        Within `reach_tol` of the end of their way, where the closing side may stick, nothing that
+        resists counts as an object.
+        """
         position_rad = feedback.position_rad
-        if self._touches(now_s, feedback, held_back):
-            return "contact"
-        began_s = now_s if self._began_s is None else self._began_s
         if self._arrived_s is not None and self._short_rad(position_rad) <= self._config.reach_tol:
-            settled = now_s - self._arrived_s >= self._config.settle_s
-            return "empty" if settled else None
-        if self._stall.add(now_s, position_rad) and self._is_slow(feedback):
-            return "stalled"  # and not on its way back from where a thump has thrown it
+            self._slow_since_s = self._contact_since_s = None
+            return "empty" if now_s - self._arrived_s >= self._config.settle_s else None
+        self._note_signs(now_s, feedback, held_back)
+        if _has_lasted(self._contact_since_s, now_s):
+            return "contact"
+        stalled = self._stall.add(now_s, position_rad)
+        if stalled and _has_lasted(self._slow_since_s, now_s):
+            return "stalled"  # and not just turning round where a thump has thrown them
+        began_s = now_s if self._began_s is None else self._began_s
         late_s = _GIVE_UP_FACTOR * self._ramp_s + _GIVE_UP_EXTRA_S
         return "timed_out" if now_s - began_s > late_s else None
 
-    def _touches(self, now_s: float, feedback: Feedback, held_back: bool) -> bool:
-        """Whether the jaws stand against something that takes the torque, for long enough."""
-        resisted = (
-            held_back
-            and self._is_slow(feedback)
-            and self._sign * feedback.torque_nm >= CONTACT_TORQUE_SHARE * BUDGET_NM
-        )
-        if not resisted:
-            self._contact_since_s = None
-            return False
-        if self._contact_since_s is None:
-            self._contact_since_s = now_s
-        return now_s - self._contact_since_s >= CONTACT_S * 0.999
+    def _note_signs(self, now_s: float, feedback: Feedback, held_back: bool) -> None:
+        """Note since when the jaws stand, and since when against something that takes the torque.
 
-    def _is_slow(self, feedback: Feedback) -> bool:
-        """Whether the jaws stand, by the measure of their speed; thrown back, they do not."""
+        Thrown back, they do not stand.
+        """
         slow_rad_s = max(CONTACT_SPEED_SHARE * self.speed_rad_s, SLOWEST_RAD_S)
-        return abs(feedback.velocity_rad_s) < slow_rad_s
+        slow = abs(feedback.velocity_rad_s) < slow_rad_s
+        pressing = self._sign * feedback.torque_nm >= CONTACT_TORQUE_SHARE * BUDGET_NM
+        self._slow_since_s = _since(self._slow_since_s, slow, now_s)
+        self._contact_since_s = _since(
+            self._contact_since_s, slow and held_back and pressing, now_s
+        )
+
+
+def _since(since_s: float | None, is_so: bool, now_s: float) -> float | None:
+    """Return since when something is so without a break, given what was known before."""
+    if not is_so:
+        return None
+    return now_s if since_s is None else since_s
+
+
+def _has_lasted(since_s: float | None, now_s: float) -> bool:
+    return since_s is not None and now_s - since_s >= CONTACT_S * 0.999

@@ -21,9 +21,13 @@ FREE_SPEED_SHARE = 0.5
 """Up to this share of the grasp speed the jaws follow a yielding object undamped; vanishing
 objects let them go at most this much and the grasp speed together."""
 
-LOST_SPEED_SHARE = 0.7
-LOST_TORQUE_SHARE = 0.5
-LOST_TORQUE_NM = 0.3  # closing freely takes about 0.2 N·m of friction
+LOST_SPEED_SHARE = 0.55
+"""A little above `FREE_SPEED_SHARE`: with 3 N, of which friction takes half, jaws that have lost
+their object get no faster than about 0.7 of the grasp speed."""
+LOST_TORQUE_SHARE = 0.4
+LOST_TORQUE_NM = 0.4
+"""Closing freely takes 0.15 to 0.3 N·m of friction, whatever the force. With a larger share a soft
+object would seem lost when jaws that stuck in the close-side dead band break away into it."""
 LOST_TICKS = 3
 
 

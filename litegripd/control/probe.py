@@ -2,7 +2,9 @@
 
 The command is derived anew from the measured position in every tick: an accumulated target went
 on leading further at a stop until the structure gave way (field use of the gripper). The torque
-ceiling does not depend on standing still, which a structure that yields never does.
+ceiling does not depend on standing still, which a structure that yields never does. Only torque
+towards the probed side counts: the first feedback still has the torque of what was before, such as
+the press onto the other stop.
 """
 
 from typing import Literal, TypeAlias
@@ -28,7 +30,7 @@ class Probe:
     def step(self, now_s: float, feedback: Feedback) -> tuple[MitCommand, ProbeVerdict | None]:
         """Push on, and judge whether the stop has been met."""
         config, position_rad = self._config, feedback.position_rad
-        if abs(feedback.torque_nm) >= config.calib_tau_limit:
+        if self._sign * feedback.torque_nm >= config.calib_tau_limit:
             return self._gains.at(position_rad), "found"
         command = self._gains.at(position_rad + self._sign * config.calib_step_rad)
         if self._sampled is None:

@@ -33,7 +33,7 @@ class Child:
                 os.environ,
                 file_actions=[(os.POSIX_SPAWN_DUP2, theirs.fileno(), CHILD_FD)],
                 setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children
-                setsigmask=(),
+                setsigmask=(signal.SIGUSR1,),  # a stop for the daemon, though sent to all of it
                 setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM),
             )
         except OSError:

@@ -4,6 +4,7 @@ import logging
 import re
 import select
 import socket
+import time
 from typing import Protocol
 
 from litegripd.io.reactor import Reactor
@@ -45,9 +46,10 @@ class Owner(Protocol):
 class Connection:
     """A client that has been let in.
 
-    `line` is the next one that waits for its turn, None where there is none. A client that closes
-    only its sending side, as `socat` does at the end of its input, still gets the answers that it
-    waits for; a last line without its newline counts as one.
+    `line` is the next one that waits for its turn, None where there is none, `received_s` the time
+    (CLOCK_MONOTONIC) at which its end came. A client that closes only its sending side, as `socat`
+    does at the end of its input, still gets the answers that it waits for; a last line without its
+    newline counts as one.
     """
 
     def __init__(
@@ -55,6 +57,7 @@ class Connection:
     ) -> None:
         self.session = session
         self.line: bytes | None = None
+        self.received_s = 0.0
         self._reactor = reactor
         self._socket = connected
         self._owner = owner
@@ -110,6 +113,7 @@ class Connection:
             self._owner.drop(self)  # the client is gone
             return
         del self._unsent[:sent]
+        self.session.counters.bytes_out += sent
         self.session.congested = bool(self._unsent)
         if len(self._unsent) > MAX_UNSENT_BYTES:
             self._refuse(_BACKLOG_FULL, b"\n")  # ends the line that was cut off
@@ -132,6 +136,8 @@ class Connection:
             self._owner.drop(self)
             return
         self._received += received
+        self.received_s = time.monotonic()  # of all its lines: there is no reading while one waits
+        self.session.counters.bytes_in += len(received)
         if not received:
             self._half_closed = True
             self._watch()

@@ -8,6 +8,7 @@ import os
 import socket
 import stat
 import struct
+from collections.abc import Sequence
 from pathlib import Path
 
 _log = logging.getLogger(__name__)
@@ -114,6 +115,20 @@ def listen(path: Path, group: str | None) -> socket.socket:
         listener.close()
         raise InUseError(f"the socket {path} cannot be made: {error}") from error
     return listener
+
+
+def listen_on_all(paths: Sequence[Path], group: str | None) -> list[socket.socket]:
+    """Bind a Unix socket at each path, as `listen` does, or at none where one cannot be made."""
+    listeners: list[socket.socket] = []
+    try:
+        for path in paths:
+            listeners.append(listen(path, group))  # noqa: PERF401 - those before are closed below
+    except InUseError:
+        for listener, path in zip(listeners, paths, strict=False):
+            listener.close()
+            path.unlink()
+        raise
+    return listeners
 
 
 def _remove_stale(path: Path) -> None:

@@ -8,13 +8,12 @@ so that a flood waits in the kernel.
 import logging
 import select
 import socket
-import struct
 import time
 from collections import Counter, deque
-from pathlib import Path
 
 from litegripd.io.connection import Connection
 from litegripd.io.listener import LISTEN_BACKLOG
+from litegripd.io.peer import peer_of
 from litegripd.io.reactor import Reactor
 from litegripd.model.errors import Refusal
 from litegripd.rpc.session import Peer, Service
@@ -24,7 +23,6 @@ _log = logging.getLogger(__name__)
 
 MAX_CONNECTIONS = 256
 MAX_CONNECTIONS_PER_UID = 64
-_UCRED = struct.Struct("3i")
 
 _COST_PER_LINE_S = 60e-6
 _COST_PER_BYTE_S = 65e-9  # parsing 64 KiB takes about 4 ms
@@ -81,6 +79,8 @@ class Server:
 
     def flush(self) -> None:
         """Send all that waits to be sent, as far as the clients take it."""
+        while self._service.pending:
+            self._service.send_one()
         while self._dirty:
             self._dirty.popleft().flush()
 
@@ -89,8 +89,12 @@ class Server:
         if line is None:
             return
         self.requests += 1
+        session = connection.session
+        waiting = session.unanswered
         try:
-            self._service.handle(connection.session, line, now_s)
+            self._service.handle(session, line, now_s)
+            if session.unanswered <= waiting:
+                session.counters.note_latency(time.monotonic() - connection.received_s)
         finally:
             connection.advance()
             if connection.line is not None:
@@ -147,7 +151,7 @@ class Server:
 
     def _admit(self, accepted: socket.socket) -> None:
         accepted.setblocking(False)
-        peer = _peer(accepted)
+        peer = peer_of(accepted)
         refusal = self._refusal(peer)
         if refusal is not None:
             self.refused_connections += 1
@@ -180,14 +184,3 @@ class Server:
             f"{limit} connections are open {whose}, no more are let in: close one",
             {"limit": limit},
         )
-
-
-def _peer(connected: socket.socket) -> Peer:
-    """Ask the kernel who is at the other end."""
-    credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
-    pid, uid, gid = _UCRED.unpack(credentials)
-    try:
-        program = Path(f"/proc/{pid}/comm").read_text(encoding="utf-8", errors="replace").strip()
-    except OSError:
-        program = "?"  # ended meanwhile, or in another pid namespace
-    return Peer(pid, uid, gid, "".join(c if c.isprintable() else "?" for c in program))

@@ -1,19 +1,23 @@
-"""The rows of the methods that read: who is there, the state, the jobs."""
+"""The rows of the methods that read: who is there, the state, the events, the jobs."""
 
 from dataclasses import fields
 
 from litegripd.model.state import GripperState
+from litegripd.rpc.event_stream import EVENT_KINDS
 from litegripd.rpc.method import JOB, Method
+from litegripd.rpc.samples import MAX_BATCH
 from litegripd.rpc.schema import Param
 
 STATE_FIELDS = tuple(field.name for field in fields(GripperState))
 MAX_RATE_HZ = 1000.0
 
+_SUBSCRIPTION = Param("subscription", "integer", "Its number.", required=True, minimum=1)
+
 READING: tuple[Method, ...] = (
     Method(
         "hello",
         "Tell who is there: versions, channel, motor, limits, stop generation.",
-        "The daemon's description.",
+        "The daemon's description, and the number of this connection (client).",
         (Param("client", "string", "The program's name, for the log and for other clients."),),
     ),
     Method("rpc.discover", "Describe the methods.", "An OpenRPC document."),
@@ -21,7 +25,7 @@ READING: tuple[Method, ...] = (
     Method("state.get", "Tell the gripper's present state.", "The state."),
     Method(
         "state.subscribe",
-        "Send the state again and again, as state.sample notifications.",
+        "Send the state again and again, as state.sample or state.batch notifications.",
         "The number of the subscription and the present state.",
         (
             Param(
@@ -32,13 +36,48 @@ READING: tuple[Method, ...] = (
                 maximum=MAX_RATE_HZ,
             ),
             Param("fields", "strings", "Only these fields (default: all).", choices=STATE_FIELDS),
+            Param(
+                "batch",
+                "integer",
+                "So many samples in one notification (default 1). With more than one, fields must"
+                " be named: each sample is a row of their values.",
+                minimum=1,
+                maximum=MAX_BATCH,
+            ),
         ),
     ),
     Method(
         "state.unsubscribe",
-        "End a subscription of this connection.",
+        "End a subscription of this connection to the state.",
         "The number of the subscription.",
-        (Param("subscription", "integer", "Its number.", required=True, minimum=1),),
+        (_SUBSCRIPTION,),
+    ),
+    Method(
+        "events.subscribe",
+        "Tell what happens from now on, as event notifications; none is ever left out.",
+        "The number of the subscription, the present state, and the last 32 events of these kinds.",
+        (
+            Param(
+                "kinds",
+                "strings",
+                "Only these kinds (default: all but refused, which tells of other clients' requests"
+                " that were refused).",
+                choices=EVENT_KINDS,
+            ),
+        ),
+    ),
+    Method(
+        "events.unsubscribe",
+        "End a subscription of this connection to events.",
+        "The number of the subscription.",
+        (_SUBSCRIPTION,),
+    ),
+    Method(
+        "clients.list",
+        "Tell who is connected.",
+        "clients: of each its number (client), pid, uid, program, role, connected_s, what is"
+        " counted of it (requests, refused, bytes_in, bytes_out, dropped samples,"
+        " worst_latency_ms), its subscriptions, its requests that wait (waiting), and is_me.",
     ),
     Method("info.get", "Tell what does not change: motor, calibration, configuration.", "Facts."),
     Method("job.list", "List the jobs that are kept, the oldest first.", "The jobs."),

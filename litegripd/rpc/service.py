@@ -4,7 +4,7 @@ Pure: lines come in through `handle`, lines go out through the sessions, time is
 Whatever a line holds, `handle` answers it and does not raise.
 """
 
-from collections import deque
+from collections.abc import Callable
 from dataclasses import replace
 
 from litegripd.control.engine import Engine
@@ -12,18 +12,24 @@ from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
 from litegripd.rpc.calls import Answer, Deferred, Later, Result
+from litegripd.rpc.clients import Clients
 from litegripd.rpc.dispatch import Dispatch
+from litegripd.rpc.event_log import EventLog
 from litegripd.rpc.facts import Facts
+from litegripd.rpc.gate import Gate
 from litegripd.rpc.handlers import Handlers
-from litegripd.rpc.leasing import Tokens
+from litegripd.rpc.leasing import Leasing, Tokens
 from litegripd.rpc.method import Method
 from litegripd.rpc.methods import BY_NAME
+from litegripd.rpc.moving import Moving
+from litegripd.rpc.reading import Reading
 from litegripd.rpc.reporter import Reporter
-from litegripd.rpc.schema import check
-from litegripd.rpc.session import ROLES, Peer, Session
+from litegripd.rpc.session import Peer, Role, Session
+from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
 from litegripd.rpc.view import progress_view
-from litegripd.rpc.waiting import MAX_PER_SESSION, Waiter, WaitingRoom
+from litegripd.rpc.waiting import Waiter, WaitingRoom
+from litegripd.rpc.watching import Watching
 from litegripd.rpc.wire import (
     BadRequest,
     Request,
@@ -36,46 +42,66 @@ from litegripd.rpc.wire import (
     result_line,
 )
 
-EVENTS_PER_TICK = 4  # a log line costs about 50 µs
-_EVENTS_KEPT = 512
-_REFUSALS_KEPT = 64
-
 
 class RpcService:
     """Implements `Service` on one engine."""
 
-    def __init__(self, engine: Engine, facts: Facts, period_s: float, epoch: str = "0") -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        facts: Facts,
+        period_s: float,
+        *,
+        role_of: Callable[[Peer], Role] = lambda _peer: "admin",
+        epoch: str = "0",
+    ) -> None:
         self.refused = 0
+        self._role_of = role_of
         self._engine = engine
         self.reporter = Reporter(engine, period_s)
+        self._clients = Clients()
         self._subscriptions = Subscriptions()
         self._waiting = WaitingRoom()
         self._tokens = Tokens(epoch)
-        handlers = Handlers(engine, facts, self._subscriptions, self.reporter, self._tokens)
+        handlers = Handlers(
+            Reading(engine, facts, self._clients, self.reporter).functions(),
+            Watching(self._subscriptions, self.reporter).functions(),
+            Leasing(engine, self._tokens, self.reporter).functions(),
+            Moving(engine, self.reporter).functions(),
+            Settings(engine).functions(),
+        )
+        self._gate = Gate(engine, self._tokens)
         self._dispatch = Dispatch(engine, handlers)
         self._last_session = 0
-        self._events: deque[Event] = deque()
-        self._left_out = 0
+        self._event_log = EventLog()
+        self._now_s = 0.0
 
     # Service ------------------------------------------------------------------------------------
 
-    def opened(self, peer: Peer, _now_s: float) -> Session:
+    def opened(self, peer: Peer, now_s: float) -> Session:
         """Begin a session for a new connection."""
         self._last_session += 1
-        return Session(self._last_session, peer)
+        session = Session(self._last_session, peer, now_s)
+        session.role = self._role_of(peer)
+        self._clients.add(session)
+        return session
 
-    def closed(self, session: Session, _now_s: float) -> None:
+    def closed(self, session: Session, now_s: float) -> None:
         """End a session; what its connection owned is lost with it."""
+        self._clients.remove(session)
         self._subscriptions.remove_all(session)
         self._waiting.remove_all(session)
         self._engine.client_lost(session.identity)
+        self._collect_events(now_s)
 
     def is_idle(self, session: Session) -> bool:
         """Whether nothing will be sent to `session` that it has not asked for anew."""
-        return not session.unanswered and not self._subscriptions.any_of(session)
+        return not session.unanswered and not session.subscriptions
 
     def handle(self, session: Session, line: bytes, now_s: float) -> None:
         """Answer one line, at once or when the motion that it asked for has ended."""
+        self._now_s = now_s
+        session.counters.requests += 1
         request = parse(line)
         try:
             if isinstance(request, BadRequest):
@@ -84,11 +110,13 @@ class RpcService:
                 self._call(session, request, now_s)
         except Exception as error:  # noqa: BLE001 - no request ends the daemon
             self._refuse(session, request.identity, _defect("the request", error))
+        self._collect_events(now_s)
 
     # The tick -------------------------------------------------------------------------------------
 
     def after_tick(self, now_s: float, bus_is_up: bool) -> None:
         """Answer whoever waits for a job that has ended; find what is to be sent."""
+        self._collect_events(now_s)
         self.reporter.tick(now_s, bus_is_up)
         self.reporter.keep_ends()
         self._answer_waiters()
@@ -97,26 +125,20 @@ class RpcService:
 
     @property
     def pending(self) -> bool:
-        """Whether samples wait to be sent."""
+        """Whether events or samples wait to be sent."""
         return self._subscriptions.pending
 
     def send_one(self) -> None:
-        """Send one sample; the transport calls this in the time that it has."""
-        self._subscriptions.send_one(self.reporter.state())
+        """Serve one subscription; the transport calls this in the time that it has."""
+        self._subscriptions.send_one(self.reporter.state)
 
     def take_events(self) -> list[Event]:
         """Return what has happened, the oldest first, so much at once as a tick can log.
 
         What a flood of refused requests makes beyond that is counted and told as one event.
         """
-        for event in self._engine.take_events():
-            self._note(event)
-        taken = [self._events.popleft() for _ in range(min(EVENTS_PER_TICK, len(self._events)))]
-        if self._left_out and not self._events:
-            text = f"{self._left_out} events are left out of the log: too many came at once"
-            taken.append(Event("refused", text, {"left_out": self._left_out}))
-            self._left_out = 0
-        return taken
+        self._collect_events(self._now_s)
+        return self._event_log.take()
 
     # Inside ---------------------------------------------------------------------------------------
 
@@ -126,17 +148,11 @@ class RpcService:
             text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
             self._refuse(session, request.identity, Refusal("unknown_method", text))
             return
-        self._engine.lease.renew(session.identity, now_s)
-        owner = self._owner(session, request)
-        refusal = self._refusal(session, request, method)
-        if refusal is None and isinstance(owner, Owner):
-            refusal = self._forbidden(method, session, owner)
-        if refusal is not None or isinstance(owner, Refusal):
-            refused = refusal if isinstance(owner, Owner) else owner
-            if method.name == "stop" and refused is not None:
-                # Whoever asks for a stop gets one, however it is spelt.
-                refused = self._stop_all_the_same(session, refused, now_s)
-            self._turn_down(session, request, method, refused)
+        owner = self._gate.admit(session, request, method, now_s)
+        if isinstance(owner, Refusal):
+            if method.name == "stop":  # whoever asks for a stop gets one, however it is spelt
+                owner = self._stop_all_the_same(session, owner, now_s)
+            self._turn_down(session, request, method, owner)
             return
         answer = self._dispatch.carry_out(method, session, owner, request.params, now_s)
         if method.may_notify and request.identity is None:
@@ -146,41 +162,6 @@ class RpcService:
             if method.may_notify and not isinstance(answer, Refusal):
                 session.stream_refused = None
             self._answer(session, request, answer)
-
-    def _owner(self, session: Session, request: Request) -> Owner | Refusal:
-        """Tell who asks, and under which lease, where a token is shown."""
-        peer, token = session.peer, request.params.get("lease")
-        grant = self._tokens.number(token) if isinstance(token, str) else None
-        if isinstance(grant, Refusal):
-            return grant
-        return Owner(session.identity, peer.pid, peer.uid, session.name, grant)
-
-    def _forbidden(self, method: Method, session: Session, owner: Owner) -> Refusal | None:
-        """Say what the sender's role or somebody's lease forbids."""
-        if ROLES.index(session.role) < ROLES.index(method.role):
-            text = f"{method.name} needs the role {method.role}; uid {owner.uid} is {session.role}"
-            return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})
-        return self._engine.lease.refusal(owner) if method.needs_lease else None
-
-    def _refusal(self, session: Session, request: Request, method: Method) -> Refusal | None:
-        params = request.params
-        refusal = check(method.name, method.declared, params)
-        if refusal is not None:
-            return refusal
-        if request.identity is None and not method.may_notify:
-            text = f'{method.name} needs an "id": its answer would otherwise get lost'
-            return Refusal("invalid_request", text)
-        waits = method.waits and params.get("wait", True)
-        if waits and session.unanswered >= MAX_PER_SESSION:
-            text = f"{MAX_PER_SESSION} requests of this connection wait for an answer already"
-            return Refusal("too_many_requests", text, {"limit": MAX_PER_SESSION})
-        if params.get("progress") and not waits:
-            text = f"{method.name}: progress is sent only to who waits; leave wait or progress out"
-            return Refusal("invalid_params", text, {"parameter": "progress"})
-        if method.moves:
-            latch = self._engine.stop_latch
-            return latch.refusal_of_sent(params.get("stop_generation"), params.get("sent_s"))
-        return None
 
     def _answer(self, session: Session, request: Request, answer: Answer) -> None:
         if isinstance(answer, Refusal):
@@ -215,6 +196,7 @@ class RpcService:
         return replace(refusal, message=f"{refusal.message}; stopped (hold) all the same")
 
     def _refuse(self, session: Session, identity: RequestId, refusal: Refusal) -> None:
+        session.counters.refused += 1
         self._log_refusal(session, refusal)
         session.write(error_line(identity, refusal))
 
@@ -222,7 +204,8 @@ class RpcService:
         self.refused += 1
         peer = session.peer
         text = f"refused {session.name} (pid {peer.pid}, uid {peer.uid}): {refusal.message}"
-        self._note(Event("refused", text, {"reason": refusal.reason}))
+        self._collect_events(self._now_s)  # what happened before it
+        self._note(Event("refused", text, {"reason": refusal.reason}), self._now_s)
 
     def _turn_down(
         self, session: Session, request: Request, method: Method, refusal: Refusal | None
@@ -232,6 +215,7 @@ class RpcService:
             if refusal is not None:
                 self._refuse(session, request.identity, refusal)
             return
+        session.counters.refused += refusal is not None
         before = session.stream_refused
         session.stream_refused = None if refusal is None else refusal.reason
         if refusal is None or refusal.reason == before:
@@ -239,12 +223,24 @@ class RpcService:
         self._log_refusal(session, refusal)
         session.write(notification_line("stream.refused", encode(error_object(refusal))))
 
-    def _note(self, event: Event) -> None:
-        """Keep an event for the log; refusals never crowd out what happened to the gripper."""
-        if len(self._events) < (_REFUSALS_KEPT if event.kind == "refused" else _EVENTS_KEPT):
-            self._events.append(event)
-        else:
-            self._left_out += 1
+    def _collect_events(self, now_s: float) -> None:
+        """Take what happened to the gripper since the last call."""
+        self._now_s = now_s
+        for event in self._engine.take_events():
+            self._note(event, now_s)
+
+    def _note(self, event: Event, now_s: float) -> None:
+        """Keep an event for the log, and for who has subscribed to its kind."""
+        self._event_log.note(event)
+        self._subscriptions.events.note(event, now_s)
+        if event.kind == "lease_lost":
+            self._tell_loser(event)
+
+    def _tell_loser(self, event: Event) -> None:
+        """Tell who has lost the lease, if it is still there: nothing retakes it."""
+        session = self._clients.get(event.data["client"])
+        if session is not None:
+            session.write(notification_line("lease.lost", encode(event.data)))
 
     def _answer_waiters(self) -> None:
         for waiter in self._waiting.take_ended():

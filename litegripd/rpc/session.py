@@ -4,18 +4,21 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
+from litegripd.rpc.counters import Counters
+
 Role: TypeAlias = Literal["observer", "operator", "admin"]
 ROLES: tuple[Role, ...] = ("observer", "operator", "admin")
 
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Who is at the other end of a connection, as the kernel tells it."""
+    """Who is at the other end of a connection, as the kernel tells it; `groups` as gids."""
 
     pid: int
     uid: int
     gid: int
     program: str
+    groups: tuple[int, ...] = ()
 
 
 class Session:
@@ -23,27 +26,34 @@ class Session:
 
     `write` queues a line to be sent, and tells `on_write` when it is the first. `congested` is
     kept by the transport: true while the client has not read all it was sent, so that samples
-    are dropped for it rather than queued. `unanswered` counts the requests that wait for a motion.
-    `stream_refused` is the reason why its latest set-point was refused.
+    are dropped for it rather than queued. `unanswered` counts the requests that wait for a motion,
+    `subscriptions` what it is sent unasked. `stream_refused` is the reason why its latest set-point
+    was refused.
     """
 
     __slots__ = (
         "congested",
+        "counters",
         "identity",
         "name",
         "on_write",
+        "opened_s",
         "outgoing",
         "peer",
         "role",
         "stream_refused",
+        "subscriptions",
         "unanswered",
     )
 
-    def __init__(self, identity: int, peer: Peer) -> None:
+    def __init__(self, identity: int, peer: Peer, opened_s: float = 0.0) -> None:
         self.identity = identity
         self.peer = peer
-        self.name = peer.program
+        self.opened_s = opened_s
         self.role: Role = "admin"
+        self.counters = Counters()
+        self.subscriptions = 0
+        self.name = peer.program
         self.outgoing: list[bytes] = []
         self.congested = False
         self.unanswered = 0
@@ -68,10 +78,10 @@ class Service(Protocol):
 
     @property
     def pending(self) -> bool:
-        """Whether samples wait to be sent."""
+        """Whether events or samples wait to be sent."""
 
     def send_one(self) -> None:
-        """Write one sample to its session."""
+        """Write to one session what waits for one of its subscriptions."""
 
     def closed(self, session: Session, now_s: float) -> None:
         """End a session; what its connection owned is lost with it."""

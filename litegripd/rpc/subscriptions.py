@@ -1,114 +1,89 @@
-"""Clients that want the state again and again: latest wins, and what was dropped is told."""
+"""The subscriptions of all clients, to the state and to events: their numbers and their bounds."""
 
-from collections import deque
-from collections.abc import Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable
 
 from litegripd.model.errors import Refusal
 from litegripd.model.state import GripperState
+from litegripd.rpc.event_stream import EventStream
+from litegripd.rpc.samples import Samples, SampleSubscription
 from litegripd.rpc.session import Session
-from litegripd.rpc.view import state_view
-from litegripd.rpc.wire import encode, notification_line
 
 MAX_PER_SESSION = 8
 
 
-@dataclass(slots=True, eq=False)
-class Subscription:
-    """One subscription; `next_s` keeps its rate by absolute times."""
-
-    number: int
-    session: Session
-    period_s: float
-    names: tuple[str, ...]
-    next_s: float
-    sequence: int = 0
-    dropped: int = 0
-
-
 class Subscriptions:
-    """Keeps them all, and sends one sample at a time, so that a tick is never held up.
-
-    A sample that could not be sent before the next one is due is dropped and counted, and so is
-    one for a client that has not read what it was sent.
-    """
+    """Serves one subscription at a time; events and samples take turns, so that neither starves."""
 
     def __init__(self) -> None:
-        self._all: dict[int, Subscription] = {}
-        self._due: deque[Subscription] = deque()
+        self.events = EventStream()
+        self._samples = Samples()
         self._last = 0
-        self._encoded: dict[tuple[str, ...], bytes] = {}
-        self._encoded_state: GripperState | None = None
+        self._events_turn = True
 
-    def add(
-        self, session: Session, hz: float, names: Iterable[str], now_s: float
-    ) -> Subscription | Refusal:
-        """Begin a subscription; its first sample comes one period from now."""
-        if sum(sub.session is session for sub in self._all.values()) >= MAX_PER_SESSION:
-            text = f"this connection has {MAX_PER_SESSION} subscriptions already: end one"
-            return Refusal("too_many_requests", text, {"limit": MAX_PER_SESSION})
-        self._last += 1
-        sub = Subscription(self._last, session, 1.0 / hz, tuple(names), now_s + 1.0 / hz)
-        self._all[sub.number] = sub
-        return sub
+    def add_samples(
+        self, session: Session, hz: float, fields: Iterable[str], batch: int, now_s: float
+    ) -> int | Refusal:
+        """Begin a subscription to the state; its first sample is of one period from now.
 
-    def remove(self, number: int, session: Session) -> bool:
-        """End a subscription of `session`; tell whether there was one."""
-        sub = self._all.get(number)
-        if sub is None or sub.session is not session:
-            return False
-        del self._all[number]
-        return True
+        Returns its number, or why there can be no more.
+        """
+        number = self._number(session)
+        if isinstance(number, int):
+            period_s = 1.0 / hz
+            sub = SampleSubscription(
+                number, session, period_s, tuple(fields), batch, now_s + period_s
+            )
+            self._samples.add(sub)
+        return number
+
+    def add_events(self, session: Session, kinds: Iterable[str]) -> int | Refusal:
+        """Begin a subscription to events. Returns its number, or why there can be no more."""
+        number = self._number(session)
+        if isinstance(number, int):
+            self.events.add(number, session, kinds)
+        return number
+
+    def remove_samples(self, number: int, session: Session) -> bool:
+        """End a subscription of `session` to the state; tell whether there was one."""
+        there_was = self._samples.remove(number, session)
+        session.subscriptions -= there_was
+        return there_was
+
+    def remove_events(self, number: int, session: Session) -> bool:
+        """End a subscription of `session` to events; tell whether there was one."""
+        there_was = self.events.remove(number, session)
+        session.subscriptions -= there_was
+        return there_was
 
     def remove_all(self, session: Session) -> None:
         """End all subscriptions of a client that is gone."""
-        self._all = {n: sub for n, sub in self._all.items() if sub.session is not session}
-
-    def any_of(self, session: Session) -> bool:
-        """Whether `session` has a subscription."""
-        return any(sub.session is session for sub in self._all.values())
+        if session.subscriptions:
+            session.subscriptions = 0
+            self._samples.remove_all(session)
+            self.events.remove_all(session)
 
     def tick(self, now_s: float) -> None:
-        """Find what is due now."""
-        for sub in self._due:
-            sub.dropped += 1
-        self._due.clear()
-        for sub in self._all.values():
-            if sub.next_s <= now_s:
-                sub.next_s = max(sub.next_s + sub.period_s, now_s)
-                sub.sequence += 1
-                self._due.append(sub)
+        """Find the samples that are due now."""
+        self._samples.tick(now_s)
 
     @property
     def pending(self) -> bool:
-        """Whether a sample waits to be sent."""
-        return bool(self._due)
+        """Whether an event or a sample waits to be sent."""
+        return self.events.pending or self._samples.pending
 
-    def send_one(self, state: GripperState) -> None:
-        """Send the sample that has waited longest."""
-        sub = self._due.popleft()
-        if sub.number not in self._all:
-            return
-        if sub.session.congested:
-            sub.dropped += 1
-            return
-        head = b'{"subscription":%d,"seq":%d,"dropped":%d,"monotonic_s":%b,"state":%b}' % (
-            sub.number,
-            sub.sequence,
-            sub.dropped,
-            encode(state.monotonic_s),
-            self._encode(state, sub.names),
-        )
-        sub.session.write(notification_line("state.sample", head))
+    def send_one(self, state: Callable[[], GripperState]) -> None:
+        """Serve the subscription that has waited longest; there must be one (`pending`)."""
+        if self.events.pending and (self._events_turn or not self._samples.pending):
+            self._events_turn = False
+            self.events.send_one()
+        else:
+            self._events_turn = True
+            self._samples.send_one(state())
 
-    def _encode(self, state: GripperState, names: tuple[str, ...]) -> bytes:
-        """Encode a choice of fields once per state, for all who made the same choice."""
-        if self._encoded_state is not state:
-            self._encoded.clear()
-            self._encoded_state = state
-        encoded = self._encoded.get(names)
-        if encoded is None:
-            view = state_view(state)
-            encoded = encode({name: view[name] for name in names} if names else view)
-            self._encoded[names] = encoded
-        return encoded
+    def _number(self, session: Session) -> int | Refusal:
+        if session.subscriptions >= MAX_PER_SESSION:
+            text = f"this connection has {MAX_PER_SESSION} subscriptions already: end one"
+            return Refusal("too_many_requests", text, {"limit": MAX_PER_SESSION})
+        session.subscriptions += 1
+        self._last += 1
+        return self._last

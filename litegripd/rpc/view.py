@@ -19,15 +19,15 @@ def _plain(value: Any) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-def state_view(state: GripperState) -> dict[str, Any]:
-    """Give a state its wire form."""
-    view: dict[str, Any] = {name: getattr(state, name) for name in _STATE_FIELDS}
-    if state.job is not None:
-        job = state.job
+def state_view(state: GripperState, names: tuple[str, ...] = ()) -> dict[str, Any]:
+    """Give a state its wire form, or only these fields of it, in this order."""
+    view: dict[str, Any] = {name: getattr(state, name) for name in names or _STATE_FIELDS}
+    if view.get("job") is not None:
+        job = view["job"]
         owner = {"program": job.program, "pid": job.pid}
         view["job"] = {"job": job.job, "kind": job.kind, "phase": job.phase, "owner": owner}
-    if state.stop is not None:
-        view["stop"] = _plain(state.stop)
+    if view.get("stop") is not None:
+        view["stop"] = _plain(view["stop"])
     return view
 
 

@@ -1,5 +1,6 @@
 """The configuration: defaults, the whole of an example, and every kind of mistake."""
 
+import dataclasses
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from litegripd.app.config import (
     load,
     override,
 )
+from litegripd.app.roles import Access
 from litegripd.io.bus import BusSettings
 
 EXAMPLE = """
@@ -50,6 +52,7 @@ def test_without_a_file_the_defaults_count() -> None:
     assert config.gripper == GripperConfig(None, 120.0)
     assert config.control == ControlConfig(200, 50, ())
     assert config.rpc == RpcConfig(None, "litegrip")
+    assert config.access == Access("operator", {}, {})
     assert config.source is None
 
 
@@ -57,9 +60,14 @@ def test_the_example_says_the_defaults(tmp_path: Path) -> None:
     path = written(tmp_path, EXAMPLE)
     config = load("can0", path)
     defaults = load("can0", None)
-    for part in ("channel", "bus", "motor", "gripper", "control", "rpc"):
+    for part in ("channel", "bus", "motor", "gripper", "control", "rpc", "access"):
         assert getattr(config, part) == getattr(defaults, part)
     assert config.source == path
+
+
+def test_the_installed_file_says_the_defaults() -> None:
+    path = Path(__file__).parents[2] / "etc" / "litegripd.toml"
+    assert dataclasses.replace(load("can0", path), source=None) == load("can0", None)
 
 
 def test_an_empty_file_is_the_defaults(tmp_path: Path) -> None:
@@ -87,6 +95,11 @@ def test_every_key_can_be_set(tmp_path: Path) -> None:
     [rpc]
     socket = "/tmp/x.sock"
     group = "robot"
+    [access]
+    default = "observer"
+    admins = ["root", 1000]
+    operators = [1000, 1001]
+    observers = []
     """
     mine = tmp_path / "mine.json"
     mine.touch()
@@ -98,10 +111,11 @@ def test_every_key_can_be_set(tmp_path: Path) -> None:
     assert config.gripper == GripperConfig(str(mine), 100)
     assert config.control == ControlConfig(500, 0, (2, 3))
     assert config.rpc == RpcConfig("/tmp/x.sock", "robot")
+    assert config.access == Access("observer", {0: "admin", 1000: "admin", 1001: "operator"}, {})
 
 
 MISTAKES = {
-    "[grippr]\n": ("grippr", "bus, motor, gripper, control, rpc"),
+    "[grippr]\n": ("grippr", "bus, motor, gripper, control, rpc, access"),
     "rate_hz = 200\n": ("rate_hz", "bus, motor"),
     "motor = 3\n": ("motor", "[motor]"),
     "[motor]\nid = 8\n": ("[motor] id", "type, can_id, master_id"),
@@ -131,6 +145,14 @@ MISTAKES = {
     "[control]\ncpus = [true]\n": ("[control] cpus", "an array of integers"),
     "[rpc]\nsocket = []\n": ("[rpc] socket", "a string"),
     '[rpc]\ngroup = ""\n': ("[rpc] group", "leave the key out"),
+    "[access]\nadmin = []\n": ("[access] admin", "default, admins, operators, observers"),
+    '[access]\ndefault = "none"\n': ("[access] default", "observer, operator, admin"),
+    '[access]\nadmins = "root"\n': ("[access] admins", "an array of", "a user's name"),
+    "[access]\noperators = [true]\n": ("[access] operators", "an array of", "a uid"),
+    "[access]\nobservers = [1.5]\n": ("[access] observers", "an array of"),
+    '[access]\nadmins = ["nobody-here"]\n': ("[access] admins", "'nobody-here'", "a user's name"),
+    '[access]\nobservers = ["@no-lab"]\n': ("[access] observers", "'no-lab'", "group's name"),
+    "[access]\noperators = [-1]\n": ("[access] operators", "-1", "0 to 4294967294"),
     "[motor\n": ("not valid TOML", "line 1"),
     "[motor]\ncan_id = 8\ncan_id = 9\n": ("not valid TOML", "overwrite"),
 }

@@ -4,12 +4,16 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
+from litegripd.control.grip import Grip
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MitCommand, MotorPhase, Status
 from litegripd.motor import codec
 from tests.world import CAN_ID, PERIOD_S, Client, World, is_command
 
 CODE_RAD = 25.0 / 65535
+CODE_NM = 20.0 / 4095
+FREE_RAD_S = 0.5 * 50.0 / 74.8 + 60.0 / 4095
+"""Half the grasp speed, and a code: so fast a hold by force expects the jaws to yield."""
 LEVELS = ("hold", "relax", "disable")
 levels = st.sampled_from(LEVELS)
 which = st.integers(0, 3)
@@ -20,9 +24,10 @@ class AnyCourse(RuleBasedStateMachine):
         super().__init__()
         self.world = World().start()
         self.clients: list[Client] = []
+        self.geometry = self.world.engine.geometry
         self.lossy_ticks = 0
         self.held_rad: float | None = None
-        self.jobs_seen = 0
+        self.squeezed_nm = 0.0
 
     def tick(self) -> None:
         """Let one period pass, and check what must hold in every one."""
@@ -53,14 +58,25 @@ class AnyCourse(RuleBasedStateMachine):
             assert world.phase is not MotorPhase.ENABLED
 
     def check_stopped(self, stopped: bool, commands: list[MitCommand]) -> None:
-        """While a stop is latched the position that is commanded stands still, or none is."""
+        """While a stop is latched the position that is commanded stands still, or none is.
+
+        Where something is held by force there is none, and the force may not rise.
+        """
+        before_nm = self.squeezed_nm
+        self.squeezed_nm = abs(commands[-1].torque_nm) if commands else 0.0
         if not stopped or not commands:
             self.held_rad = None
             return
         command = commands[-1]
+        if isinstance(self.world.engine.rest, Grip):
+            self.held_rad = None
+            assert self.squeezed_nm <= before_nm + CODE_NM
+            assert abs(command.velocity_rad_s) <= FREE_RAD_S
+            return
         assert abs(command.velocity_rad_s) < 0.01
         assert abs(command.torque_nm) < 0.0025
         if command.kp_nm_rad == 0.0:
+            assert command.kd_nm_s_rad == 0.0
             self.held_rad = None
             return
         if self.held_rad is not None:
@@ -105,9 +121,46 @@ class AnyCourse(RuleBasedStateMachine):
     def move(self, number: int, method: str, speed: float, wait: bool) -> None:
         self.client(number).send(method, speed_mm_s=speed, wait=wait)
 
+    @rule(
+        number=which,
+        force_n=st.sampled_from([3.0, 20.0]),
+        hold_by=st.sampled_from(["torque", "gains"]),
+        until=st.sampled_from(["held", "verdict"]),
+    )
+    def grasp(self, number: int, force_n: float, hold_by: str, until: str) -> None:
+        self.client(number).send("motion.grasp", force_n=force_n, hold_by=hold_by, until=until)
+
+    @rule(number=which, force_n=st.sampled_from([1.0, 30.0]))
+    def set_force(self, number: int, force_n: float) -> None:
+        self.client(number).send("motion.set_force", force_n=force_n)
+
+    @rule(number=which, openness=st.floats(0.0, 1.0), duration_s=st.none() | st.floats(0.1, 5.0))
+    def move_to(self, number: int, openness: float, duration_s: float | None) -> None:
+        timed = {} if duration_s is None else {"duration_s": duration_s}
+        self.client(number).send("motion.move", openness=openness, **timed)
+
+    @rule(number=which, openness=st.floats(0.0, 1.0), ticks=st.sampled_from([1, 20, 60]))
+    def stream(self, number: int, openness: float, ticks: int) -> None:
+        client = self.client(number)
+        for _ in range(ticks):
+            client.send("stream.set", openness=openness)
+            self.tick()
+
+    @rule(number=which, method=st.sampled_from(["motion.hold", "motion.zero_gravity"]))
+    def rest(self, number: int, method: str) -> None:
+        self.client(number).send(method)
+
+    @rule(number=which, save=st.booleans())
+    def zero(self, number: int, save: bool) -> None:
+        self.client(number).send("calibration.zero", save=save)
+
+    @rule(number=which, step=st.sampled_from(["begin", "closed", "open", "finish", "cancel"]))
+    def calibrate_by_hand(self, number: int, step: str) -> None:
+        self.client(number).send("calibration.manual", step=step)
+
     @rule(number=which)
-    def hold(self, number: int) -> None:
-        self.client(number).send("motion.hold")
+    def set_zero(self, number: int) -> None:
+        self.client(number).send("motor.set_zero")
 
     @rule(number=which, level=levels)
     def stop(self, number: int, level: str) -> None:
@@ -134,6 +187,20 @@ class AnyCourse(RuleBasedStateMachine):
         else:
             self.world.lose_from_motor = lost
 
+    @rule(share=st.floats(0.3, 1.0), yield_mm_s=st.sampled_from([0.0, 0.0, 3.0]))
+    def put_object(self, share: float, yield_mm_s: float) -> None:
+        opening_mm = self.world.gripper.opening_mm
+        if opening_mm > 1.0:
+            self.world.gripper.put_object(width_mm=share * opening_mm, yield_mm_s=yield_mm_s)
+
+    @rule()
+    def remove_object(self) -> None:
+        self.world.gripper.remove_object()
+
+    @rule(torque_nm=st.sampled_from([0.0, 0.5, -0.5, 3.0, -3.0]))
+    def push(self, torque_nm: float) -> None:
+        self.world.gripper.push(torque_nm)
+
     @rule(volts=st.sampled_from([24.0, 24.0, 40.0, 5.0]))
     def set_supply(self, volts: float) -> None:
         self.world.gripper.set_supply(volts)
@@ -157,6 +224,7 @@ class AnyCourse(RuleBasedStateMachine):
         world = self.world
         self.lossy_ticks = 0
         world.gripper.set_supply(24.0)
+        world.gripper.push(0.0)
         for client in self.clients:
             client.leave()
         world.run(0.05)  # what happened last is noticed with the next answers
@@ -164,15 +232,24 @@ class AnyCourse(RuleBasedStateMachine):
         client = world.client()
         client.result("stop.clear")
         assert client.result("motor.enable")["ok"]
+        if world.engine.geometry != self.geometry:
+            self.calibrate_anew(client)
         assert client.result("motion.open")["outcome"] == "pressed_home"
         assert client.result("motor.disable")["ok"]
         assert world.gripper.motor.status == Status.DISABLED
 
+    def calibrate_anew(self, client: Client) -> None:
+        """Find the stops again, wherever the motor's zero is now."""
+        self.world.gripper.remove_object()
+        assert client.result("calibration.load", template="normal")["loaded"]
+        assert client.result("calibration.zero", config={"calib_kd": 0.6})["ok"]
+
     def is_quiet(self) -> bool:
-        """Whether no job runs and the motor is in a phase that lasts."""
+        """Whether no job runs and the motor is in a phase that lasts, with its zero settled."""
         self.world.lose_to_motor = self.world.lose_from_motor = lambda _frame: False
         lasting = (MotorPhase.DISABLED, MotorPhase.ENABLED, MotorPhase.FAULT)
-        return self.world.engine.jobs.running is None and self.world.phase in lasting
+        settled = self.world.machine.motor.view().zero.state != "pending"
+        return settled and self.world.engine.jobs.running is None and self.world.phase in lasting
 
 
 TestAnyCourse = AnyCourse.TestCase

@@ -13,7 +13,13 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.listener import ChannelClaim, InUseError, listen, runtime_directory
+from litegripd.io.listener import (
+    ChannelClaim,
+    InUseError,
+    listen,
+    listen_on_all,
+    runtime_directory,
+)
 
 HOLDER = """
 import socket, sys
@@ -129,6 +135,19 @@ def test_an_unusable_path_is_refused_with_the_reason(tmp_path: Path, bad: str) -
     (tmp_path / "file").touch()
     with pytest.raises(InUseError, match="cannot be made"):
         listen(tmp_path / bad, None)
+
+
+def test_where_one_socket_cannot_be_made_none_is(tmp_path: Path) -> None:
+    first, second, taken = (tmp_path / name for name in ("a.sock", "b.sock", "c.sock"))
+    taken.touch()
+    with pytest.raises(InUseError, match=r"c\.sock exists and is not a socket"):
+        listen_on_all((first, second, taken), None)
+    assert list(tmp_path.iterdir()) == [taken]
+    taken.unlink()
+    with contextlib.ExitStack() as stack:
+        for listener in listen_on_all((first, second, taken), None):
+            stack.enter_context(listener)
+        assert all(stat.S_ISSOCK(path.stat().st_mode) for path in (first, second, taken))
 
 
 def test_a_channel_has_one_owner_whose_pid_is_told(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from litegripd.rpc.service import EVENTS_PER_TICK
+from litegripd.rpc.event_log import EVENTS_PER_TICK
 from tests.rpc.raw import Raw, answered, request
 from tests.world import World
 
@@ -14,6 +14,8 @@ def test_a_defect_in_a_handler_is_told_and_logged_but_not_raised(
 ) -> None:
     world = World()
     world.enabled()
+    while world.service.take_events():
+        world.tick()
 
     def broken(*_arguments: object) -> None:
         raise ZeroDivisionError("a defect")

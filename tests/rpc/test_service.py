@@ -15,6 +15,8 @@ PARAMS: dict[str, dict[str, Any]] = {
     "hello": {"client": "a test"},
     "state.subscribe": {"hz": 50, "fields": ["position_rad", "enabled"]},
     "state.unsubscribe": {"subscription": 1},
+    "events.subscribe": {"kinds": ["stop", "job_ended"]},
+    "events.unsubscribe": {"subscription": 2},
     "lease.acquire": {"purpose": "a test", "ttl_s": 60, "on_lost": "relax", "wait_s": 1},
     "lease.take": {"why": "a test"},
     "motor.enable": {"retries": 3},

@@ -120,7 +120,7 @@ def test_the_same_choice_is_encoded_once_for_all(monkeypatch: pytest.MonkeyPatch
         encoded.append(value)
         return encode(value)
 
-    monkeypatch.setattr("litegripd.rpc.subscriptions.encode", counted)
+    monkeypatch.setattr("litegripd.rpc.samples.encode", counted)
     world.tick()
     assert sum(isinstance(value, dict) for value in encoded) == 1
     assert {len(samples(client)) for client in clients} == {1}

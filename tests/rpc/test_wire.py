@@ -203,7 +203,7 @@ def test_any_requests_are_each_answered_once(lines: list[bytes]) -> None:
     for line in lines:
         answers += raw.send(line)
     world.run_until(lambda: not raw.client.session.unanswered)
-    answers += [message for message in raw.take() if "method" not in message]
+    answers = [message for message in answers + raw.take() if "method" not in message]
     requests = [json.loads(line) for line in lines]
     wanted = [one for one in requests if "id" in one or one["method"] != "stream.set"]
     assert len(answers) == len(wanted)

@@ -26,6 +26,9 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
         yield method, {}
     yield "state.subscribe", {"hz": 20, "fields": ["position_rad", "mode"]}
     yield "state.unsubscribe", {"subscription": 1}
+    yield "events.subscribe", {"kinds": ["stop"]}
+    yield "events.unsubscribe", {"subscription": 2}
+    yield "clients.list", {}
     yield "lease.acquire", {"purpose": "a test", "ttl_s": 600, "on_lost": "hold", "wait_s": 0}
     yield "lease.renew", {}
     yield "motor.enable", {"retries": 3}

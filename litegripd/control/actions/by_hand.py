@@ -35,6 +35,8 @@ class CalibrateByHand(PlainAction):
 
     def finish(self, saving: Saving) -> Refusal | None:
         """Begin to save; both stops must be marked."""
+        if self._saving is not None:
+            return Refusal("busy", "the calibration is being saved already: wait for its end")
         missing = [side for side in ("closed", "open") if side not in self.marks]
         if missing:
             text = f"{' and '.join(missing)} not marked yet: push the jaws there and mark it"

@@ -3,6 +3,7 @@
 The direction is the one declared before: a stall cannot tell one stop from the other.
 """
 
+from dataclasses import replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step
@@ -43,6 +44,12 @@ class Calibrate(PlainAction):
         if feedback is None:
             return Step()
         self._feedback = feedback
+        step = self._advance(now_s, motor, feedback)
+        if step.outcome is None:
+            return step
+        return replace(step, command=None)  # the hold that follows begins; its bounds are others
+
+    def _advance(self, now_s: float, motor: MotorView, feedback: Feedback) -> Step:
         if self._phase == "saving":
             step = self._saving.step(now_s, motor)
             command = self._gains.at(self._held_rad)

@@ -1,0 +1,146 @@
+"""Grasps in simulation: ours beside the way of the vendor's SDK, on the same objects.
+
+python -m bench.grasps [GRASPS per row, default 10] [SEED, default 1]
+
+Every row is a kind of object, gripped with the default force and speed (20 N, 50 mm/s) at random
+widths, starts and mounts. The time is simulated, so the table is the same on every machine.
+"""
+
+import random
+import statistics
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from bench.rig import DEFAULTS, Rig, VendorGrasp, ours
+from litegripd.control.actions.grasp import GraspRequest
+from litegripd.model.results import GraspResult
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A row: what is gripped (nothing, without figures), and what happens to it."""
+
+    name: str
+    item: dict[str, float] | None
+    vanishes: bool = False
+    thump: bool = False
+
+
+KINDS = (
+    Kind("very stiff, 1500 N·m/rad", {"stiffness_nm_rad": 1500.0}),
+    Kind("stiff, 250 N·m/rad", {"stiffness_nm_rad": 250.0}),
+    Kind("soft, 40 N·m/rad", {"stiffness_nm_rad": 40.0}),
+    Kind("yields at 3 mm/s", {"yield_mm_s": 3.0, "yield_torque_nm": 0.3}),
+    Kind("vanishes while held", {"stiffness_nm_rad": 250.0}, vanishes=True),
+    Kind("nothing, but a thump", None, thump=True),
+)
+
+
+@dataclass(slots=True)
+class Figures:
+    """What was seen of one grasp; None where there was nothing to be seen."""
+
+    right: bool = False
+    peak_nm: float | None = None
+    verdict_ms: float | None = None
+    hold_percent: float | None = None
+    hold_least_nm: float | None = None
+    vanish_mm_s: float | None = None
+    reported_ms: float | None = None
+
+
+def grasp(kind: Kind, way: str, chance: random.Random) -> Figures:
+    """Grasp once, at a width and a start of `chance`."""
+    width_mm = chance.uniform(30.0, 90.0)
+    rig = Rig(chance.choice(("normal", "reverse")), width_mm + chance.uniform(5.0, 25.0))
+    rig.looks = 5
+    if kind.item is not None:
+        rig.gripper.put_object(width_mm=width_mm, **kind.item)
+    request = GraspRequest(DEFAULTS.force_n, DEFAULTS.grasp_speed_mm_s, until="verdict")
+    vendor = way == "vendor"
+    action = VendorGrasp(rig.geometry, request) if vendor else ours(rig.geometry, request)
+    job = rig.begin(action)
+    if kind.thump:
+        thump(rig, chance)
+    rig.run_until(lambda: not job.is_running or rig.gripper.opening_mm <= width_mm)
+    touched_s = rig.now_s
+    rig.run_until(lambda: not job.is_running)
+    expected = "no_object" if kind.item is None else "object_held"
+    seen = Figures(isinstance(job.result, GraspResult) and job.result.outcome == expected)
+    if kind.item is not None:
+        seen.peak_nm, seen.verdict_ms = rig.peak_nm, (rig.now_s - touched_s) * 1e3
+        watch_hold(rig, request.force_n / 10.0, seen)
+    if kind.vanishes:
+        watch_vanishing(rig, seen)
+    return seen
+
+
+def thump(rig: Rig, chance: random.Random) -> None:
+    """Hold the jaws up by hand for a moment, on their way."""
+    rig.run(chance.uniform(0.2, 0.3))
+    rig.gripper.push(-rig.geometry.close_sign * chance.uniform(1.0, 3.0))
+    rig.run(chance.uniform(0.02, 0.07))
+    rig.gripper.push(0.0)
+
+
+def watch_hold(rig: Rig, force_nm: float, seen: Figures) -> None:
+    """Look at the true force for a second, once it has been ramped."""
+    rig.run(1.5)
+    squeezed_nm = []
+    for _ in range(200):
+        rig.tick()
+        squeezed_nm.append(rig.squeeze_nm)
+    seen.hold_percent = (statistics.fmean(squeezed_nm) / force_nm - 1.0) * 100.0
+    seen.hold_least_nm = min(squeezed_nm)
+
+
+def watch_vanishing(rig: Rig, seen: Figures) -> None:
+    """Take the object away, and look how fast the jaws get and when that is noticed."""
+    rig.gripper.remove_object()
+    rig.peak_mm_s, began_s = 0.0, rig.now_s
+    rig.run_until(lambda: not rig.is_grasped or rig.now_s - began_s > 2.0)
+    if not rig.is_grasped:
+        seen.reported_ms = (rig.now_s - began_s) * 1e3
+    rig.run(0.2)
+    seen.vanish_mm_s = rig.peak_mm_s
+
+
+COLUMNS: tuple[tuple[str, str, Callable[[list[Any]], float], str], ...] = (
+    ("peak N·m", "peak_nm", max, ".2f"),
+    ("verdict ms", "verdict_ms", max, ".0f"),
+    ("hold error %", "hold_percent", statistics.fmean, "+.1f"),
+    ("hold min N·m", "hold_least_nm", min, ".2f"),
+    ("vanish mm/s", "vanish_mm_s", max, ".0f"),
+    ("noticed ms", "reported_ms", max, ".0f"),
+)
+
+
+def row(kind: Kind, way: str, seen: list[Figures]) -> str:
+    cells = f"{kind.name:<26}{way:<8}{sum(s.right for s in seen):>4}/{len(seen):<4}"
+    for title, name, summary, form in COLUMNS:
+        values = [value for s in seen if (value := getattr(s, name)) is not None]
+        cells += f"{format(summary(values), form) if values else '-':>{len(title) + 2}}"
+    return cells
+
+
+def main() -> None:
+    """Print the table."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 10
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    titles = "".join(f"  {title}" for title, *_ in COLUMNS)
+    print(f"{'object':<26}{'way':<8}{'right':<9}{titles}")
+    for kind in KINDS:
+        for way in ("ours", "vendor"):
+            chances = (random.Random(f"{seed} {kind.name} {n}") for n in range(count))
+            print(row(kind, way, [grasp(kind, way, chance) for chance in chances]), flush=True)
+    print(
+        "worst of all grasps; the error is the mean. Peak: the motor's true torque up to the"
+        " verdict.\nVerdict: after the first touch. Vanish: the fastest that the jaws get"
+        f" (the grasp speed is {DEFAULTS.grasp_speed_mm_s:g} mm/s)."
+    )
+
+
+if __name__ == "__main__":
+    main()

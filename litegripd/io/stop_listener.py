@@ -1,0 +1,178 @@
+"""The stop socket: whatever is said to it is a stop, in whatever form; nothing else is done here.
+
+It is served before everything else in every tick, so that no flood on the other socket can delay
+it. What it is told is read leniently: who cannot spell still gets the jaws stopped.
+"""
+
+import logging
+import socket
+from collections.abc import Callable
+from typing import TypeAlias
+
+from litegripd.io.listener import LISTEN_BACKLOG
+from litegripd.io.peer import peer_of
+from litegripd.io.urgent import Urgent
+from litegripd.model.errors import Refusal
+from litegripd.model.jobs import Owner, StopLevel
+from litegripd.rpc.stop_line import stop_in
+from litegripd.rpc.wire import encode, error_line, result_line
+
+_log = logging.getLogger(__name__)
+
+MAX_STOP_CONNECTIONS = 64
+MAX_STOP_LINE_BYTES = 1024
+
+OnStop: TypeAlias = Callable[[StopLevel, Owner, str | None], tuple[StopLevel, int]]
+"""Stops by a level, by whom and why; returns the level that is latched then and the generation."""
+
+_GIVES_WAY = Refusal(
+    "too_many_connections",
+    f"{MAX_STOP_CONNECTIONS} connections are open to the stop socket, and this one was idle the"
+    " longest: connect anew to stop",
+    {"limit": MAX_STOP_CONNECTIONS},
+)
+
+
+class StopListener:
+    """Lets whoever may use a bound socket stop the gripper by it.
+
+    Where there are too many connections, the one that has been idle the longest gives way: a
+    newcomer, which may well have come to stop, is never turned away.
+    """
+
+    def __init__(self, urgent: Urgent, listener: socket.socket, on_stop: OnStop) -> None:
+        self._urgent = urgent
+        self._listener = listener
+        self._on_stop = on_stop
+        self._connections: dict[StopConnection, None] = {}  # the longest idle first
+        listener.setblocking(False)
+        listener.listen(LISTEN_BACKLOG)
+        urgent.add(listener.fileno(), self)
+
+    @property
+    def connections(self) -> int:
+        """How many connections are open."""
+        return len(self._connections)
+
+    def on_event(self, _mask: int) -> None:
+        """Let one in, and read at once what it has sent already."""
+        try:
+            accepted, _address = self._listener.accept()
+        except BlockingIOError:
+            return
+        except OSError as error:  # gone already, or no descriptors left
+            _log.debug("a connection to the stop socket could not be let in: %s", error)
+            self._make_room()
+            return
+        if len(self._connections) >= MAX_STOP_CONNECTIONS:
+            self._make_room()
+        connection = StopConnection(accepted, self)
+        self._connections[connection] = None
+        try:
+            self._urgent.add(accepted.fileno(), connection)
+        except OSError as error:  # the user's epoll watches are used up
+            _log.error("a connection to the stop socket is read only once: %s", error)
+            connection.give_way()
+        else:
+            connection.on_event(0)
+
+    def stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
+        """Stop; return what is in force then."""
+        return self._on_stop(level, by, why)
+
+    def touch(self, connection: "StopConnection") -> None:
+        """Note that a connection has said something."""
+        del self._connections[connection]
+        self._connections[connection] = None
+
+    def forget(self, connection: "StopConnection") -> None:
+        """Note that a connection is about to be closed."""
+        self._urgent.remove(connection.fileno())
+        del self._connections[connection]
+
+    def close(self) -> None:
+        """Close the socket and every connection."""
+        self._urgent.remove(self._listener.fileno())
+        self._listener.close()
+        for connection in list(self._connections):
+            connection.close()
+
+    def _make_room(self) -> None:
+        longest_idle = next(iter(self._connections), None)
+        if longest_idle is not None:
+            longest_idle.give_way()
+
+
+class StopConnection:
+    """Somebody at the stop socket; every line is answered, and no answer is waited for.
+
+    One line is taken at a time, the others wait in the kernel. What is left without its newline
+    at the end counts as a line, and so does what is too long for one.
+    """
+
+    def __init__(self, connected: socket.socket, listener: StopListener) -> None:
+        connected.setblocking(False)
+        peer = peer_of(connected)
+        self._owner = Owner(0, peer.pid, peer.uid, peer.program)  # it has no session's number
+        self._socket = connected
+        self._listener = listener
+        self._line = b""
+
+    def fileno(self) -> int:
+        """Return the socket's descriptor."""
+        return self._socket.fileno()
+
+    def on_event(self, _mask: int) -> None:
+        """Read up to the end of a line; stop if there is one, or the end of everything."""
+        taken = self._receive()
+        if taken is None:
+            return
+        self._listener.touch(self)
+        self._line += taken
+        is_whole = self._line.endswith(b"\n")
+        is_over = not taken or (not is_whole and len(self._line) >= MAX_STOP_LINE_BYTES)
+        try:
+            if is_whole or (is_over and self._line):
+                self._stop()
+        finally:
+            if is_over:
+                self.close()
+
+    def give_way(self) -> None:
+        """Close; what has been sent until now is a stop all the same."""
+        self._line += self._receive() or b""
+        try:
+            if self._line:
+                self._stop()
+            else:
+                self._send(error_line(None, _GIVES_WAY))
+        finally:
+            self.close()
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._listener.forget(self)
+        self._socket.close()
+
+    def _receive(self) -> bytes | None:
+        """Return what there is of the line; nothing at the end, None where nothing has come."""
+        try:
+            waiting = self._socket.recv(MAX_STOP_LINE_BYTES - len(self._line), socket.MSG_PEEK)
+            return self._socket.recv(waiting.find(b"\n") + 1 or len(waiting))
+        except BlockingIOError:
+            return None
+        except OSError:  # reset: gone, whatever it has said before
+            return b""
+
+    def _stop(self) -> None:
+        line, self._line = self._line, b""
+        stop = stop_in(line)
+        level, generation = self._listener.stop(stop.level, self._owner, stop.why)
+        result = encode({"level": level, "generation": generation})
+        self._send(result_line(stop.identity, result))
+
+    def _send(self, line: bytes) -> None:
+        try:
+            self._socket.send(line)
+        except OSError as error:
+            _log.debug("%s takes no answer to its stop: %s", self._owner.program, error)

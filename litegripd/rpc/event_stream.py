@@ -1,0 +1,130 @@
+"""Events on the wire: numbered, the latest of each kind kept, and each sent to all who want it.
+
+What the log does with them is not its business. Nothing is dropped here: a client that does not
+read fills its backlog, and the transport closes it.
+"""
+
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import chain
+from typing import get_args
+
+from litegripd.model.events import Event, EventKind
+from litegripd.rpc.session import Session
+from litegripd.rpc.wire import encode, notification_line
+
+EVENT_KINDS: tuple[str, ...] = get_args(EventKind)
+UNASKED_KINDS: tuple[str, ...] = tuple(kind for kind in EVENT_KINDS if kind != "refused")
+"""What a subscription has that names no kinds: refusals are other clients' mistakes."""
+
+KEPT_EVENTS = 32
+
+
+class _Numbered:
+    """One event with its number and time; encoded once, and only when somebody wants it."""
+
+    __slots__ = ("_at_s", "_encoded", "event", "sequence")
+
+    def __init__(self, sequence: int, at_s: float, event: Event) -> None:
+        self.sequence = sequence
+        self.event = event
+        self._at_s = at_s
+        self._encoded: bytes | None = None
+
+    def members(self) -> bytes:
+        """Return the members of its JSON object, without the braces."""
+        if self._encoded is None:
+            event = self.event
+            view = {
+                "seq": self.sequence,
+                "monotonic_s": self._at_s,
+                "kind": event.kind,
+                "message": event.message,
+                "data": dict(event.data),
+            }
+            self._encoded = encode(view)[1:-1]
+        return self._encoded
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class EventSubscription:
+    """One subscription; its client has been told the events up to `after` in the answer to it."""
+
+    number: int
+    session: Session
+    kinds: frozenset[str]
+    after: int
+
+
+class EventStream:
+    """Keeps the subscriptions to events, and tells one client at a time what is new.
+
+    Events wait in rows: all clients are told one row, each in its turn, while what happens
+    meanwhile makes the next. So a flood costs a tick nothing but the time that the transport has.
+    """
+
+    def __init__(self) -> None:
+        self.last_sequence = 0
+        self._kept: dict[str, deque[_Numbered]] = {
+            kind: deque(maxlen=KEPT_EVENTS) for kind in EVENT_KINDS
+        }
+        self._all: dict[int, EventSubscription] = {}
+        self._wanted: frozenset[str] = frozenset()
+        self._next_row: list[_Numbered] = []
+        self._row: tuple[_Numbered, ...] = ()
+        self._to_tell: deque[EventSubscription] = deque()
+
+    def note(self, event: Event, now_s: float) -> None:
+        """Take one event, of the time `now_s`."""
+        self.last_sequence += 1
+        numbered = _Numbered(self.last_sequence, now_s, event)
+        self._kept[event.kind].append(numbered)
+        if event.kind in self._wanted:
+            self._next_row.append(numbered)
+
+    def latest(self, kinds: Iterable[str]) -> bytes:
+        """Return the last `KEPT_EVENTS` of these kinds as a JSON array, the oldest first."""
+        kept = chain.from_iterable(self._kept[kind] for kind in kinds)
+        latest = sorted(kept, key=lambda numbered: numbered.sequence)[-KEPT_EVENTS:]
+        return b"[%b]" % b",".join(b"{%b}" % numbered.members() for numbered in latest)
+
+    def add(self, number: int, session: Session, kinds: Iterable[str]) -> None:
+        """Begin a subscription to what happens from now on."""
+        self._all[number] = EventSubscription(number, session, frozenset(kinds), self.last_sequence)
+        self._find_wanted()
+
+    def remove(self, number: int, session: Session) -> bool:
+        """End a subscription of `session`; tell whether there was one."""
+        sub = self._all.get(number)
+        if sub is None or sub.session is not session:
+            return False
+        del self._all[number]
+        self._find_wanted()
+        return True
+
+    def remove_all(self, session: Session) -> None:
+        """End all subscriptions of a client that is gone."""
+        self._all = {n: sub for n, sub in self._all.items() if sub.session is not session}
+        self._find_wanted()
+
+    @property
+    def pending(self) -> bool:
+        """Whether somebody is still to be told of something."""
+        return bool(self._to_tell or self._next_row)
+
+    def send_one(self) -> None:
+        """Tell the client that has waited longest all that this row has for it."""
+        if not self._to_tell:
+            self._row, self._next_row = tuple(self._next_row), []
+            self._to_tell.extend(self._all.values())
+        sub = self._to_tell.popleft() if self._to_tell else None
+        if sub is None or sub.number not in self._all:
+            return
+        for numbered in self._row:
+            if numbered.event.kind in sub.kinds and numbered.sequence > sub.after:
+                params = b'{"subscription":%d,%b}' % (sub.number, numbered.members())
+                sub.session.write(notification_line("event", params))
+
+    def _find_wanted(self) -> None:
+        self._wanted = frozenset().union(*(sub.kinds for sub in self._all.values()))

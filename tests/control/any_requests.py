@@ -1,0 +1,149 @@
+"""Whatever clients may ask for: requests, configurations and calibrations of every kind."""
+
+from typing import Any, TypeAlias
+
+from hypothesis import strategies as st
+
+from litegripd.model.motion_config import RANGES, MotionConfig
+
+Values: TypeAlias = dict[str, Any]
+
+_DEFAULTS = MotionConfig().as_fields(0.0)
+_LEVELS = st.sampled_from(["hold", "relax", "disable"])
+_STEPS = st.sampled_from(["begin", "closed", "open", "finish", "cancel"])
+
+NORMAL = {"zero_position_rad": 0.114, "max_position_rad": -1.491, "rad_to_mm": 74.8}
+REVERSE = {"zero_position_rad": -1.491, "max_position_rad": 0.114, "rad_to_mm": 74.8}
+
+
+def _field(name: str) -> st.SearchStrategy[tuple[str, float]]:
+    low, high = RANGES[name]
+    ends = st.sampled_from([low, high])
+    values: st.SearchStrategy[float] = ends | st.floats(low, high)
+    if isinstance(_DEFAULTS[name], int):
+        values = ends.map(int) | st.integers(int(low), int(high))
+    return st.tuples(st.just(name), values)
+
+
+def go_together(fields: Values) -> bool:
+    """Whether fields that are in their ranges make a configuration."""
+    all_fields = {**_DEFAULTS, **fields}
+    step_nm = all_fields["calib_kp"] * all_fields["calib_step_rad"]
+    pressing = all_fields["stop_lead_mm"] <= all_fields["max_lead_mm"]
+    return bool(pressing and step_nm <= all_fields["calib_tau_limit"])
+
+
+def repaired(fields: Values) -> Values:
+    """Make the fields go together that must."""
+    all_fields = {**_DEFAULTS, **fields}
+    lead_mm = min(all_fields["stop_lead_mm"], all_fields["max_lead_mm"])
+    limit_nm = 0.999 * all_fields["calib_tau_limit"]
+    kp = max(min(all_fields["calib_kp"], limit_nm / all_fields["calib_step_rad"]), 2.0)
+    step_rad = min(all_fields["calib_step_rad"], limit_nm / kp)
+    return {**fields, "stop_lead_mm": lead_mm, "calib_kp": kp, "calib_step_rad": step_rad}
+
+
+any_fields = st.lists(st.sampled_from(sorted(RANGES)).flatmap(_field), max_size=4).map(dict)
+good_fields = any_fields.map(repaired)
+
+odd_contents = st.fixed_dictionaries(
+    {
+        "zero_position_rad": st.floats(-3.0, 3.0) | st.floats(-101.0, 101.0),
+        "max_position_rad": st.floats(-3.0, 3.0),
+        "rad_to_mm": st.sampled_from([0.001, 74.8, 1e6]),
+    },
+    optional={
+        "kp": st.floats(0.0, 500.0),
+        "kd": st.floats(0.0, 5.0),
+        "calibrated": st.booleans(),
+        "mst_id": st.sampled_from([0, 24, "x", None, [], 1e300]),
+        "channel": st.sampled_from(["can1", 5, None]),
+    },
+)
+contents = st.sampled_from([NORMAL, REVERSE]) | odd_contents
+
+
+def _call(name: str, *parts: st.SearchStrategy[Values]) -> st.SearchStrategy[tuple[str, Values]]:
+    def joined(values: tuple[Values, ...]) -> tuple[str, Values]:
+        return name, {key: value for part in values for key, value in part.items()}
+
+    return st.tuples(*parts).map(joined)
+
+
+def _may(**values: st.SearchStrategy[Any]) -> st.SearchStrategy[Values]:
+    return st.fixed_dictionaries({}, optional=values)
+
+
+def _must(**values: st.SearchStrategy[Any]) -> st.SearchStrategy[Values]:
+    return st.fixed_dictionaries(values)
+
+
+_none: st.SearchStrategy[Values] = st.just({})
+_speed = st.sampled_from([0.1, 20.0, 50.0, 139.0]) | st.floats(0.1, 200.0)
+_force = st.floats(0.5, 30.0)
+_config = _none | _none | _none | _must(config=any_fields) | _must(config=good_fields)
+_flags = _none | _may(wait=st.booleans(), detach=st.booleans(), progress=st.booleans())
+_target = (
+    _must(openness=st.floats(0.0, 1.0))
+    | _must(opening_mm=st.floats(-5.0, 130.0))
+    | _must(position_rad=st.floats(-2.0, 1.0))
+)
+_hold_by = st.sampled_from(["torque", "gains"])
+
+motions = st.one_of(
+    _call("motion.open", _may(speed_mm_s=_speed), _config, _flags),
+    _call("motion.close", _may(speed_mm_s=_speed), _config, _flags),
+    _call(
+        "motion.grasp",
+        _may(force_n=_force, speed_mm_s=_speed, hold_by=_hold_by),
+        _may(hold_s=st.sampled_from([0.0, 0.01, 1.0])),
+        _config,
+        _flags,
+    ),
+    _call(
+        "motion.grasp",
+        _must(until=st.just("verdict")),
+        _may(force_n=_force, hold_by=_hold_by),
+        _config,
+    ),
+    _call("motion.move", _target, _may(speed_mm_s=_speed), _config, _flags),
+    _call("motion.move", _target, _must(duration_s=st.floats(0.01, 100.0)), _config, _flags),
+    _call("motion.hold"),
+    _call("motion.zero_gravity"),
+    _call("motion.set_force", _must(force_n=_force), _config),
+    _call(
+        "stream.set",
+        _target,
+        _may(valid_s=st.floats(0.02, 2.0), speed_mm_s=_speed, torque_nm=st.floats(0.1, 3.0)),
+    ),
+    _call(
+        "calibration.zero",
+        _may(save=st.booleans(), mount=st.sampled_from(["normal", "reverse"])),
+        _config,
+        _flags,
+    ),
+    _call("calibration.manual", _must(step=_STEPS), _may(save=st.booleans())),
+)
+power = st.one_of(
+    _call("motor.enable", _may(on_lost=_LEVELS), _config),
+    _call("motor.enable"),
+    _call("motor.disable"),
+    _call("motor.set_zero", _flags),
+    _call("stop", _may(level=_LEVELS)),
+    _call("stop.clear"),
+    _call("stop.clear"),
+    _call("job.cancel", _must(job=st.integers(1, 6))),
+)
+changes = st.one_of(
+    _call("calibration.load", _may(template=st.sampled_from(["normal", "reverse"]))),
+    _call("calibration.load", _must(content=contents)),
+    _call("calibration.save"),
+    _call("calibration.get"),
+    _call("config.set", _must(config=good_fields), _may(keep=st.booleans())),
+    _call("config.set", _must(config=any_fields)),
+    _call("motor.read_register", _must(register=st.sampled_from(["PMAX", "3", "99", "x"]))),
+    _call("state.get"),
+    _call("job.list"),
+)
+calls = st.one_of(motions, motions, power, changes)
+"""Pairs of a method and its parameters."""

@@ -1,0 +1,169 @@
+"""The limits of every command, written down a second time, and watched tick by tick.
+
+Nothing here uses the last-word filter: what it promises is computed anew from the calibration, the
+configuration and the measurement. `slack` is what the codes of a frame may add by rounding.
+"""
+
+import math
+
+from litegripd.control.actions.by_hand import CalibrateByHand
+from litegripd.control.actions.calibrate import Calibrate
+from litegripd.control.engine import Engine
+from litegripd.control.grip import Grip
+from litegripd.control.rest import Hold, Relax, Rest
+from litegripd.model.geometry import Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
+
+PEAK_NM, RATED_NM, PEAK_NM_S = 7.0, 3.0, 2.0
+TINY = 1e-9
+
+
+def asked_nm(command: MitCommand, feedback: Feedback) -> float:
+    """Return the most torque that a command can ask for."""
+    lead_rad = abs(command.position_rad - feedback.position_rad)
+    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
+    held_nm = command.kp_nm_rad * lead_rad
+    return held_nm + command.kd_nm_s_rad * slip_rad_s + abs(command.torque_nm)
+
+
+def slack_nm(command: MitCommand, feedback: Feedback, ranges: Ranges) -> float:
+    """Return by how much rounding to codes may raise that torque."""
+    lead_rad = abs(command.position_rad - feedback.position_rad)
+    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
+    by_gains = 500.0 / 4095 * lead_rad + 5.0 / 4095 * slip_rad_s
+    by_position = command.kp_nm_rad * ranges.position_rad / 65535
+    by_velocity = command.kd_nm_s_rad * ranges.velocity_rad_s / 4095
+    return by_gains + by_position + by_velocity + ranges.torque_nm / 4095
+
+
+class LimitWatch:
+    """Watches one engine; `begin` just before a tick, `check` just after it."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._impulse_nm_s = 0.0
+        self._last: tuple[float, float] | None = None
+        self._probe: Calibrate | CalibrateByHand | None = None
+        self._geometry: Geometry | None = None
+        self._stopped = False
+        self._was_stopped = False
+        self._before: tuple[MotorPhase, Rest, MitCommand | None] = (
+            MotorPhase.UNKNOWN,
+            engine.rest,
+            None,
+        )
+
+    def begin(self) -> None:
+        engine = self._engine
+        action, running = engine.action, engine.jobs.running
+        self._geometry = engine.geometry
+        self._probe = action if isinstance(action, Calibrate | CalibrateByHand) else None
+        self._was_stopped = self._stopped
+        self._stopped = engine.stop_latch.latched is not None
+        if self._stopped:
+            assert running is None or running.kind == "disable"
+
+    def check(
+        self,
+        now_s: float,
+        command: MitCommand | None,
+        feedback: Feedback | None,
+        ranges: Ranges,
+        *,
+        is_motion: bool,
+        in_codes: bool = False,
+        is_repeated: bool = False,
+    ) -> None:
+        """Check what is sent in this tick, None where it is no command."""
+        engine = self._engine
+        assert sum(job.is_running for job in engine.jobs) <= 1
+        self._check_stopped(feedback)
+        if command is None:
+            self._charge(now_s, 0.0)
+            return
+        assert engine.motor.phase is MotorPhase.ENABLED
+        assert feedback is not None
+        slack = slack_nm(command, feedback, ranges) if in_codes else TINY
+        self._check_fields(command, ranges)
+        torque_nm = asked_nm(command, feedback)
+        if is_repeated:  # without its velocity, which leaves a damping that can only brake
+            slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
+            torque_nm -= command.kd_nm_s_rad * slip_rad_s
+        assert torque_nm <= PEAK_NM + slack
+        probe = self._probe if is_motion else None
+        config = engine.config if probe is None else _config_of(probe, engine)
+        code_rad = ranges.position_rad / 65535 if in_codes else TINY
+        lead_rad = abs(command.position_rad - feedback.position_rad) - code_rad
+        fits = lead_rad <= config.calib_step_rad and torque_nm - slack <= config.calib_tau_limit
+        if probe is None:  # a calibration may have been taken in this very tick
+            known = [g for g in (self._geometry, engine.geometry) if g is not None]
+            fits = fits and len(known) < 2
+            fits = fits or any(self._is_inside(g, command, feedback, code_rad) for g in known)
+        assert fits, (command, feedback, config, self._geometry, engine.geometry)
+        if isinstance(probe, CalibrateByHand):
+            assert command.kp_nm_rad == command.kd_nm_s_rad == 0.0
+        self._charge(now_s, max(torque_nm - slack, 0.0))
+
+    def _check_fields(self, command: MitCommand, ranges: Ranges) -> None:
+        for value, limit in (
+            (command.position_rad, ranges.position_rad),
+            (command.velocity_rad_s, ranges.velocity_rad_s),
+            (command.torque_nm, ranges.torque_nm),
+        ):
+            assert math.isfinite(value)
+            assert abs(value) <= limit
+        assert 0.0 <= command.kp_nm_rad <= 500.0
+        assert 0.0 <= command.kd_nm_s_rad <= 5.0
+
+    def _is_inside(
+        self, geometry: Geometry, command: MitCommand, feedback: Feedback, code_rad: float
+    ) -> bool:
+        """Whether a command lies in the widened travel, or between there and the jaws."""
+        beyond_rad = self._engine.config.press_overshoot * geometry.travel_rad + code_rad
+        low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad))
+        low_rad = min(low_rad - beyond_rad, feedback.position_rad - code_rad)
+        high_rad = max(high_rad + beyond_rad, feedback.position_rad + code_rad)
+        return low_rad - TINY <= command.position_rad <= high_rad + TINY
+
+    def _charge(self, now_s: float, torque_nm: float) -> None:
+        """Sum what exceeds the rating; once it is used up, the rating counts."""
+        if self._last is not None:
+            last_s, last_nm = self._last
+            elapsed_s = max(now_s - last_s, 0.0)
+            self._impulse_nm_s += (last_nm - RATED_NM) * elapsed_s
+            self._impulse_nm_s = max(self._impulse_nm_s, 0.0)
+            if self._impulse_nm_s > PEAK_NM_S + TINY:
+                assert torque_nm <= RATED_NM + TINY
+        self._last = (now_s, torque_nm)
+
+    def _check_stopped(self, feedback: Feedback | None) -> None:
+        """While a stop is latched what is wanted stands still, lets go, or squeezes less."""
+        engine = self._engine
+        before, self._before = (
+            self._before,
+            (engine.motor.phase, engine.rest, engine.output.requested),
+        )
+        requested = engine.output.requested
+        if not self._stopped or requested is None or feedback is None:
+            return
+        phase, rest, was = before
+        if isinstance(engine.rest, Relax):
+            assert requested.kp_nm_rad == requested.kd_nm_s_rad == requested.torque_nm == 0.0
+            return
+        if isinstance(engine.rest, Hold):
+            assert requested == engine.rest.gains.at(engine.rest.position_rad)
+        if phase is not MotorPhase.ENABLED or was is None or not self._was_stopped:
+            return
+        if isinstance(engine.rest, Grip):
+            assert engine.rest is rest
+            assert abs(requested.torque_nm) <= abs(was.torque_nm) + TINY
+            assert requested.torque_nm * was.torque_nm >= 0.0
+        elif isinstance(rest, Grip):
+            assert requested.position_rad == feedback.position_rad  # what it held is lost
+        else:
+            assert engine.rest is rest
+
+
+def _config_of(probe: Calibrate | CalibrateByHand, engine: Engine) -> MotionConfig:
+    return probe._config if isinstance(probe, Calibrate) else engine.config

@@ -1,0 +1,216 @@
+"""Moves to a position: by what they are asked for, how long they take, and what may block them."""
+
+import math
+
+import pytest
+
+from litegripd.sim.parameters import SimulatorParameters
+from tests.world import PERIOD_S, Client, World
+
+MM_RAD = 74.8
+LEAD_RAD = 4.0 / MM_RAD
+CODE_RAD = 25.0 / 65535
+MOUNTS = ("normal", "reverse")
+
+
+def at_opening(opening_mm: float, mount: str = "normal") -> tuple[World, Client]:
+    closed_rad, open_rad = (0.114, -1.491) if mount == "normal" else (-1.491, 0.114)
+    parameters = SimulatorParameters(
+        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
+    )
+    world = World(mount, parameters=parameters)
+    return world, world.enabled()
+
+
+def arrival_s(world: World, client: Client, opening_mm: float, **params: object) -> float:
+    """Run a move to `opening_mm`; return when the jaws were first within half a millimetre."""
+    began_s = world.now_s
+    number = client.send("motion.move", opening_mm=opening_mm, **params)
+    world.run_until(lambda: abs(world.gripper.opening_mm - opening_mm) < 0.5, 60.0)
+    arrived_s = world.now_s - began_s
+    world.run_until(lambda: client.has_answer(number), 60.0)
+    result = client.answers[number]["result"]
+    assert (result["ok"], result["outcome"], result["reached"]) == (True, "reached", True)
+    return arrived_s
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize(
+    "target",
+    [
+        {"opening_mm": 90.0},
+        {"opening_mm": 20.0},
+        {"openness": 0.75},
+        {"openness": 0.0},
+        {"openness": 1.0},
+        {"position_rad": -0.2},
+    ],
+)
+def test_it_goes_where_it_is_told_to_by_any_quantity(mount: str, target: dict[str, float]) -> None:
+    world, client = at_opening(60.0, mount)
+    geometry = world.engine.geometry
+    assert geometry is not None
+    result = client.result("motion.move", **target)
+    assert (result["ok"], result["outcome"]) == (True, "reached")
+    assert (result["reached"], result["stalled"], result["protected"]) == (True, False, False)
+    wanted_mm = target.get("opening_mm", target.get("openness", 0.0) * geometry.travel_mm)
+    if "position_rad" in target:
+        wanted_mm = geometry.opening_mm(target["position_rad"])
+    assert geometry.opening_mm(result["target_rad"]) == pytest.approx(wanted_mm, abs=1e-6)
+    assert world.gripper.opening_mm == pytest.approx(wanted_mm, abs=1.5)
+    world.run(0.5)
+    assert world.state.mode == "holding"
+    assert abs(world.gripper.velocity_rad_s) < 1e-3
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("duration_s", [0.8, 2.0, 8.0])
+@pytest.mark.parametrize("opening_mm", [100.0, 30.0])
+def test_it_arrives_in_the_time_that_it_is_given(
+    mount: str, duration_s: float, opening_mm: float
+) -> None:
+    world, client = at_opening(60.0, mount)
+    took_s = arrival_s(world, client, opening_mm, duration_s=duration_s)
+    assert took_s == pytest.approx(duration_s, rel=0.1)
+
+
+@pytest.mark.parametrize("speed", [10.0, 50.0, 120.0])
+def test_it_goes_at_the_speed_that_it_is_given(speed: float) -> None:
+    world, client = at_opening(100.0)
+    assert arrival_s(world, client, 20.0, speed_mm_s=speed) == pytest.approx(80.0 / speed, rel=0.1)
+
+
+def test_without_a_speed_it_is_that_of_the_configuration() -> None:
+    world, client = at_opening(100.0)
+    assert arrival_s(world, client, 20.0) == pytest.approx(80.0 / 50.0, rel=0.1)
+    took_s = arrival_s(world, client, 100.0, config={"speed_mm_s": 20.0})
+    assert took_s == pytest.approx(80.0 / 20.0, rel=0.1)
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize(
+    ("from_mm", "to_mm", "duration_s"),
+    [
+        (60.0, 65.0, 10.0),  # 0.5 mm/s
+        (60.0, 55.0, 10.0),
+        (60.0, 63.0, 30.0),  # 0.1 mm/s
+        (15.0, 8.0, 10.0),
+        (8.0, 3.0, 5.0),  # where the closing side sticks
+        (60.0, 62.0, 0.5),
+        (119.0, 116.0, 6.0),
+    ],
+)
+def test_short_and_slow_moves_arrive(
+    mount: str, from_mm: float, to_mm: float, duration_s: float
+) -> None:
+    """Static friction holds slow jaws for longer than a stall window; they are not blocked."""
+    world, client = at_opening(from_mm, mount)
+    began_s = world.now_s
+    answer = client.call("motion.move", within_s=60.0, opening_mm=to_mm, duration_s=duration_s)
+    result = answer["result"]
+    assert (result["outcome"], result["stalled"]) == ("reached", False)
+    assert world.now_s - began_s == pytest.approx(duration_s + 0.3, rel=0.1)
+    assert world.gripper.opening_mm == pytest.approx(to_mm, abs=1.5)
+
+
+def test_a_slow_speed_is_none_that_stalls() -> None:
+    world, client = at_opening(60.0)
+    result = client.result("motion.move", opening_mm=61.0, speed_mm_s=0.1)
+    assert result["outcome"] == "reached"
+
+
+def test_a_move_to_where_the_jaws_are_is_over_at_once() -> None:
+    world, client = at_opening(60.0)
+    began_s = world.now_s
+    geometry = world.engine.geometry
+    assert geometry is not None
+    here_mm = geometry.opening_mm(world.engine.motor.feedback.position_rad)  # type: ignore
+    for params in ({}, {"duration_s": 5.0}):
+        assert client.result("motion.move", opening_mm=here_mm, **params)["outcome"] == "reached"
+    assert world.now_s - began_s < 1.0
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("params", [{}, {"duration_s": 60.0}, {"speed_mm_s": 120.0}])
+def test_an_object_in_the_way_blocks_it(mount: str, params: dict[str, float]) -> None:
+    world, client = at_opening(60.0, mount)
+    world.gripper.put_object(width_mm=50.0)
+    number = client.send("motion.move", opening_mm=10.0, **params)
+    strongest_nm = 0.0
+    while not client.has_answer(number):
+        world.tick()
+        strongest_nm = max(strongest_nm, abs(world.gripper.motor_torque_nm))
+    result = client.answers[number]["result"]
+    assert (result["ok"], result["outcome"]) == (False, "blocked")
+    assert (result["reached"], result["stalled"], result["protected"]) == (False, True, False)
+    assert world.gripper.opening_mm == pytest.approx(50.0, abs=3.0)
+    assert strongest_nm <= 7.0
+    world.run(0.5)
+    assert world.state.mode == "holding"
+    assert abs(world.gripper.motor_torque_nm) < 1.0
+    assert world.gripper.opening_mm == pytest.approx(50.0, abs=3.0)
+
+
+@pytest.mark.parametrize("opening_mm", [0.0, 1.0, 60.0, 119.0])
+def test_the_commands_lead_is_bounded_in_two_tiers(opening_mm: float) -> None:
+    world, client = at_opening(100.0 if opening_mm < 70.0 else 10.0)
+    number = client.send("motion.move", opening_mm=opening_mm, speed_mm_s=120.0)
+    geometry = world.engine.geometry
+    assert geometry is not None
+    while not client.has_answer(number):
+        world.tick()
+        feedback = world.engine.motor.feedback
+        assert feedback is not None
+        command = world.commands_since(world.now_s)[-1][1]
+        here_mm = geometry.opening_mm(feedback.position_rad)
+        short_mm = here_mm if opening_mm < 70.0 else geometry.travel_mm - here_mm
+        allowed_rad = 0.7 / MM_RAD if short_mm <= 2.0 else LEAD_RAD
+        lead_rad = abs(command.position_rad - feedback.position_rad)
+        if world.engine.jobs.running is not None:
+            assert lead_rad <= allowed_rad + CODE_RAD
+
+
+@pytest.mark.parametrize(
+    ("params", "field"),
+    [
+        ({"opening_mm": 121.0}, "opening_mm"),
+        ({"opening_mm": -1.0}, "opening_mm"),
+        ({"position_rad": 0.2}, "position_rad"),
+        ({"opening_mm": 0.0, "duration_s": 0.1}, "duration_s"),
+        ({"opening_mm": 0.0, "speed_mm_s": 200.0}, "speed_mm_s"),
+    ],
+)
+def test_what_cannot_be_is_refused_with_the_limit(params: dict[str, float], field: str) -> None:
+    world, client = at_opening(60.0)
+    error = client.call("motion.move", **params)["error"]["data"]
+    assert (error["reason"], error["field"]) == ("out_of_limits", field)
+    assert error["requested"] == params[field]
+    limits = error["limit"] if isinstance(error["limit"], list) else [error["limit"]]
+    assert all(math.isfinite(limit) for limit in limits)
+    assert world.engine.jobs.running is None
+
+
+@pytest.mark.parametrize(
+    "params",
+    [
+        {},
+        {"opening_mm": 10.0, "openness": 0.5},
+        {"opening_mm": 10.0, "speed_mm_s": 50.0, "duration_s": 2.0},
+    ],
+)
+def test_it_takes_one_target_and_a_speed_or_a_time(params: dict[str, float]) -> None:
+    world, client = at_opening(60.0)
+    assert client.refusal("motion.move", **params) == "invalid_params"
+    assert world.engine.jobs.running is None
+
+
+def test_progress_tells_phase_and_steps() -> None:
+    world, client = at_opening(60.0)
+    number = client.send("motion.move", opening_mm=100.0, progress=True)
+    world.run_until(lambda: client.has_answer(number))
+    reports = [n["params"] for n in client.notifications if n["method"] == "job.progress"]
+    phases = [report["phase"] for report in reports]
+    assert sorted(set(phases), key=phases.index) == ["ramp", "settle"]
+    total = reports[0]["total_steps"]
+    assert total == pytest.approx(40.0 / 50.0 / PERIOD_S, abs=2)
+    assert all(report["step"] <= total for report in reports)

@@ -1,0 +1,193 @@
+"""Setting the force: of a grasp that runs, of what is held, and from where the jaws are."""
+
+from typing import Any
+
+import pytest
+
+from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from tests.world import Client, World
+
+MOUNTS = ("normal", "reverse")
+FORCE_CODE_NM = 0.05  # a code of torque, and one of velocity under the damping of a hold
+
+
+def with_object(width_mm: float | None = 50.0, mount: str = "normal") -> tuple[World, Client]:
+    closed_rad, open_rad = limits_of_mount(mount)
+    parameters = SimulatorParameters(
+        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=70.0
+    )
+    world = World(mount, parameters=parameters)
+    if width_mm is not None:
+        world.gripper.put_object(width_mm=width_mm)
+    return world, world.enabled()
+
+
+def squeeze_nm(world: World) -> float:
+    """Return the motor's true torque in the closing direction."""
+    geometry = world.engine.geometry
+    assert geometry is not None
+    return geometry.close_sign * world.gripper.motor_torque_nm
+
+
+def holding(client: Client, **params: Any) -> int:
+    """Begin a grasp that holds until told otherwise; return its job."""
+    world = client.world
+    client.send("motion.grasp", force_n=10, **params)
+    world.run_until(lambda: world.state.is_grasped)
+    world.run(1.0)
+    job = world.engine.jobs.running
+    assert job is not None
+    return job.number
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_a_running_grasp_goes_on_with_the_new_force(mount: str) -> None:
+    world, client = with_object(mount=mount)
+    number = holding(client)
+    jobs = len(list(world.engine.jobs))
+    for force_n in (25.0, 3.0):
+        result = client.result("motion.set_force", force_n=force_n)
+        assert (result["job"], result["force_n"]) == (number, force_n)
+        assert result["state"]["force_set_n"] == force_n
+        world.run(2.0)
+        assert squeeze_nm(world) == pytest.approx(force_n / 10, abs=FORCE_CODE_NM)
+    assert len(list(world.engine.jobs)) == jobs
+    assert world.engine.jobs.running is not None
+    assert world.engine.jobs.running.number == number
+    assert world.state.is_grasped
+
+
+def test_the_result_of_the_grasp_tells_the_force_that_it_held_with_last() -> None:
+    world, client = with_object()
+    number = client.send("motion.grasp", force_n=10, hold_s=3.0)
+    world.run_until(lambda: world.state.is_grasped)
+    client.result("motion.set_force", force_n=15)
+    world.run_until(lambda: client.has_answer(number))
+    assert client.answers[number]["result"]["force_n"] == 15
+
+
+def test_anothers_grasp_is_not_touched() -> None:
+    world, client = with_object()
+    number = holding(client)
+    other = world.client()
+    answer = other.call("motion.set_force", force_n=25)
+    assert answer["error"]["data"]["reason"] == "busy"
+    assert answer["error"]["data"]["job"] == number
+    world.run(1.0)
+    assert world.state.force_set_n == 10
+    assert squeeze_nm(world) == pytest.approx(1.0, abs=FORCE_CODE_NM)
+
+
+def test_what_a_grasp_has_left_is_held_with_the_new_force_by_anybody() -> None:
+    world, client = with_object()
+    client.result("motion.grasp", force_n=10, until="verdict")
+    world.run(1.0)
+    result = world.client().result("motion.set_force", force_n=20)
+    assert result["state"]["force_set_n"] == 20
+    assert client.result("job.get", job=result["job"])["state"] == "done"
+    world.run(1.0)
+    assert squeeze_nm(world) == pytest.approx(2.0, abs=FORCE_CODE_NM)
+    assert world.state.is_grasped
+    assert world.state.mode == "holding"
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_without_a_hold_the_jaws_squeeze_from_where_they_are(mount: str) -> None:
+    world, client = with_object(mount=mount)
+    assert client.result("motion.set_force", force_n=12)["force_n"] == 12
+    world.run(3.0)
+    assert world.gripper.opening_mm == pytest.approx(50.0, abs=2.0)
+    assert squeeze_nm(world) == pytest.approx(1.2, abs=FORCE_CODE_NM)
+    assert world.state.force_set_n == 12
+    assert not world.state.is_grasped  # nobody has looked whether something is there
+
+
+def test_with_nothing_between_them_the_jaws_close_no_faster_than_a_grasp() -> None:
+    world, client = with_object(None)
+    client.result("motion.set_force", force_n=30)
+    fastest_mm_s = 0.0
+    for _ in range(800):
+        world.tick()
+        fastest_mm_s = max(fastest_mm_s, abs(world.gripper.velocity_rad_s) * 74.8)
+    assert fastest_mm_s < 100.0
+    assert world.gripper.opening_mm < 1.0
+    assert squeeze_nm(world) == pytest.approx(3.0, abs=FORCE_CODE_NM)
+    assert client.result("motion.open")["outcome"] == "pressed_home"
+    assert world.state.force_set_n is None
+
+
+@pytest.mark.parametrize("rate_n_s", [5.0, 20.0, 100.0])
+@pytest.mark.parametrize("force_n", [2.0, 25.0])
+def test_the_force_of_a_hold_changes_at_its_rate(rate_n_s: float, force_n: float) -> None:
+    world, client = with_object()
+    holding(client, config={"force_rate_n_s": rate_n_s})
+    since_s = world.now_s
+    client.result("motion.set_force", force_n=force_n)
+    world.run(20.0 / rate_n_s + 0.5)
+    torques_nm = [(at_s, command.torque_nm) for at_s, command in world.commands_since(since_s)]
+    expected_s = abs(force_n - 10.0) / rate_n_s
+    reached_s = next(
+        at_s - since_s for at_s, torque_nm in torques_nm if abs(torque_nm - force_n / 10) < 0.004
+    )
+    assert reached_s == pytest.approx(expected_s, rel=0.05, abs=0.01)
+    for (was_s, was_nm), (is_s, is_nm) in zip(torques_nm, torques_nm[1:], strict=False):
+        assert abs(is_nm - was_nm) <= rate_n_s / 10 * (is_s - was_s) + 0.005
+
+
+def test_the_rate_of_the_call_counts_where_the_squeeze_begins() -> None:
+    world, client = with_object()
+    client.result("motion.set_force", force_n=20, config={"force_rate_n_s": 4.0})
+    since_s = world.now_s
+    world.run(6.0)
+    torques_nm = [(at_s, command.torque_nm) for at_s, command in world.commands_since(since_s)]
+    reached_s = next(at_s - since_s for at_s, torque_nm in torques_nm if torque_nm > 1.99)
+    assert reached_s == pytest.approx(5.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("force_n", "reason"), [(0.4, "invalid_params"), (31, "invalid_params"), (None, None)]
+)
+def test_a_force_that_no_jaw_may_have_is_refused(force_n: float | None, reason: str | None) -> None:
+    world, client = with_object()
+    params = {} if force_n is None else {"force_n": force_n}
+    assert client.refusal("motion.set_force", **params) == (reason or "invalid_params")
+    assert world.state.force_set_n is None
+
+
+def test_it_is_refused_where_no_motion_may_begin() -> None:
+    world = World().start()
+    client = world.client()
+    assert client.refusal("motion.set_force", force_n=5) == "not_enabled"
+    client.result("motor.enable")
+    client.send("motion.open")
+    world.run(0.1)
+    assert client.refusal("motion.set_force", force_n=5) == "busy"
+    client.result("stop")
+    assert client.refusal("motion.set_force", force_n=5) == "stopped"
+    unknown = World(calibrated=False)
+    assert unknown.enabled().refusal("motion.set_force", force_n=5) == "not_calibrated"
+
+
+@pytest.mark.parametrize("when", ["running", "left"])
+def test_a_stop_keeps_the_force_and_lets_it_rise_no_further(when: str) -> None:
+    world, client = with_object()
+    if when == "running":
+        holding(client)
+    else:
+        client.result("motion.grasp", force_n=10, until="verdict")
+        world.run(1.0)
+    client.result("motion.set_force", force_n=30)
+    world.run(0.5)  # at 20 N/s half of the way
+    in_flight_nm = squeeze_nm(world)
+    assert 1.5 < in_flight_nm < 2.5
+    world.client().send("stop")
+    assert client.refusal("motion.set_force", force_n=30) == "stopped"
+    for _ in range(400):
+        world.tick()
+        assert squeeze_nm(world) <= in_flight_nm + 2 * FORCE_CODE_NM
+    assert squeeze_nm(world) == pytest.approx(in_flight_nm, abs=2 * FORCE_CODE_NM)
+    assert world.gripper.opening_mm == pytest.approx(50.0, abs=2.0)
+    client.result("stop.clear")
+    client.result("motion.set_force", force_n=5)
+    world.run(2.0)
+    assert squeeze_nm(world) == pytest.approx(0.5, abs=FORCE_CODE_NM)

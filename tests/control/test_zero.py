@@ -1,0 +1,353 @@
+"""Calibrating by probing: what it measures, how gently, and that nothing changes when it fails."""
+
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from litegripd.control.probe import Probe
+from litegripd.model.calibration import Calibration, read_content
+from litegripd.model.errors import Refusal
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback
+from litegripd.motor import codec
+from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from tests.control.limits import LimitWatch
+from tests.world import CAN_ID, Client, World, is_command
+
+MOUNTS = ("normal", "reverse")
+CONFIG = MotionConfig()
+FAST = {"calib_kd": 0.6}
+TRAVEL_RAD, MM_RAD = 1.605, 74.8
+KEYS = {
+    "channel",
+    "can_id",
+    "mst_id",
+    "canfd_mode",
+    "calibrated",
+    "zero_position_rad",
+    "max_position_rad",
+    "travel_range_rad",
+    "rad_to_mm",
+    "motor_type",
+    "kp",
+    "kd",
+    "grasp_torque_threshold",
+}
+
+
+def gripper(
+    mount: str = "normal", *, opening_mm: float = 60.0, calibrated: bool = True
+) -> tuple[World, Client]:
+    closed_rad, open_rad = limits_of_mount(mount)
+    parameters = SimulatorParameters(
+        closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
+    )
+    world = World(mount, calibrated=calibrated, parameters=parameters)
+    return world, world.enabled()
+
+
+def watched(world: World, client: Client, **params: Any) -> dict[str, Any]:
+    """Calibrate, with an eye on every command; return the result."""
+    watch, strongest_nm = LimitWatch(world.engine), 0.0
+    number = client.send("calibration.zero", **params)
+    action = world.engine.action
+    while not client.has_answer(number):
+        watch.begin()
+        world.tick()
+        feedback, is_on = world.engine.motor.feedback, world.engine.action is action
+        frames = [s.frame for s in world.sent if s.at_s == world.now_s]
+        commands = [f.data for f in frames if f.can_id == CAN_ID and is_command(f)]
+        command = codec.decode_command(commands[-1], world.ranges)
+        watch.check(world.now_s, command, feedback, world.ranges, is_motion=is_on, in_codes=True)
+        if is_on:
+            strongest_nm = max(strongest_nm, abs(world.gripper.motor_torque_nm))
+    ceiling_nm = params.get("config", {}).get("calib_tau_limit", CONFIG.calib_tau_limit)
+    assert strongest_nm <= ceiling_nm + 0.05
+    result: dict[str, Any] = client.answers[number]["result"]
+    return result
+
+
+def in_use(world: World) -> tuple[Calibration | None, str | None, Refusal]:
+    known = world.engine.calibrated
+    return known.calibration, known.file, known.problem
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("opening_mm", [0.0, 60.0, 120.0])
+def test_it_measures_the_travel(mount: str, opening_mm: float) -> None:
+    world, client = gripper(mount, opening_mm=opening_mm)
+    result = watched(world, client)
+    assert (result["ok"], result["outcome"], result["message"]) == (True, "measured", None)
+    closed_rad, open_rad = limits_of_mount(mount)
+    assert result["travel_rad"] == pytest.approx(TRAVEL_RAD, rel=0.01)
+    assert result["rad_to_mm"] == pytest.approx(MM_RAD, rel=0.01)
+    assert result["closed_rad"] == pytest.approx(closed_rad, abs=0.01)
+    assert result["open_rad"] == pytest.approx(open_rad, abs=0.01)
+    assert result["state"]["mount"] == mount
+    geometry = world.engine.geometry
+    assert geometry is not None
+    assert (geometry.closed_rad, geometry.open_rad) == (result["closed_rad"], result["open_rad"])
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_the_jaws_do_not_stay_pressed_against_each_other(mount: str) -> None:
+    world, client = gripper(mount)
+    watched(world, client)
+    world.run(0.5)
+    assert 2.0 < world.gripper.opening_mm < 6.0
+    assert abs(world.gripper.motor_torque_nm) < 0.3
+    assert world.state.mode == "holding"
+    for method in ("motion.open", "motion.close"):
+        assert client.result(method)["outcome"] == "pressed_home"
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize(
+    "config",
+    [
+        {"calib_kp": 40.0, "calib_kd": 4.0},
+        {"calib_step_rad": 0.025, "calib_kp": 40.0, "calib_tau_limit": 1.0},
+        {"sample_interval": 0.02, "calib_stall_cycles": 12, "calib_max_iter": 2000},
+    ],
+)
+def test_it_is_as_gentle_with_other_settings(mount: str, config: dict[str, float]) -> None:
+    world, client = gripper(mount)
+    result = watched(world, client, config=config)
+    assert result["outcome"] == "measured"
+    assert result["travel_rad"] == pytest.approx(TRAVEL_RAD, rel=0.03)  # the ends are soft
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_an_uncalibrated_gripper_needs_to_be_told_its_mount(mount: str) -> None:
+    world, client = gripper(mount, calibrated=False)
+    assert client.refusal("calibration.zero") == "not_calibrated"
+    result = watched(world, client, mount=mount)
+    assert (result["ok"], result["state"]["mount"]) == (True, mount)
+    assert result["travel_rad"] == pytest.approx(TRAVEL_RAD, rel=0.01)
+    assert client.result("motion.open")["outcome"] == "pressed_home"
+
+
+def test_the_file_has_the_keys_of_the_vendors_sdk() -> None:
+    world, client = gripper()
+    result = watched(world, client)
+    saved = world.disk.saved["calibration.save"]
+    content = saved["content"]
+    assert result["path"] == "/state/calibration.save"
+    assert (saved["channel"], content) == (world.engine.unit.channel, result["content"])
+    assert content.keys() == KEYS
+    assert json.loads(json.dumps(content)) == content
+    assert content["zero_position_rad"] == result["closed_rad"]
+    assert content["max_position_rad"] == result["open_rad"]
+    assert content["travel_range_rad"] == result["travel_rad"]
+    assert content["rad_to_mm"] == result["rad_to_mm"]
+    assert (content["can_id"], content["mst_id"], content["calibrated"]) == (0x08, 0x18, True)
+    assert (content["kp"], content["kd"], content["motor_type"]) == (100.0, 2.0, "DM4310")
+    known = client.result("calibration.get")
+    assert (known["file"], known["content"]) == (result["path"], content)
+
+
+def test_what_a_file_held_besides_is_kept() -> None:
+    world, client = gripper()
+    before = {
+        "zero_position_rad": 0.1,
+        "max_position_rad": -1.4,
+        "rad_to_mm": 80.0,
+        "kp": 55.0,
+        "note": {"by": "hand"},
+        "channel": "can7",
+    }
+    world.engine.use_calibration(read_content(before), file="/old")
+    content = watched(world, client)["content"]
+    assert (content["note"], content["kp"], content["kd"]) == ({"by": "hand"}, 55.0, 2.0)
+    assert content["channel"] == world.engine.unit.channel
+    assert world.engine.gains.kp_nm_rad == 55.0
+
+
+def test_it_need_not_be_saved() -> None:
+    world, client = gripper()
+    result = watched(world, client, save=False)
+    assert (result["ok"], result["path"]) == (True, None)
+    assert result["content"].keys() == KEYS
+    assert world.disk.saved == {}
+    assert client.result("calibration.get")["file"] is None
+    geometry = world.engine.geometry
+    assert geometry is not None
+    assert geometry.closed_rad == result["closed_rad"]
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("width_mm", [35.0, 55.0])
+def test_something_between_the_jaws_changes_nothing(mount: str, width_mm: float) -> None:
+    world, client = gripper(mount)
+    world.gripper.put_object(width_mm=width_mm)
+    before = in_use(world)
+    result = watched(world, client)
+    assert (result["ok"], result["outcome"]) == (False, "implausible_travel")
+    assert "rad apart" in result["message"]
+    assert (result["travel_rad"], result["content"], result["path"]) == (None, None, None)
+    assert in_use(world) == before
+    assert world.disk.saved == {}
+    world.run(0.5)
+    assert abs(world.gripper.motor_torque_nm) < 0.3
+
+
+def test_a_stop_that_is_not_met_in_time_changes_nothing() -> None:
+    world, client = gripper()
+    before = in_use(world)
+    result = watched(world, client, config={"calib_max_iter": 10})
+    assert (result["ok"], result["outcome"]) == (False, "not_found")
+    assert "open stop" in result["message"]
+    assert "calib_max_iter" in result["message"]
+    assert in_use(world) == before
+    assert world.disk.saved == {}
+    world.run(0.3)
+    assert abs(world.gripper.velocity_rad_s) < 0.01
+
+
+@pytest.mark.parametrize("calibrated", [True, False])
+def test_a_file_that_cannot_be_written_changes_nothing(calibrated: bool) -> None:
+    world, client = gripper(calibrated=calibrated)
+    before = in_use(world)
+    world.disk.error = "no space left on the device"
+    result = watched(world, client, mount="normal")
+    assert (result["ok"], result["outcome"]) == (False, "not_saved")
+    assert "no space left" in result["message"]
+    assert in_use(world) == before
+    assert client.result("calibration.get")["calibrated"] is calibrated
+
+
+def test_a_helper_that_does_not_answer_is_not_waited_for_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world, client = gripper()
+    before = in_use(world)
+    monkeypatch.setattr(world, "_run_errands", lambda: None)
+    result = client.result("calibration.zero", config=FAST)
+    assert (result["ok"], result["outcome"]) == (False, "not_saved")
+    assert in_use(world) == before
+    (errand,) = world.engine.errands
+    errand.on_result(world.disk.do(errand))  # too late
+    world.run(0.1)
+    assert in_use(world) == before
+
+
+@pytest.mark.parametrize("phase", ["probe_open", "probe_closed", "back_off", "saving"])
+@pytest.mark.parametrize("end", ["cancel", "stop", "relax", "disable", "leave", "fault"])
+def test_ended_early_in_any_phase_it_changes_nothing(phase: str, end: str) -> None:
+    world, client = gripper()
+    before = in_use(world)
+    client.send("calibration.zero", config=FAST)
+    world.run_until(lambda: world.state.job is not None and world.state.job.phase == phase)
+    if phase.startswith("probe"):
+        world.run(0.2)
+    job = world.engine.jobs.running
+    assert job is not None
+    if end == "cancel":
+        world.client().result("job.cancel", job=job.number)
+    elif end == "leave":
+        client.leave()
+    elif end == "fault":
+        world.gripper.set_supply(40.0)
+    else:
+        world.client().result("stop", level="hold" if end == "stop" else end)
+    here_rad = world.gripper.position_rad
+    world.run(0.5)
+    assert not job.is_running
+    assert job.error is not None or (phase, end) == ("saving", "fault")
+    if (phase, end) != ("saving", "fault"):  # the motor says so when all is done
+        assert in_use(world) == before
+    if phase != "saving":
+        assert world.disk.saved == {}
+    if end in ("cancel", "stop", "leave"):
+        assert world.state.mode == "holding"
+        assert world.gripper.position_rad == pytest.approx(here_rad, abs=0.05)
+        assert abs(world.gripper.motor_torque_nm) <= 1.1
+    else:
+        assert abs(world.gripper.motor_torque_nm) <= 0.01
+
+
+def test_it_is_refused_where_no_motion_may_begin() -> None:
+    world = World().start()
+    client = world.client()
+    assert client.refusal("calibration.zero") == "not_enabled"
+    client.result("motor.enable")
+    client.send("motion.open")
+    world.run(0.1)
+    assert client.refusal("calibration.zero") == "busy"
+    client.result("stop")
+    assert client.refusal("calibration.zero") == "stopped"
+    client.result("stop.clear")
+    config = {"calib_kp": 100.0, "calib_step_rad": 0.1}
+    answer = client.call("calibration.zero", config=config)
+    assert answer["error"]["data"]["reason"] == "invalid_params"
+    assert answer["error"]["data"]["field"] == "calib_kp"
+    assert world.engine.jobs.running is None
+
+
+def test_nothing_else_runs_meanwhile_and_no_calibration_is_loaded() -> None:
+    world, client = gripper()
+    number = client.send("calibration.zero")
+    world.run(0.5)
+    for method, params in (
+        ("motion.open", {}),
+        ("stream.set", {"opening_mm": 10.0}),
+        ("calibration.load", {"template": "reverse"}),
+        ("calibration.manual", {"step": "begin"}),
+        ("motor.set_zero", {}),
+    ):
+        assert world.client().refusal(method, **params) == "busy"
+    world.run_until(lambda: client.has_answer(number))
+    assert client.answers[number]["result"]["ok"]
+
+
+def test_progress_tells_the_phases() -> None:
+    world, client = gripper()
+    number = client.send("calibration.zero", progress=True)
+    world.run_until(lambda: client.has_answer(number))
+    reports = [n["params"] for n in client.notifications if n["method"] == "job.progress"]
+    phases = [report["phase"] for report in reports]
+    seen = sorted(set(phases), key=phases.index)
+    assert seen[:2] == ["probe_open", "probe_closed"]
+    assert set(seen[2:]) <= {"back_off", "saving"}
+    assert all(report["total_steps"] == 0 for report in reports)
+
+
+# The probe by itself
+
+
+def measured(position_rad: float, torque_nm: float) -> Feedback:
+    return Feedback(1, position_rad, 0.0, torque_nm, 30, 30, 0.0)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_structure_that_yields_freezes_the_probe_at_the_ceiling(sign: int) -> None:
+    """It never stands still, so only the torque can end it."""
+    probe = Probe(sign, CONFIG)
+    for tick in range(100):
+        here_rad = sign * 0.002 * tick
+        command, verdict = probe.step(tick * 0.005, measured(here_rad, sign * 0.019 * tick))
+        assert verdict is None
+        assert command.position_rad == pytest.approx(here_rad + sign * CONFIG.calib_step_rad)
+    command, verdict = probe.step(0.5, measured(sign * 0.2, sign * CONFIG.calib_tau_limit))
+    assert verdict == "found"
+    assert command.position_rad == sign * 0.2
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_the_torque_of_what_was_before_is_no_stop(sign: int) -> None:
+    """As where the other stop was found by the torque that is still there in the first tick."""
+    probe = Probe(sign, CONFIG)
+    _, verdict = probe.step(0.0, measured(0.0, -sign * 1.5 * CONFIG.calib_tau_limit))
+    assert verdict is None
+
+
+def test_the_command_follows_from_the_measured_position_alone() -> None:
+    """An accumulated target went on leading further at a stop until the jaw broke."""
+    probe = Probe(1, replace(CONFIG, calib_stall_cycles=100))
+    for tick in range(400):
+        command, verdict = probe.step(tick * 0.005, measured(0.1, 1.0))
+        assert verdict is None
+        assert command.position_rad == pytest.approx(0.1 + CONFIG.calib_step_rad)
+        assert command.kp_nm_rad * CONFIG.calib_step_rad <= CONFIG.calib_tau_limit

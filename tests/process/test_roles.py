@@ -1,0 +1,63 @@
+"""Roles by the configuration, for clients of other users: what the kernel says of them counts."""
+
+import grp
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+
+ASK = """
+import os, socket, sys
+path, uid, gid, *groups = sys.argv[1:]
+os.setgroups([int(group) for group in groups])
+os.setgid(int(gid))
+os.setuid(int(uid))
+s = socket.socket(socket.AF_UNIX)
+s.connect(path)
+s.sendall(b'{"jsonrpc":"2.0","id":1,"method":"hello"}\\n')
+print(s.makefile().readline())
+"""
+ALICE, BOB, NO_GROUP = 30_001, 30_002, 50_000
+
+
+def role(running: DaemonProcess, uid: int, *gids: int) -> str:
+    command = [sys.executable, "-c", ASK, str(running.socket_path), *map(str, (uid, *gids))]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+    assert done.returncode == 0, done.stderr
+    told: str = json.loads(done.stdout)["result"]["role"]
+    return told
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
+def test_users_and_groups_have_the_roles_that_the_configuration_gives() -> None:
+    lab = grp.getgrgid(1)
+    content = f'[access]\ndefault = "observer"\noperators = [{ALICE}]\nadmins = ["@{lab.gr_name}"]'
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        config = folder / "c.toml"
+        config.write_text(content, encoding="utf-8")
+        with daemon(
+            folder, f"roles-{os.getpid()}", "--simulate", "--config", str(config)
+        ) as running:
+            running.connect().close()
+            running.socket_path.chmod(0o666)
+            assert role(running, 0, 0) == "admin"
+            assert role(running, ALICE, NO_GROUP) == "operator"
+            assert role(running, ALICE, NO_GROUP, lab.gr_gid) == "admin"
+            assert role(running, BOB, NO_GROUP) == "observer"
+            assert role(running, BOB, lab.gr_gid) == "admin"
+
+
+def test_an_entry_that_names_nobody_ends_the_start(tmp_path: Path) -> None:
+    config = tmp_path / "c.toml"
+    config.write_text('[access]\nadmins = ["@no-such-group"]\n', encoding="utf-8")
+    running = DaemonProcess(tmp_path, f"roles-{os.getpid()}", "--simulate", "--config", str(config))
+    assert running.exit_code() == 2
+    assert f"{config}: [access] admins: there is no group 'no-such-group'; allowed" in running.log

@@ -1,0 +1,205 @@
+"""Batches of samples: rows of the chosen fields, at the asked rate, and what was dropped."""
+
+from typing import Any
+
+import pytest
+
+from litegripd.rpc.reading_table import STATE_FIELDS
+from litegripd.rpc.samples import MAX_BATCH
+from litegripd.rpc.wire import encode
+from tests.world import PERIOD_S, Client, World
+
+FIELDS = ["monotonic_s", "seq", "position_rad"]
+
+
+def batches(client: Client) -> list[dict[str, Any]]:
+    """Return what came as batches since the last call; nothing else may have come."""
+    client.read()
+    assert {message["method"] for message in client.notifications} <= {"state.batch"}
+    found = [message["params"] for message in client.notifications]
+    client.notifications.clear()
+    return found
+
+
+def column(found: list[dict[str, Any]], name: str) -> list[Any]:
+    """Return the values of one field in all rows."""
+    return [row[batch["fields"].index(name)] for batch in found for row in batch["rows"]]
+
+
+def subscribed(world: World, **params: Any) -> Client:
+    """Let a client subscribe to the state."""
+    client = world.client()
+    client.result("state.subscribe", **params)
+    return client
+
+
+def test_a_batch_has_a_header_and_a_row_for_each_sample() -> None:
+    world = World().start()
+    client = world.client()
+    answer = client.result("state.subscribe", hz=200, batch=10, fields=FIELDS)
+    assert set(answer["state"]) == set(STATE_FIELDS)
+    world.run(9 * PERIOD_S)
+    assert batches(client) == []
+    world.tick()
+    (batch,) = batches(client)
+    assert set(batch) == {"subscription", "seq", "dropped", "fields", "rows"}
+    assert batch["subscription"] == answer["subscription"]
+    assert (batch["seq"], batch["dropped"], batch["fields"]) == (10, 0, FIELDS)
+    assert len(batch["rows"]) == 10
+    ticks = column([batch], "seq")
+    assert ticks == list(range(ticks[0], ticks[0] + 10))
+    assert ticks[-1] == world.state.seq
+    assert column([batch], "monotonic_s")[-1] == pytest.approx(world.now_s)
+
+
+@pytest.mark.parametrize(("hz", "size"), [(200, 2), (200, MAX_BATCH), (50, 7), (33, 3)])
+def test_no_sample_is_missing_between_batches(hz: float, size: int) -> None:
+    world = World().start()
+    client = subscribed(world, hz=hz, batch=size, fields=FIELDS)
+    world.run(4.0)
+    found = batches(client)
+    assert len(found) == pytest.approx(4.0 * hz / size, abs=1)
+    assert [batch["seq"] for batch in found] == [size * (n + 1) for n in range(len(found))]
+    assert {len(batch["rows"]) for batch in found} == {size}
+    stamps = column(found, "monotonic_s")
+    mean_s = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
+    assert mean_s == pytest.approx(1.0 / hz, rel=0.01)
+
+
+def test_the_rows_hold_the_same_values_as_samples() -> None:
+    world = World()
+    mover = world.enabled()
+    fields = [name for name in STATE_FIELDS if name != "monotonic_s"]
+    one = subscribed(world, hz=200, fields=fields)
+    many = subscribed(world, hz=200, fields=fields, batch=5)
+    mover.send("motion.open")
+    world.run(0.1)
+    mover.send("stop", why="a test")
+    world.run(0.1)
+    one.read()
+    samples = [message["params"]["state"] for message in one.notifications]
+    found = batches(many)
+    rows = [
+        dict(zip(batch["fields"], row, strict=True)) for batch in found for row in batch["rows"]
+    ]
+    assert rows == samples
+    assert any(row["job"] for row in rows)
+    assert rows[-1]["stop"]["why"] == "a test"
+
+
+def test_a_batch_of_one_is_a_sample() -> None:
+    world = World().start()
+    client = subscribed(world, hz=200, batch=1)
+    world.tick()
+    client.read()
+    (message,) = client.notifications
+    assert message["method"] == "state.sample"
+    assert set(message["params"]["state"]) == set(STATE_FIELDS)
+
+
+def test_a_congested_client_misses_whole_batches_and_is_told_how_many_samples() -> None:
+    world = World().start()
+    client = subscribed(world, hz=200, batch=5, fields=FIELDS)
+    world.run(3 * PERIOD_S)
+    client.session.congested = True
+    world.run(8 * PERIOD_S)  # two batches end meanwhile
+    client.session.congested = False
+    world.run(4 * PERIOD_S)
+    (batch,) = batches(client)
+    assert (batch["seq"], batch["dropped"], len(batch["rows"])) == (15, 10, 5)
+    assert client.session.counters.dropped == 10
+
+
+def test_congestion_that_ends_before_the_batch_does_costs_nothing() -> None:
+    world = World().start()
+    client = subscribed(world, hz=200, batch=5, fields=FIELDS)
+    client.session.congested = True
+    world.run(4 * PERIOD_S)
+    client.session.congested = False
+    world.tick()
+    (batch,) = batches(client)
+    assert (batch["seq"], batch["dropped"]) == (5, 0)
+
+
+def test_a_row_that_was_not_taken_in_its_period_is_dropped_and_counted() -> None:
+    world = World().start()
+    client = subscribed(world, hz=200, batch=2, fields=FIELDS)
+    service = world.service
+    for _ in range(3):  # three ticks in which the transport has no time for samples
+        world.now_s += PERIOD_S
+        service.after_tick(world.now_s, True)
+    service.send_one()
+    world.tick()
+    (batch,) = batches(client)
+    assert (batch["seq"], batch["dropped"], len(batch["rows"])) == (4, 2, 2)
+
+
+def test_a_whole_batch_that_was_not_sent_in_its_period_is_dropped_and_counted() -> None:
+    world = World().start()
+    client = subscribed(world, hz=200, batch=2, fields=FIELDS)
+    world.tick()
+    world.now_s += PERIOD_S
+    world.service.after_tick(world.now_s, True)
+    world.service.send_one()  # takes the second row; there is no time to send the batch
+    world.run(2 * PERIOD_S)
+    (batch,) = batches(client)
+    assert (batch["seq"], batch["dropped"], len(batch["rows"])) == (4, 2, 2)
+
+
+def test_the_same_choice_is_encoded_once_a_tick_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World().start()
+    clients = [subscribed(world, hz=200, batch=4, fields=FIELDS) for _ in range(20)]
+    encoded: list[object] = []
+
+    def counted(value: object) -> bytes:
+        encoded.append(value)
+        return encode(value)
+
+    monkeypatch.setattr("litegripd.rpc.samples.encode", counted)
+    world.run(4 * PERIOD_S)
+    assert len(encoded) == 4
+    assert {len(batches(client)) for client in clients} == {1}
+
+
+def test_two_orders_of_the_same_fields_are_two_choices() -> None:
+    world = World().start()
+    one = subscribed(world, hz=200, batch=2, fields=["seq", "enabled"])
+    other = subscribed(world, hz=200, batch=2, fields=["enabled", "seq"])
+    world.run(2 * PERIOD_S)
+    (first,), (second,) = batches(one), batches(other)
+    assert second["fields"] == first["fields"][::-1]
+    assert second["rows"] == [row[::-1] for row in first["rows"]]
+
+
+def test_an_ended_subscription_sends_no_begun_batch() -> None:
+    world = World().start()
+    client = world.client()
+    number = client.result("state.subscribe", hz=200, batch=3, fields=FIELDS)["subscription"]
+    world.run(2 * PERIOD_S)
+    client.result("state.unsubscribe", subscription=number)
+    world.run(0.1)
+    assert batches(client) == []
+
+
+@pytest.mark.parametrize("params", [{"batch": 2}, {"batch": 2, "fields": []}])
+def test_a_batch_needs_fields(params: dict[str, Any]) -> None:
+    client = World().start().client()
+    error = client.call("state.subscribe", **params)["error"]
+    assert error["data"]["reason"] == "invalid_params"
+    assert error["data"]["parameter"] == "fields"
+    assert not client.session.subscriptions
+
+
+@pytest.mark.parametrize("batch", [0, -1, MAX_BATCH + 1, 2.5, True, "2"])
+def test_a_size_that_is_none_is_refused(batch: object) -> None:
+    client = World().start().client()
+    error = client.call("state.subscribe", batch=batch, fields=FIELDS)["error"]
+    assert error["data"]["reason"] == "invalid_params"
+    assert error["data"]["parameter"] == "batch"
+
+
+def test_a_field_that_is_named_twice_is_refused() -> None:
+    client = World().start().client()
+    error = client.call("state.subscribe", fields=["seq", "enabled", "seq"])["error"]
+    assert error["data"]["reason"] == "invalid_params"
+    assert "seq twice" in error["message"]

@@ -1,0 +1,142 @@
+"""The SDK's section "Results"."""
+
+from dataclasses import fields, is_dataclass
+
+import pytest
+
+from litegrip_client import EnableResult, GraspResult, LiteGrip, MotionConfig, MoveResult
+from litegripd.motor import codec
+from tests.drop_in import Daemon, Site
+from tests.seed.scenes import CODE_RAD
+
+FIELDS = {
+    MoveResult: "ok reached stalled state target_rad limit_rad final_cmd_rad steps",
+    GraspResult: "ok reached stalled state target_rad force_n cycles",
+    EnableResult: "ok state tries",
+}
+
+
+@pytest.mark.parametrize("kind", FIELDS)
+def test_the_results_are_dataclasses_with_these_fields_first(kind: type) -> None:
+    assert is_dataclass(kind)
+    wanted = FIELDS[kind].split()
+    assert [one.name for one in fields(kind)][: len(wanted)] == wanted
+
+
+def test_the_old_idiom_still_works_and_asks_for_ok(daemon: Daemon, gripper: LiteGrip) -> None:
+    opened = gripped = enabled = False
+    if gripper.open():
+        opened = True
+    daemon.gripper.put_object(width_mm=40.0)
+    if gripper.close():
+        pytest.fail("it closed through an object")
+    if gripper.grasp(hold_s=0.5):
+        gripped = True
+    if gripper.enable():
+        enabled = True
+    gripper.disable()
+    daemon.lose_to_motor = lambda frame: frame.data == codec.ENABLE
+    if gripper.enable(retries=1):
+        pytest.fail("it was enabled without having heard of it")
+    assert (opened, gripped, enabled) == (True, True, True)
+
+
+@pytest.mark.parametrize("action", ["open", "close"])
+def test_a_move_result_says_what_happened(
+    site: Site, daemon: Daemon, gripper: LiteGrip, action: str
+) -> None:
+    began_s = site.now_s
+    result = gripper.open() if action == "open" else gripper.close()
+    assert result.state.position_rad == pytest.approx(daemon.gripper.position_rad, abs=0.002)
+    assert result.state.enabled
+    commands = [command for _, command in daemon.commands_since(began_s)]
+    assert result.steps == pytest.approx(len(commands), abs=3)
+    last_rad = [command.position_rad for command in commands[-3:]]
+    assert min(abs(rad - result.final_cmd_rad) for rad in last_rad) <= CODE_RAD
+
+
+@pytest.mark.parametrize("action", ["open", "close"])
+def test_success_of_open_and_close_is_stalled_and_not_reached(
+    daemon: Daemon, gripper: LiteGrip, action: str
+) -> None:
+    """The target lies past the stop, so the jaws never get there."""
+    result = gripper.open() if action == "open" else gripper.close()
+    assert (result.ok, result.stalled, result.reached) == (True, True, False)
+    short_rad = abs(result.target_rad - daemon.gripper.position_rad)
+    assert short_rad > 0.05 > 2 * 0.02
+    assert abs(daemon.gripper.position_rad - result.limit_rad) < 0.02
+
+
+@pytest.mark.parametrize("guarded", [True, False])
+def test_stalling_far_from_the_stop_is_ok_false(
+    daemon: Daemon, gripper: LiteGrip, guarded: bool
+) -> None:
+    daemon.gripper.put_object(width_mm=40.0)
+    if not guarded:
+        gripper.motion_config = MotionConfig(stop_torque_cycles=100)
+    result = gripper.close()
+    assert (result.ok, result.stalled, result.reached) == (False, True, False)
+    assert result.protected is guarded
+    assert bool(result) is False
+
+
+def test_close_on_an_empty_gripper_parks_on_the_mechanical_stop(
+    daemon: Daemon, gripper: LiteGrip
+) -> None:
+    result = gripper.close()
+    assert (result.ok, result.stalled, result.reached) == (True, True, False)
+    assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=0.5)
+    assert daemon.closing_torque_nm == pytest.approx(0.94, abs=0.08)
+
+
+@pytest.mark.parametrize("width", [15.0, 50.0])
+def test_grasp_on_an_object_stops_short_of_the_empty_jaw_target_and_is_ok(
+    daemon: Daemon, gripper: LiteGrip, width: float
+) -> None:
+    daemon.gripper.put_object(width_mm=width)
+    result = gripper.grasp(hold_s=0.5)
+    assert (result.ok, result.stalled, result.reached) == (True, True, False)
+    assert abs(result.target_rad - daemon.gripper.position_rad) > 0.02
+    assert daemon.gripper.opening_mm == pytest.approx(width, abs=1.0)
+
+
+def test_grasp_on_nothing_reaches_its_target_and_is_no_success(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    """Where the daemon differs: the SDK goes on to squeeze, here the answer is that it is empty."""
+    began_s = site.now_s
+    result = gripper.grasp()
+    assert (result.reached, result.stalled) == (True, False)
+    assert (result.ok, result.outcome, result.cycles) == (False, "no_object", 0)
+    assert site.now_s - began_s < 3.0
+    site.run(1.0)
+    assert abs(daemon.closing_torque_nm) < 1.2
+
+
+@pytest.mark.parametrize(("tolerance", "reached"), [(0.02, True), (0.001, False)])
+def test_on_an_empty_gripper_reached_means_within_the_dead_band_of_the_closing_side(
+    daemon: Daemon, gripper: LiteGrip, tolerance: float, reached: bool
+) -> None:
+    """A slow jaw sticks short of its target; a tight tolerance reports a false failure."""
+    gripper.goto(15.0)
+    gripper.motion_config = MotionConfig(reach_tol=tolerance, grasp_speed_mm_s=4.0)
+    result = gripper.grasp()
+    assert result.reached is reached
+    assert result.stalled is not reached
+    if reached:
+        sign = daemon.gripper.parameters.close_sign
+        assert 0.003 < (result.target_rad - daemon.gripper.position_rad) * sign < 0.012
+
+
+def test_an_enable_result_counts_its_tries(site: Site, daemon: Daemon) -> None:
+    with LiteGrip("can0") as gripper:
+        result = gripper.enable()
+        assert (result.ok, bool(result), result.tries) == (True, True, 1)
+        assert result.state.error_code == 1
+
+
+def test_a_grasp_result_counts_the_slices_of_the_hold(daemon: Daemon, gripper: LiteGrip) -> None:
+    daemon.gripper.put_object(width_mm=40.0)
+    result = gripper.grasp(force_n=10.0, hold_s=1.1)
+    assert (result.force_n, result.cycles) == (10.0, 5)
+    assert result.state.position_rad == pytest.approx(daemon.gripper.position_rad, abs=0.002)

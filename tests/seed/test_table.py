@@ -1,0 +1,68 @@
+"""docs/seed.md names a test for every sentence, and every test of this package."""
+
+import ast
+import re
+from pathlib import Path
+
+HERE = Path(__file__).parent
+TABLE = HERE.parent.parent / "docs" / "seed.md"
+SECTIONS = (
+    "Quick start",
+    "Reverse mounts and two grippers on one machine",
+    "The six actions",
+    "Progress reporting",
+    "Tuning: MotionConfig",
+    "Results",
+    "How the motion works",
+    "Torque, force and safety",
+    "Migrating from the 2.2.0 API",
+)
+
+
+def rows() -> list[list[str]]:
+    """Return the cells of every row that is neither a head nor a rule."""
+    lines = TABLE.read_text(encoding="utf-8").splitlines()
+    cells = [
+        [cell.strip() for cell in line.strip("|").split("|")]
+        for line in lines
+        if line.startswith("|")
+    ]
+    return [row for row in cells if row[0] not in ("sentence", "---")]
+
+
+def named() -> list[str]:
+    return [name for row in rows() for name in re.findall(r"`(test_\w+\.py::test_\w+)`", row[1])]
+
+
+def existing() -> set[str]:
+    """Return all tests of this package but those of the table."""
+    found = set()
+    for path in HERE.glob("test_*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        names = [node.name for node in tree.body if isinstance(node, ast.FunctionDef)]
+        found |= {f"{path.name}::{name}" for name in names if name.startswith("test_")}
+    return {name for name in found if not name.startswith(Path(__file__).name)}
+
+
+def test_every_named_test_exists_and_every_test_is_named() -> None:
+    assert len(existing()) > 100
+    assert set(named()) == existing()
+
+
+def test_every_section_has_its_table_in_the_documents_order() -> None:
+    text = TABLE.read_text(encoding="utf-8")
+    heads = re.findall(r"^## (.+)$", text, re.MULTILINE)
+    assert tuple(heads) == SECTIONS
+    for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]:
+        assert len(re.findall(r"^\| .+ \| `test_", part, re.MULTILINE)) >= 5
+
+
+def test_every_row_has_a_sentence_and_a_test_or_a_reason_why_not() -> None:
+    for row in rows():
+        assert len(row) == 3, row
+        sentence, tests, note = row
+        assert sentence
+        if tests == "—":
+            assert note, sentence
+        else:
+            assert re.fullmatch(r"(`test_\w+\.py::test_\w+` ?)+", tests), tests

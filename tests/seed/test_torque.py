@@ -1,0 +1,264 @@
+"""The SDK's section "Torque, force and safety"."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from litegrip_client import CommandError, LiteGrip, MotionConfig, UnitConversion
+from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from tests.drop_in import Daemon, Site
+from tests.seed.scenes import MM_RAD, content, jaws_are_loose, write_file
+
+TIGHT = SimulatorParameters(
+    breakaway_nm=1.05,
+    coulomb_nm=1.0,
+    close_stick_nm=1.1,
+    closed_springback_press_nm=3.0,
+    press_torque_nm=1.2,
+)
+"""A gripper with so much friction that 0.94 N·m do not move it."""
+
+
+def mounted(parameters: SimulatorParameters, mount: str) -> SimulatorParameters:
+    closed_rad, open_rad = limits_of_mount(mount)
+    return replace(parameters, closed_rad=closed_rad, open_rad=open_rad)
+
+
+def test_a_newton_counts_as_a_tenth_of_a_newton_metre(daemon: Daemon, gripper: LiteGrip) -> None:
+    assert UnitConversion.N_TO_NM == 0.1
+    assert UnitConversion.n_to_nm(20.0) == pytest.approx(2.0)
+    daemon.gripper.put_object(width_mm=30.0)
+    for force_n in (5.0, 25.0):
+        gripper.grasp(force_n=force_n, hold_s=2.0)
+        expected_nm = UnitConversion.n_to_nm(force_n)
+        assert daemon.closing_torque_nm == pytest.approx(expected_nm, abs=0.05)
+
+
+def test_force_n_is_repeatable(daemon: Daemon, gripper: LiteGrip) -> None:
+    torques = []
+    for _ in range(3):
+        gripper.goto(60.0)
+        daemon.gripper.put_object(width_mm=30.0)
+        gripper.grasp(force_n=12.0, hold_s=2.0)
+        torques.append(daemon.closing_torque_nm)
+        daemon.gripper.remove_object()
+    assert torques == pytest.approx([1.2] * 3, abs=0.03)
+
+
+def test_the_default_force_is_2_nm_of_feed_forward_inside_the_rating_of_3(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    daemon.gripper.put_object(width_mm=30.0)
+    assert gripper.grasp(hold_s=2.0).force_n == 20.0
+    command = daemon.commands_since(site.now_s)[-1][1]
+    assert command.torque_nm * daemon.gripper.parameters.close_sign == pytest.approx(2.0, abs=0.01)
+    assert 1.9 < daemon.closing_torque_nm < 2.1 < 3.0
+    with pytest.raises(CommandError):
+        gripper.grasp(force_n=31.0, hold_s=1.0)  # more than the rating
+
+
+def test_the_motors_limits_are_3_nm_for_long_7_for_a_moment_and_10_by_protocol(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    """A blocked jaw whose lead asks for 8 N·m."""
+    assert gripper.info()["registers"]["TMAX"] == 10.0
+    daemon.gripper.put_object(width_mm=40.0, stiffness_nm_rad=2000.0)
+    gripper.motion_config = MotionConfig(
+        max_lead_mm=6.0, stall_cycles=60, stop_torque_cycles=100, press_overshoot=0.2
+    )
+    with site.recorded(daemon) as moments:
+        assert not gripper.close()
+    torques = [(moment.at_s, moment.closing_torque_nm) for moment in moments]
+    peak_nm = max(torque_nm for _, torque_nm in torques)
+    above = [at_s for at_s, torque_nm in torques if torque_nm > 3.1]
+    assert 6.0 < peak_nm < 7.2
+    assert 0.3 < above[-1] - above[0] < 1.2
+    assert torques[-1][0] - above[-1] > 1.0  # and it went on to press, with no more than 3
+
+
+@pytest.mark.parametrize("defect", ["never calibrated", "equal limits"])
+def test_what_would_make_every_direction_a_guess_is_rejected(
+    site: Site, home: Path, mount: str, defect: str
+) -> None:
+    daemon = site.add(Daemon(mount=mount, calibrated=False))
+    file = home / "any.json"
+    with LiteGrip("can0") as gripper:
+        gripper.enable()
+        if defect == "equal limits":
+            write_file(file, mount, zero_position_rad=0.1, max_position_rad=0.1)
+            with pytest.raises(CommandError, match="equal"):
+                gripper.load_calibration(file)
+        else:
+            gripper.load_calibration(write_file(file, mount, calibrated=False))
+        for move in (gripper.open, gripper.close, gripper.grasp):
+            with pytest.raises(CommandError) as caught:
+                move()
+            assert caught.value.reason == "not_calibrated"
+    assert daemon.gripper.opening_mm == pytest.approx(60.0, abs=0.1)
+
+
+def test_a_reverse_mount_is_an_ordinary_configuration_and_no_error(site: Site, home: Path) -> None:
+    daemon = site.add(Daemon(mount="reverse", calibrated=False))
+    with LiteGrip("can0") as gripper:
+        assert gripper.load_calibration(write_file(home / "any.json", "reverse"))
+        assert gripper.config.close_sign == -1
+        gripper.enable()
+        assert gripper.open()
+        assert daemon.gripper.opening_mm == pytest.approx(120.0, abs=1.0)
+        assert gripper.close()
+        assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
+
+
+@pytest.mark.parametrize("action", ["open", "close"])
+def test_the_pressing_torque_is_kp_times_stop_lead_a_third_of_the_rating(
+    site: Site, daemon: Daemon, gripper: LiteGrip, action: str
+) -> None:
+    with site.recorded(daemon) as moments:
+        assert gripper.open() if action == "open" else gripper.close()
+    settled = [abs(moment.closing_torque_nm) for moment in moments[-50:]]
+    assert settled == pytest.approx([100.0 * 0.7 / MM_RAD] * len(settled), abs=0.08)
+    assert settled[-1] == pytest.approx(3.0 / 3, rel=0.15)
+
+
+def test_the_travel_phase_is_capped_at_about_5_nm(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    daemon.gripper.put_object(width_mm=40.0)
+    gripper.motion_config = MotionConfig(stop_torque_cycles=100)
+    with site.recorded(daemon) as moments:
+        gripper.close()
+    assert moments[-5].closing_torque_nm == pytest.approx(100.0 * 4.0 / MM_RAD, rel=0.05)
+
+
+def test_a_cap_below_one_frame_of_travel_is_refused_instead_of_clipping_the_ramp(
+    daemon: Daemon, gripper: LiteGrip
+) -> None:
+    """Where the daemon differs: it says so by an error."""
+    gripper.motion_config = MotionConfig(stop_lead_mm=0.24)
+    with pytest.raises(CommandError, match="one period's travel") as caught:
+        gripper.close()
+    assert caught.value.reason == "out_of_limits"
+    assert daemon.gripper.opening_mm == pytest.approx(60.0, abs=0.1)
+    gripper.motion_config.stop_lead_mm = 0.25
+    gripper.close()
+    assert daemon.gripper.opening_mm < 5.0
+
+
+@pytest.mark.parametrize("action", ["open", "close"])
+def test_jaws_that_do_not_press_home_say_so_and_do_with_a_larger_stop_lead(
+    site: Site, mount: str, action: str
+) -> None:
+    daemon = site.add(Daemon(mount=mount, parameters=mounted(TIGHT, mount)))
+    short_mm = []
+    with LiteGrip("can0") as gripper:
+        gripper.enable()
+        for lead_mm in (None, 1.0):
+            if lead_mm is not None:
+                gripper.motion_config.stop_lead_mm = lead_mm
+            result = gripper.open() if action == "open" else gripper.close()
+            assert result.ok is (lead_mm is not None)
+            opening_mm = daemon.gripper.opening_mm
+            short_mm.append(opening_mm if action == "close" else 120.0 - opening_mm)
+    assert short_mm[0] > 0.02 * MM_RAD - 0.1  # further than stop_tol
+    assert short_mm[1] < 0.5
+
+
+def test_back_to_back_pressing_heats_the_coil(site: Site, mount: str) -> None:
+    """With a coil that warms up 20 times faster than the real one."""
+    parameters = mounted(SimulatorParameters(winding_time_s=3.0), mount)
+    daemon = site.add(Daemon(mount=mount, parameters=parameters))
+    with LiteGrip("can0") as gripper:
+        gripper.enable()
+        before_c = gripper.get_state().coil_temperature_c
+        gripper.motion_config = MotionConfig(settle_s=2.0)
+        for _ in range(3):
+            gripper.close()
+        after_c = gripper.get_state().coil_temperature_c
+        site.run(10.0)
+        rested_c = gripper.get_state().coil_temperature_c
+    assert before_c == 25
+    assert daemon.gripper.motor.coil_c < 27.5
+    assert after_c is not None
+    assert rested_c is not None
+    assert after_c >= 27
+    assert rested_c < after_c
+
+
+def test_open_and_close_press_for_the_settle_phase_every_time(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    for move in (gripper.open, gripper.close, gripper.close, gripper.open):
+        with site.recorded(daemon) as moments:
+            assert move()
+        pressing = [m for m in moments if abs(m.closing_torque_nm) > 0.8]
+        assert len(pressing) * 0.005 > 0.3
+
+
+@pytest.mark.parametrize("during", ["a hold", "a motion", "a grasp"])
+def test_a_crashed_process_does_not_leave_the_motor_holding_torque(
+    site: Site, daemon: Daemon, during: str
+) -> None:
+    daemon.gripper.put_object(width_mm=30.0)
+    gripper = LiteGrip("can0")
+    gripper.connect()
+    gripper.enable()
+    if during == "a grasp":
+        assert gripper.grasp(hold_s=1.0)
+        assert daemon.closing_torque_nm > 1.0
+    if during == "a motion":
+        crash_in_open(site, daemon, gripper)
+    else:
+        site.kill(gripper)
+    site.run(0.1)
+    assert not daemon.is_energised
+    assert daemon.gripper.motor_torque_nm == 0.0
+    assert jaws_are_loose(site, daemon)
+
+
+def crash_in_open(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
+    def crash() -> None:
+        site.kill(gripper)
+        raise SystemExit
+
+    site.when(lambda: daemon.gripper.opening_mm > 80.0, crash)
+    with pytest.raises(SystemExit):
+        gripper.open()
+
+
+@pytest.mark.parametrize("during", ["a hold", "a motion", "a grasp"])
+def test_with_disable_on_disconnect_false_the_daemon_keeps_the_gripper_under_control(
+    site: Site, daemon: Daemon, during: str
+) -> None:
+    daemon.gripper.put_object(width_mm=30.0)
+    gripper = LiteGrip("can0", disable_on_disconnect=False)
+    gripper.connect()
+    gripper.enable()
+    if during == "a grasp":
+        assert gripper.grasp(hold_s=1.0)
+    held_nm = daemon.closing_torque_nm
+    if during == "a motion":
+        crash_in_open(site, daemon, gripper)
+    else:
+        site.kill(gripper)
+    site.run(2.0)
+    assert daemon.is_energised
+    if during == "a grasp":
+        assert daemon.closing_torque_nm >= held_nm - 0.1 > 1.0
+    else:
+        assert daemon.gripper.opening_mm == pytest.approx(
+            82.0 if "motion" in during else 60.0, abs=3.0
+        )
+        assert not jaws_are_loose(site, daemon)
+
+
+def test_a_calibration_scale_decides_what_a_millimetre_of_lead_is(site: Site, mount: str) -> None:
+    """kp x stop_lead_mm / rad_to_mm, with this gripper's own rad_to_mm."""
+    daemon = site.add(Daemon(mount=mount, calibrated=False))
+    with LiteGrip("can0") as gripper:
+        finer = {**content(mount), "rad_to_mm": 60.0, "kp": 80.0}
+        gripper._command("calibration.load", {"content": finer})
+        gripper.enable()
+        with site.recorded(daemon) as moments:
+            assert gripper.open()
+    assert moments[-5].closing_torque_nm == pytest.approx(-80.0 * 0.7 / 60.0, abs=0.08)
