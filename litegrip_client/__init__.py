@@ -6,6 +6,8 @@
         gripper.enable()
         gripper.close()
 
+`litegrip_client.aio` offers the same on asyncio, which is imported when it is asked for.
+
 Standard library only; nothing of the daemon is imported. And little of the library: `typing`
 and `dataclasses` take as long to import as all the rest, so the modules need the first only for
 the type checker (which knows what `TYPE_CHECKING` means, wherever it comes from), and the second
@@ -31,9 +33,11 @@ from litegrip_client.gripper import LiteGrip
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from litegrip_client import aio as aio
     from litegrip_client.calibration import CalibrationData, GripperConfig
     from litegrip_client.calibration_files import CALIB_TEMPLATES, list_templates
     from litegrip_client.conversion import UnitConversion
+    from litegrip_client.feeds import Event
     from litegrip_client.manual import ManualCalibration
     from litegrip_client.motion_config import MotionConfig
     from litegrip_client.results import (
@@ -56,6 +60,7 @@ __all__ = [
     "CommandError",
     "ConnectError",
     "EnableResult",
+    "Event",
     "GraspResult",
     "GripperActions",
     "GripperConfig",
@@ -82,6 +87,7 @@ _LATER = {
     "CALIB_TEMPLATES": "calibration_files",
     "CalibrationData": "calibration",
     "EnableResult": "results",
+    "Event": "feeds",
     "GraspResult": "results",
     "GripperConfig": "calibration",
     "GripperState": "results",
@@ -103,6 +109,10 @@ def __getattr__(name: str) -> object:
         from importlib import import_module  # noqa: PLC0415
 
         return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+    if name == "aio":
+        from importlib import import_module  # noqa: PLC0415
+
+        return import_module(f"{__name__}.aio")
     if name == "__version__":
         from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
 

@@ -1,91 +1,27 @@
-"""What all actions of a gripper have in common: the link, the tunables, and how a motion is run.
-
-This module must not know single motions.
-"""
+"""What the actions of a gripper for threads have in common: the core that they wait for."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
-from litegrip_client.errors import CommandError
-from litegrip_client.link import Link
-from litegrip_client.motions import Motion
-
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
-    from typing import Any, TypeAlias
-
+    from litegrip_client.core.base import ProgressCallback
+    from litegrip_client.core.gripper import Gripper
     from litegrip_client.motion_config import MotionConfig
-    from litegrip_client.results import GripperState, MoveProgress
-    from litegrip_client.setpoints import SetpointStream
 
-ProgressCallback: TypeAlias = "Callable[[MoveProgress], None]"
-"""Called in the thread of the call, at most 20 times a second."""
+__all__ = ["ActionBase", "ProgressCallback"]
 
 
 class ActionBase:
-    """Runs the motions of one object over its link, with its tunables."""
+    """Waits for what the core does, with the tunables of one object."""
 
-    def __init__(self, link: Link, motion_config: MotionConfig | None = None) -> None:
-        """Raise `CommandError` for what is no `MotionConfig`."""
-        from litegrip_client.motion_config import MotionConfig  # noqa: PLC0415 - see above
-
-        self._link = link
-        self._frames: SetpointStream | None = None
-        self.motion_config = MotionConfig() if motion_config is None else motion_config
+    def __init__(self, core: Gripper) -> None:
+        self._core = core
 
     @property
     def motion_config(self) -> MotionConfig:
         """The tunables of this object's motions: what was set in them is sent with each call."""
-        return self._motion_config
+        return self._core.motion_config
 
     @motion_config.setter
     def motion_config(self, value: MotionConfig) -> None:
-        from litegrip_client.motion_config import MotionConfig  # noqa: PLC0415 - see above
-
-        if not isinstance(value, MotionConfig):
-            raise CommandError(
-                f"motion_config is {value!r:.60}, it must be a MotionConfig",
-                reason="invalid_params",
-                data={"parameter": "motion_config"},
-            )
-        self._motion_config = value
-
-    def _configured(self, params: dict[str, Any]) -> dict[str, Any]:
-        """Add the tunables that were set to the parameters of a call."""
-        config = self._motion_config.to_wire()
-        return {**params, "config": config} if config else params
-
-    def _run(
-        self, method: str, params: dict[str, Any], progress: ProgressCallback | None
-    ) -> dict[str, Any]:
-        """Wait for a motion's result; whatever else ends the waiting cancels the motion."""
-        from litegrip_client.results import MoveProgress  # noqa: PLC0415 - see above
-
-        def report(data: dict[str, Any]) -> None:
-            if progress is not None:
-                progress(MoveProgress.from_wire(data))
-
-        self._end_frames()
-        return Motion(self._link.connection, method, params, report).run()
-
-    def _command(
-        self, method: str, params: dict[str, Any], timeout_s: float | None = None
-    ) -> dict[str, Any]:
-        """Make a call that is answered soon, and that must never act after a stop."""
-        self._end_frames()
-        connection = self._link.connection
-        return connection.run(connection.prepare_guarded(method, params), timeout_s)
-
-    def _end_frames(self) -> None:
-        """Let no set-point of `send_mit_frame` stand in the way of what comes next."""
-        if self._frames is not None:
-            frames, self._frames = self._frames, None
-            frames.close()
-
-
-def state_of(result: dict[str, Any]) -> GripperState:
-    """Return the state that comes with a result."""
-    from litegrip_client.results import GripperState  # noqa: PLC0415 - see above
-
-    return GripperState.from_wire(result.get("state", {}))
+        self._core.motion_config = value

@@ -5,14 +5,12 @@ What was measured is used by the daemon, for all its clients, from then on.
 
 from __future__ import annotations
 
-from litegrip_client.base import ProgressCallback
-from litegrip_client.checks import given_numbers, integer
+from litegrip_client.blocking import wait
 from litegrip_client.loading import LoadingActions
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
-    from typing import Any
-
+    from litegrip_client.base import ProgressCallback
     from litegrip_client.calibration import CalibrationData
     from litegrip_client.manual import ManualCalibration
 
@@ -34,15 +32,7 @@ class CalibrationActions(LoadingActions):
         unless `progress` is given. Raises `HardwareError` when no plausible travel was found,
         `CommandError` when it was not saved, and what `GripperActions` says.
         """
-        from litegrip_client import calibration_files as files  # noqa: PLC0415 - see above
-
-        target = files.environment_path()
-        if target is not None:
-            files.check_writable(target)
-        data = self._probe(self._configured({"save": True}), mount, progress)
-        if target is not None:
-            self.save_calibration(target)
-        return data
+        return wait(self._core.zero(mount=mount, progress=progress))
 
     def calibrate(
         self,
@@ -62,20 +52,19 @@ class CalibrationActions(LoadingActions):
         It probes with its arguments (N·m/rad, N·m·s/rad, rad, N·m; the daemon's defaults for
         those left out) and not with `motion_config`.
         """
-        config = given_numbers(
-            calib_kp=kp,
-            calib_kd=kd,
-            calib_step_rad=step_rad,
-            calib_tau_limit=tau_limit,
-            calib_stall_delta=stall_delta,
+        return wait(
+            self._core.calibrate(
+                kp,
+                kd,
+                step_rad,
+                tau_limit,
+                stall_delta=stall_delta,
+                stall_cycles=stall_cycles,
+                max_iter=max_iter,
+                mount=mount,
+                progress=progress,
+            )
         )
-        for name, value in (("calib_stall_cycles", stall_cycles), ("calib_max_iter", max_iter)):
-            if value is not None:
-                config[name] = integer(name, value)
-        params: dict[str, Any] = {"save": False}
-        if config:
-            params["config"] = config
-        return self._probe(params, mount, progress)
 
     def manual_calibration(self) -> ManualCalibration:
         """Calibrate by hand, for `with`: the jaws are loose until its end.
@@ -84,20 +73,4 @@ class CalibrationActions(LoadingActions):
         """
         from litegrip_client.manual import ManualCalibration  # noqa: PLC0415 - see the package
 
-        self._end_frames()
-        return ManualCalibration(self._link, self.save_calibration)
-
-    def _probe(
-        self, params: dict[str, Any], mount: str | None, progress: ProgressCallback | None
-    ) -> CalibrationData:
-        from litegrip_client.calibration import CalibrationData  # noqa: PLC0415 - see the package
-        from litegrip_client.probe import ProbePrinter  # noqa: PLC0415
-
-        if mount is not None:
-            params = {**params, "mount": mount}
-        printer = ProbePrinter()
-        result = self._run("calibration.zero", params, progress or printer.progress)
-        data = CalibrationData.from_result(result)
-        if progress is None:
-            printer.end(data, result.get("path"))
-        return data
+        return ManualCalibration(self._core.manual_calibration())

@@ -27,13 +27,14 @@ _quote = json.encoder.encode_basestring_ascii
 
 
 class Call:
-    """One request, to be given to `Connection.run` once.
+    """One request, to be given to `run` of a connection once.
 
     `inbox` gets its progress notifications and then its answer. `job` is the number of the job
-    that it started, once a notification told it; `answered` whether the answer has come.
-    `on_result` is called with the result where it is read, before anything behind it is read.
+    that it started, once a notification told it; `answered` whether the answer has come, and
+    `result` what it holds, if it is no error. `on_result` is called with the result where it is
+    read, before anything behind it is read.
     `keep` makes that `answered` is still kept up to date after an interrupt, until
-    `Connection.forget`.
+    `forget`.
     """
 
     __slots__ = (
@@ -46,6 +47,7 @@ class Call:
         "on_progress",
         "on_result",
         "params",
+        "result",
     )
 
     def __init__(
@@ -64,6 +66,7 @@ class Call:
         self.answered = False
         self.keep = False
         self.job: int | None = None
+        self.result: Message | None = None
 
     def line(self) -> bytes:
         """Give the request as it is sent; raises `CommandError` when it cannot be."""

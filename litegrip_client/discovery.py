@@ -1,12 +1,22 @@
 """Which socket belongs to a channel, and what to say when no daemon answers there."""
 
+from __future__ import annotations
+
 import errno
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.connection import DEFAULT_TIMEOUT_S, Connection
+from litegrip_client.blocking import wait
+from litegrip_client.connection import Connection
 from litegrip_client.errors import CommandError, ConnectError
+from litegrip_client.exchange import DEFAULT_TIMEOUT_S
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import TypeVar
+
+    _Any = TypeVar("_Any")
 
 SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
 SYSTEM_DIRECTORY = "/run/litegripd"
@@ -50,10 +60,22 @@ def connect(
     channel: str, path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
 ) -> Connection:
     """Connect to the daemon of `channel`; raises `ConnectError` that tells what was tried."""
+
+    async def attempt(candidate: str) -> Connection:
+        return Connection(candidate, timeout_s)
+
+    return wait(reach(channel, path, attempt))
+
+
+async def reach(channel: str, path: str | None, attempt: Callable[[str], Awaitable[_Any]]) -> _Any:
+    """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
+
+    Raises `ConnectError` that tells what was tried.
+    """
     failures: list[tuple[str, OSError]] = []
     for candidate in socket_paths(channel, path):
         try:
-            return Connection(candidate, timeout_s)
+            return await attempt(candidate)
         except OSError as error:  # noqa: PERF203 - two turns at most
             failures.append((candidate, error))
     raise _no_daemon(channel, failures)

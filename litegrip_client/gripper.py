@@ -9,10 +9,9 @@ from collections.abc import Sequence
 from types import TracebackType
 
 from litegrip_client.actions import GripperActions
-from litegrip_client.base import state_of
+from litegrip_client.blocking import wait
 from litegrip_client.connection import Connection
 from litegrip_client.link import Link
-from litegrip_client.warn import leave
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
@@ -21,7 +20,7 @@ if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the
     from litegrip_client.lease import Lease
     from litegrip_client.motion_config import MotionConfig
     from litegrip_client.results import GripperState
-    from litegrip_client.subscription import StateSample, StateSubscription
+    from litegrip_client.subscription import EventSubscription, Subscription
 
 
 class LiteGrip(GripperActions):
@@ -50,13 +49,10 @@ class LiteGrip(GripperActions):
         motion_config: MotionConfig | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
-        link = Link(channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect)
-        super().__init__(link, motion_config)
-        self._template: str | None = None
-        if mount is not None:
-            from litegrip_client.calibration_files import check_template  # noqa: PLC0415 - see above
+        from litegrip_client.core.gripper import Gripper  # noqa: PLC0415 - see above
 
-            self._template = check_template(mount)
+        self._link = Link(channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect)
+        super().__init__(Gripper(self._link, mount, motion_config))
 
     # Connection
 
@@ -66,23 +62,14 @@ class LiteGrip(GripperActions):
         Raises `ConnectError` when there is none (it tells how to start one), `CommandError` when
         its channel or CAN id is another or the mount cannot be loaded.
         """
-        if self._link.is_open:
-            return
-        self._link.open()
-        if self._template is None:
-            return
-        try:
-            self.load_template(self._template)
-        except BaseException:
-            self._link.close()
-            raise
+        wait(self._core.connect())
 
     def disconnect(self) -> None:
         """Disconnect; disables the motor first if this object enabled it and should.
 
         Raises the error of the disabling; the connection is closed all the same.
         """
-        self._link.close()
+        wait(self._core.disconnect())
 
     def __enter__(self) -> LiteGrip:
         self.connect()
@@ -94,17 +81,17 @@ class LiteGrip(GripperActions):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        leave(self.disconnect, error)
+        wait(self._core.__aexit__(kind, error, trace))
 
     @property
     def is_connected(self) -> bool:
         """Whether calls can be made."""
-        return self._link.is_open
+        return self._core.is_connected
 
     @property
     def channel(self) -> str:
         """The daemon's channel."""
-        return self._link.channel
+        return self._core.channel
 
     @property
     def disable_on_disconnect(self) -> bool:
@@ -112,11 +99,11 @@ class LiteGrip(GripperActions):
 
         Setting it counts for `disconnect`; for a crash counts what it was on `enable`.
         """
-        return self._link.disable_on_disconnect
+        return self._core.disable_on_disconnect
 
     @disable_on_disconnect.setter
     def disable_on_disconnect(self, value: bool) -> None:
-        self._link.disable_on_disconnect = bool(value)
+        self._core.disable_on_disconnect = value
 
     @property
     def actions(self) -> GripperActions:
@@ -142,8 +129,7 @@ class LiteGrip(GripperActions):
         """
         from litegrip_client.lease import Lease  # noqa: PLC0415 - see the package
 
-        wish = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}
-        return Lease(self._link, wish)
+        return Lease(self._core.lease(purpose, ttl_s=ttl_s, wait_s=wait_s, on_lost=on_lost))
 
     def take_lease(self, why: str) -> None:
         """Take the lease from whoever has it, for good reason: it is told to the loser.
@@ -151,7 +137,7 @@ class LiteGrip(GripperActions):
         Only from the same user, or as an admin of the daemon's configuration; else raises
         `NotPermittedError`.
         """
-        self._link.take(why)
+        wait(self._core.take_lease(why))
 
     # Stop
 
@@ -162,32 +148,32 @@ class LiteGrip(GripperActions):
         handler while its thread waits for a motion. A software stop: no replacement for the
         switch that cuts the power.
         """
-        params = {"level": level} if why is None else {"level": level, "why": why}
         connection = self._link.connection
-        if connection.is_waiting_here:
-            with Connection(connection.path) as another:
-                return state_of(another.call("stop", params))
-        return state_of(connection.call("stop", params))
+        if not connection.is_waiting_here:
+            return wait(self._core.stop(level, why))
+        from litegrip_client.core.base import state_of  # noqa: PLC0415 - see above
+        from litegrip_client.core.gripper import stop_params  # noqa: PLC0415
+
+        with Connection(connection.path) as another:
+            return state_of(another.call("stop", stop_params(level, why)))
 
     def clear_stop(self) -> GripperState:
         """Clear a stop, so that the motor may be enabled and moved again. Moves nothing."""
-        return state_of(self._link.connection.call("stop.clear"))
+        return wait(self._core.clear_stop())
 
     # Reading
 
     def get_state(self) -> GripperState:
         """Return the daemon's newest state; it never waits for the bus. Look at `stale`."""
-        return _state(self._link.connection.call("state.get"))
+        return wait(self._core.get_state())
 
     if TYPE_CHECKING:
 
         @overload
-        def states(
-            self, hz: float = 20.0, fields: None = None
-        ) -> StateSubscription[GripperState]: ...
+        def states(self, hz: float = 20.0, fields: None = None) -> Subscription[GripperState]: ...
 
         @overload
-        def states(self, hz: float, fields: Sequence[str]) -> StateSubscription[dict[str, Any]]: ...
+        def states(self, hz: float, fields: Sequence[str]) -> Subscription[dict[str, Any]]: ...
 
     def states(self, hz: float = 20.0, fields: Sequence[str] | None = None) -> Any:
         """Iterate over states, `hz` times a second (0.1 to 200), until closed.
@@ -195,37 +181,35 @@ class LiteGrip(GripperActions):
         With `fields`, each is a dictionary of these only. A slow reader misses states, but what
         it gets is new. To be used as `with gripper.states(50) as states:`.
         """
+        from litegrip_client import feeds  # noqa: PLC0415 - see above
+
         connection = self._link.connection
-        return connection.subscribe(hz, fields, _whole if fields is None else _as_it_is)
+        if fields is None:
+            return connection.subscribe(feeds.StateFeed(hz, None, feeds.whole_state))
+        return connection.subscribe(feeds.StateFeed(hz, fields, feeds.some_fields))
+
+    def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
+        """Iterate over what happens from now on (jobs, stops, faults, ...), until closed.
+
+        Each is an `Event`; with `kinds` only these come ("job_ended", "object_lost", ...). None is
+        missed, but who leaves thousands unread is ended by a `ConnectError`. `recent` of what this
+        returns has the last ones from before. To be used as `with gripper.events() as events:`.
+        """
+        return self._link.connection.subscribe_events(kinds)
 
     def health(self) -> dict[str, Any]:
         """Return the daemon's figures of its own: its verdict, the bus, the ticks, the clients."""
-        return self._link.connection.call("health")
+        return wait(self._core.health())
 
     def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""
-        return self._link.connection.call("info.get")
+        return wait(self._core.info())
 
     def jobs(self) -> list[dict[str, Any]]:
         """Return the running jobs and the ended ones that are still kept, of all clients."""
-        jobs: list[dict[str, Any]] = self._link.connection.call("job.list")["jobs"]
-        return jobs
+        return wait(self._core.jobs())
 
     @property
     def mount(self) -> str | None:
         """Which way the motor is mounted, "normal" or "reverse"; None until calibrated."""
-        return self.get_state().mount
-
-
-def _state(data: dict[str, Any]) -> GripperState:
-    from litegrip_client.results import GripperState  # noqa: PLC0415 - see above
-
-    return GripperState.from_wire(data)
-
-
-def _whole(sample: StateSample) -> GripperState:
-    return _state(sample.state)
-
-
-def _as_it_is(sample: StateSample) -> dict[str, Any]:
-    return sample.state
+        return wait(self._core.mount())

@@ -4,28 +4,27 @@ from __future__ import annotations
 
 from types import TracebackType
 
-from litegrip_client.link import Link
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
-    from typing import Any
+from litegrip_client.blocking import wait
+from litegrip_client.core import lease as core
 
 
 class Lease:
     """The lease of one gripper, for `with`: got at its begin, given back at its end.
 
-    `token` names it, for another connection of the same program (`lease` of the raw methods).
+    Unless another block, or `enable`, of the same gripper object wants it still. `token` names
+    it, for another connection of the same program (`lease` of the raw methods).
     """
 
-    def __init__(self, link: Link, wish: dict[str, Any]) -> None:
-        self.token: str | None = None
-        self._link = link
-        self._wish = wish
-        self._was_leased = False
+    def __init__(self, lease: core.Lease) -> None:
+        self._lease = lease
+
+    @property
+    def token(self) -> str | None:
+        """The name of the lease, inside the block."""
+        return self._lease.token
 
     def __enter__(self) -> Lease:
-        self._was_leased = self._link.leased
-        self.token = str(self._link.acquire(**self._wish)["lease"])
+        wait(self._lease.__aenter__())
         return self
 
     def __exit__(
@@ -34,10 +33,8 @@ class Lease:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.token = None
-        if not self._was_leased and self._link.is_open:
-            self._link.release()
+        wait(self._lease.__aexit__(kind, error, trace))
 
     def renew(self) -> None:
         """Let `ttl_s` begin anew, as every call does. Raises `LeaseError` when it is lost."""
-        self._link.connection.call("lease.renew")
+        wait(self._lease.renew())

@@ -5,13 +5,14 @@ They ask for a motion and wait for its end; what decides or moves is the daemon'
 
 from __future__ import annotations
 
-from litegrip_client.base import ActionBase, ProgressCallback, state_of
-from litegrip_client.checks import given_numbers, number
+from litegrip_client.base import ActionBase
+from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
-    from typing import Any, Literal
+    from typing import Literal
 
+    from litegrip_client.base import ProgressCallback
     from litegrip_client.results import GraspResult, GripperState, MoveResult
 
 
@@ -29,13 +30,13 @@ class MotionActions(ActionBase):
 
         A success is `ok` and `stalled`: pressed onto the stop. Raises what `GripperActions` says.
         """
-        return self._move("motion.open", given_numbers(speed_mm_s=speed_mm_s), progress)
+        return wait(self._core.open(speed_mm_s, progress=progress))
 
     def close(
         self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
     ) -> MoveResult:
         """Close the jaws to the mechanical stop; everything as for `open`."""
-        return self._move("motion.close", given_numbers(speed_mm_s=speed_mm_s), progress)
+        return wait(self._core.close(speed_mm_s, progress=progress))
 
     def grasp(
         self,
@@ -66,22 +67,18 @@ class MotionActions(ActionBase):
 
         Without an object it returns at once, with `ok` False. Raises what `GripperActions` says.
         """
-        from litegrip_client.results import GraspResult  # noqa: PLC0415 - see above
-
-        params: dict[str, Any] = given_numbers(
-            force_n=force_n,
-            hold_s=hold_s,
-            speed_mm_s=speed_mm_s,
-            width_mm=width_mm,
-            tolerance_mm=tolerance_mm,
+        return wait(
+            self._core.grasp(
+                force_n,
+                hold_s,
+                speed_mm_s=speed_mm_s,
+                width_mm=width_mm,
+                tolerance_mm=tolerance_mm,
+                until=until,
+                hold_by=hold_by,
+                progress=progress,
+            )
         )
-        if until != "held":
-            params["until"] = until
-            if hold_s == 0.0:  # the default, which the verdict does not go with
-                del params["hold_s"]
-        if hold_by is not None:
-            params["hold_by"] = hold_by
-        return GraspResult.from_wire(self._run("motion.grasp", self._configured(params), progress))
 
     def goto(
         self,
@@ -96,7 +93,7 @@ class MotionActions(ActionBase):
         not `stalled`. Raises what `GripperActions` says; a target outside the calibrated travel
         is refused, and `data["limit"]` of the `CommandError` tells the travel.
         """
-        return self._go(given_numbers(opening_mm=opening_mm, duration_s=duration), progress)
+        return wait(self._core.goto(opening_mm, duration, progress=progress))
 
     def goto_rad(
         self,
@@ -106,7 +103,7 @@ class MotionActions(ActionBase):
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to a position of the motor, in rad; everything else as for `goto`."""
-        return self._go(given_numbers(position_rad=position_rad, duration_s=duration), progress)
+        return wait(self._core.goto_rad(position_rad, duration, progress=progress))
 
     def goto_openness(
         self,
@@ -116,13 +113,13 @@ class MotionActions(ActionBase):
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
-        return self._go(given_numbers(openness=openness, duration_s=duration), progress)
+        return wait(self._core.goto_openness(openness, duration, progress=progress))
 
     def move_at_speed(
         self, opening_mm: float, speed_mm_s: float, *, progress: ProgressCallback | None = None
     ) -> MoveResult:
         """Move to an opening in mm at a speed; everything else as for `goto`."""
-        return self._go(given_numbers(opening_mm=opening_mm, speed_mm_s=speed_mm_s), progress)
+        return wait(self._core.move_at_speed(opening_mm, speed_mm_s, progress=progress))
 
     def set_force(self, force_n: float) -> GripperState:
         """Squeeze with `force_n` from now on, 0.5 to 30 N, ramped.
@@ -130,26 +127,15 @@ class MotionActions(ActionBase):
         It changes the force of a grasp, also while another thread of this program waits for
         that; without a grasp the jaws begin to squeeze from where they are.
         """
-        params = self._configured({"force_n": number("force_n", force_n)})
-        return state_of(self._command("motion.set_force", params))
+        return wait(self._core.set_force(force_n))
 
     def zero_gravity(self, on: bool = True) -> GripperState:
         """Let the jaws be moved freely by hand, the motor enabled but without any torque.
 
         They are loose until `zero_gravity(False)`, `hold` or any motion.
         """
-        return state_of(self._command("motion.zero_gravity", {})) if on else self.hold()
+        return wait(self._core.zero_gravity(on))
 
     def hold(self) -> GripperState:
         """Hold from now on: what is held already, with its force, else the measured position."""
-        return state_of(self._command("motion.hold", {}))
-
-    def _go(self, params: dict[str, Any], progress: ProgressCallback | None) -> MoveResult:
-        return self._move("motion.move", params, progress)
-
-    def _move(
-        self, method: str, params: dict[str, Any], progress: ProgressCallback | None
-    ) -> MoveResult:
-        from litegrip_client.results import MoveResult  # noqa: PLC0415 - see above
-
-        return MoveResult.from_wire(self._run(method, self._configured(params), progress))
+        return wait(self._core.hold())

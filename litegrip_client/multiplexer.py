@@ -1,8 +1,8 @@
 """Many waiting threads on one stream, without a thread of its own.
 
 Of the threads that wait, one reads for all (the leader); the others (followers) sleep and are
-woken when something came for them, or when the leader leaves. This module routes messages to
-inboxes; it must not know what the methods mean.
+woken when something came for them, or when the leader leaves. What came, and for whom, is the
+router's to know.
 
 An interrupt (KeyboardInterrupt) can come between any two instructions. So a line is forgotten
 only after it was routed, routing it twice does no harm, and nobody sleeps longer than a slice
@@ -11,50 +11,33 @@ without looking around for itself.
 
 from __future__ import annotations
 
-import json
 import os
 import threading
 import time
 from collections import deque
 
-from litegrip_client.calls import Call, Message
-from litegrip_client.errors import CommandError, ConnectError, LiteGripError, from_error_object
+from litegrip_client.errors import CommandError, ConnectError
+from litegrip_client.router import Router, no_answer
 from litegrip_client.stream import SLICE_S, LineStream, StreamEndedError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
-    from typing import Any, NoReturn, Protocol
-
-    class Listener(Protocol):
-        """What takes the samples of a subscription."""
-
-        def deliver(self, sample: Message) -> None:
-            """Take one sample, perhaps one that came already."""
-
-
-_raw_decode = json.JSONDecoder().raw_decode
+    from typing import Any
 
 
 class Multiplexer:
-    """Routes what comes on a stream. `calls` and `listeners` are those that wait, by number.
+    """Hands what comes on a stream to a router, and lets threads wait for their inboxes."""
 
-    `refusal` is the newest that a request without an answer got, until somebody takes it.
-    """
-
-    def __init__(self, path: str, timeout_s: float) -> None:
+    def __init__(self, path: str, timeout_s: float, router: Router) -> None:
         """Connect to `path`; raises `OSError`."""
         self._stream = LineStream(path, timeout_s)
+        self._router = router
         self._pid = os.getpid()
-        self.calls: dict[int, Call] = {}
-        self.listeners: dict[int, Listener] = {}
-        self.refusal: Message | None = None
         # Re-entrant, because a signal handler may make a call, too.
         self._lock = threading.RLock()
         self._woken = threading.Condition(self._lock)
         self._leader: int | None = None
         self._followers = 0
-        self._ending: LiteGripError | None = None
-        self._parting_error: Any = None
 
     @property
     def is_own(self) -> bool:
@@ -64,7 +47,7 @@ class Multiplexer:
     @property
     def closed(self) -> bool:
         """Whether no further call can succeed."""
-        return self._ending is not None or not self.is_own or self._stream.hung_up
+        return self._router.ending is not None or not self.is_own or self._stream.hung_up
 
     @property
     def is_waiting_here(self) -> bool:
@@ -87,15 +70,14 @@ class Multiplexer:
                 reason="reentrant",
                 data={"hint": "use another connection in the handler, or raise an exception"},
             )
-        if self._ending is not None:
-            self._raise_ending(self._ending)
+        self._router.check()
 
     def send(self, line: bytes, timeout_s: float) -> None:
         """Send one line. That the daemon is gone shows in `wait`, with what it said before."""
         try:
             self._stream.send(line, timeout_s)
         except TimeoutError as error:
-            raise _no_answer("the daemon does not read its requests", timeout_s) from error
+            raise no_answer("the daemon does not read its requests", timeout_s) from error
         except OSError as error:
             if not self._stream.hung_up:
                 self._end(f"the connection cannot be used any more: {error}", "connection_lost")
@@ -106,10 +88,9 @@ class Multiplexer:
         deadline_s = time.monotonic() + timeout_s
         try:
             while not inbox:
-                if self._ending is not None:
-                    self._raise_ending(self._ending)
+                self._router.check()
                 if (remaining_s := deadline_s - time.monotonic()) <= 0.0:
-                    raise _no_answer(f"the daemon did not answer {what}", timeout_s)
+                    raise no_answer(f"the daemon did not answer {what}", timeout_s)
                 if self._may_lead(me):
                     self._lead(inbox, deadline_s)
                 else:
@@ -123,14 +104,13 @@ class Multiplexer:
         """Route what has come already; raises `ConnectError` when the connection has ended."""
         me = threading.get_ident()
         try:
-            if self._ending is None and self._may_lead(me):
+            if self._router.ending is None and self._may_lead(me):
                 self._read(0.0)
         finally:
             if self._leader == me:
                 self._leader = None
                 self._wake_followers()
-        if self._ending is not None:
-            self._raise_ending(self._ending)
+        self._router.check()
 
     def _may_lead(self, me: int) -> bool:
         with self._lock:
@@ -139,7 +119,7 @@ class Multiplexer:
             return self._leader == me
 
     def _lead(self, inbox: deque[Any], deadline_s: float) -> None:
-        while not inbox and self._ending is None:
+        while not inbox and self._router.ending is None:
             if (remaining_s := deadline_s - time.monotonic()) <= 0.0:
                 return
             self._read(min(remaining_s, SLICE_S))
@@ -149,7 +129,7 @@ class Multiplexer:
         with self._lock:
             self._followers += 1
             try:
-                if not inbox and self._leader is not None and self._ending is None:
+                if not inbox and self._leader is not None and self._router.ending is None:
                     self._woken.wait(wait_s)
             finally:
                 self._followers -= 1
@@ -162,39 +142,14 @@ class Multiplexer:
     def _read(self, wait_s: float) -> None:
         try:
             lines, rest = self._stream.receive(wait_s)
-            for line in lines:
-                self._route(_decode(line))
         except StreamEndedError:
             self._end("the daemon ended the connection", "connection_lost")
-        except (ValueError, KeyError, TypeError, AttributeError) as error:
-            self._end(f"the daemon sent what is not the protocol: {error!r}", "connection_lost")
-        else:
+            return
+        complaint = self._router.take(lines)
+        if complaint is None:
             self._stream.keep(rest)
-
-    def _route(self, message: Message) -> None:
-        if "method" in message:
-            self._route_notification(message)
-        elif (identity := message["id"]) is None:
-            self._parting_error = message["error"]
-        elif (call := self.calls.get(identity)) is not None and not call.answered:
-            if call.on_result is not None and "result" in message:
-                call.on_result(message["result"])
-            call.inbox.append(message)
-            call.answered = True
-
-    def _route_notification(self, message: Message) -> None:
-        params = message["params"]
-        if message["method"] == "job.progress":
-            call = self.calls.get(params.get("request"))
-            if call is not None and not call.answered:
-                call.job = params["job"]
-                call.inbox.append(message)
-        elif message["method"] == "state.sample":
-            listener = self.listeners.get(params["subscription"])
-            if listener is not None:
-                listener.deliver(params)
-        elif message["method"] == "stream.refused":
-            self.refusal = params
+        else:
+            self._end(complaint, "connection_lost")
 
     def close(self) -> None:
         """End the connection; in a forked child only the child's copy of it."""
@@ -203,35 +158,6 @@ class Multiplexer:
         self._stream.close(shared=not self.is_own)
 
     def _end(self, message: str, reason: str) -> None:
-        data: dict[str, Any] = {"retryable": True}
-        code = None
-        if self._parting_error is not None:
-            parting = from_error_object(self._parting_error)
-            message = f"{message}: {parting.message}"
-            reason, code, data = parting.reason or reason, parting.code, parting.data
         with self._lock:
-            if self._ending is None:
-                self._ending = ConnectError(message, reason=reason, code=code, data=data)
+            self._router.end(message, reason)
             self._woken.notify_all()
-
-    @staticmethod
-    def _raise_ending(ending: LiteGripError) -> NoReturn:
-        # A new object for each raise: a traceback belongs to one thread.
-        raise ConnectError(ending.message, reason=ending.reason, code=ending.code, data=ending.data)
-
-
-def _no_answer(message: str, timeout_s: float) -> ConnectError:
-    hint = "see whether it runs: systemctl status 'litegripd@*'"
-    return ConnectError(
-        f"{message} within {timeout_s:g} s",
-        reason="no_answer",
-        data={"retryable": True, "hint": hint},
-    )
-
-
-def _decode(line: bytes) -> Message:
-    text = line.decode()
-    message, end = _raw_decode(text)
-    if end != len(text) or not isinstance(message, dict):
-        raise ValueError(f"not one object in a line: {text:.80}")
-    return message

@@ -1,28 +1,18 @@
 """Set-points: targets that a program sends again and again, each valid for a short time only.
 
-This module sends them and finds out what became of them; how the jaws follow is the daemon's.
+How the jaws follow is the daemon's.
 """
 
 from __future__ import annotations
 
-import math
-import time
 from types import TracebackType
 
 from litegrip_client.base import ActionBase
-from litegrip_client.checks import given_numbers, number
-from litegrip_client.connection import Connection
-from litegrip_client.errors import CommandError
-from litegrip_client.link import Link
-from litegrip_client.warn import leave
+from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
-    from typing import Any
-
-_FRAME_VALID_S = 0.2
-_CONTACT_TORQUE_NM = 1.0
-"""What the jaws press with at most, following set-points, when nothing else is asked for."""
+if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+    from litegrip_client.core import setpoints as core
 
 
 class SetpointStream:
@@ -35,13 +25,8 @@ class SetpointStream:
     without. What the daemon refuses of those is raised by one of the next calls.
     """
 
-    def __init__(self, link: Link, valid_s: float, limits: dict[str, Any]) -> None:
-        self._link = link
-        self._valid_s = number("valid_s", valid_s)
-        self._limits = limits
-        self._connection: Connection | None = None
-        self._job: int | None = None
-        self._sent_s = -math.inf
+    def __init__(self, stream: core.SetpointStream) -> None:
+        self._stream = stream
 
     def set_target(
         self,
@@ -56,39 +41,15 @@ class SetpointStream:
         `torque_nm` is for this target what it is for the whole stream. Raises `CommandError` (a
         target outside the travel, another motion runs, ...) and all that motions raise.
         """
-        target = given_numbers(opening_mm=opening_mm, position_rad=position_rad, openness=openness)
-        if len(target) != 1:
-            raise CommandError(
-                "a set-point needs exactly one of opening_mm, position_rad and openness",
-                reason="invalid_params",
+        return wait(
+            self._stream.set_target(
+                opening_mm, position_rad=position_rad, openness=openness, torque_nm=torque_nm
             )
-        own = given_numbers(torque_nm=torque_nm)
-        self._send({**target, "valid_s": self._valid_s, **self._limits, **own})
-
-    def _send(self, params: dict[str, Any]) -> None:
-        connection = self._link.connection
-        paused_s = time.monotonic() - self._sent_s
-        if connection is self._connection and paused_s < self._valid_s / 2.0:
-            refusal = connection.take_refusal()
-            if refusal is not None:
-                self._connection = self._job = None
-                raise refusal
-            connection.notify_guarded("stream.set", params)
-        else:
-            # Also after half of the validity: the job that it began may have ended on its way.
-            self._connection = self._job = None
-            job = connection.run(connection.prepare_guarded("stream.set", params))["job"]
-            connection.take_refusal()  # of what was sent before, and is answered by now
-            self._connection, self._job = connection, job
-        self._sent_s = time.monotonic()
+        )
 
     def close(self) -> None:
         """End the stream at once, so that the jaws hold; nothing to do when it ended by itself."""
-        connection, job = self._connection, self._job
-        self._connection = self._job = None
-        lives = time.monotonic() - self._sent_s < 2.0 * self._valid_s
-        if connection is not None and job is not None and lives and not connection.closed:
-            connection.call("job.cancel", {"job": job})
+        wait(self._stream.close())
 
     def __enter__(self) -> SetpointStream:
         return self
@@ -99,7 +60,7 @@ class SetpointStream:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        leave(self.close, error)
+        wait(self._stream.__aexit__(kind, error, trace))
 
 
 class SetpointActions(ActionBase):
@@ -118,14 +79,8 @@ class SetpointActions(ActionBase):
         is how fast they follow at most (`motion_config.speed_mm_s` by default), `torque_nm`, 0.1
         to 3 N·m, what they press with at most on what stands in their way (1 by default).
         """
-        limits = self._speed_limit() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
-        self._end_frames()
-        return SetpointStream(self._link, valid_s, limits)
-
-    def _speed_limit(self) -> dict[str, float]:
-        """Return the speed of the tunables, if it was set; nothing else of them is for streams."""
-        config = self._motion_config.to_wire()
-        return {name: config[name] for name in ("speed_mm_s",) if name in config}
+        stream = self._core.stream(valid_s, speed_mm_s=speed_mm_s, torque_nm=torque_nm)
+        return SetpointStream(stream)
 
     def send_mit_frame(
         self, position: float, velocity: float, kp: float, kd: float, torque: float
@@ -140,32 +95,4 @@ class SetpointActions(ActionBase):
         for nothing instead of a position: use `set_force`, `grasp`, `move_at_speed` or
         `zero_gravity`.
         """
-        given = {"position": position, "velocity": velocity, "kp": kp, "kd": kd, "torque": torque}
-        values = {name: number(name, value) for name, value in given.items()}
-        if values["kp"] <= 0.0 or values["kd"] < 0.0:
-            raise _no_position(values)
-        if self._frames is None:
-            self._frames = SetpointStream(self._link, _FRAME_VALID_S, self._speed_limit())
-        press_nm = abs(values["torque"])
-        self._frames.set_target(
-            position_rad=values["position"],
-            torque_nm=press_nm if press_nm > _CONTACT_TORQUE_NM else None,
-        )
-        return True
-
-
-def _no_position(values: dict[str, float]) -> CommandError:
-    if values["kp"] < 0.0 or values["kd"] < 0.0:
-        text = f"kp is {values['kp']:g} and kd {values['kd']:g}, a gain cannot be negative"
-        return CommandError(text, reason="invalid_params")
-    if values["torque"] != 0.0:
-        what, hint = "a torque", "set_force(force_n) or grasp(force_n=...)"
-    elif values["velocity"] != 0.0:
-        what, hint = "a speed", "move_at_speed(opening_mm, speed_mm_s)"
-    else:
-        what, hint = "loose jaws", "zero_gravity()"
-    return CommandError(
-        f"a frame with kp = 0 asks for {what}: the daemon takes only positions by frame",
-        reason="unsupported",
-        data={"hint": f"use {hint}"},
-    )
+        return wait(self._core.send_mit_frame(position, velocity, kp, kd, torque))

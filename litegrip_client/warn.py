@@ -6,6 +6,10 @@ from collections.abc import Callable
 
 from litegrip_client.errors import LiteGripError
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from collections.abc import Awaitable
+
 
 def warn(text: str) -> None:
     """Log a warning under the name `litegrip_client`."""
@@ -14,15 +18,15 @@ def warn(text: str) -> None:
     logging.getLogger("litegrip_client").warning("%s", text)
 
 
-def leave(close: Callable[[], object], error: BaseException | None) -> None:
+async def leave(close: Callable[[], Awaitable[object]], error: BaseException | None) -> None:
     """Close at the end of a `with` block, which `error` ended, if any.
 
     An error of the closing is raised, but only logged where it would hide the block's own.
     """
     if error is None:
-        close()
+        await close()
         return
     try:
-        close()
+        await close()
     except LiteGripError as second:
         warn(f"on leaving after {type(error).__name__}: {second}")

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from litegrip_client.connection import Connection
-from tests.client.fake_daemon import DEADLINE_S
+from tests.client.fake_daemon import DEADLINE_S, STATE, Request
 
 Ctl: TypeAlias = Callable[..., tuple[int, str, str]]
 """Runs litegripctl: its arguments in, its exit code and its two outputs out."""
@@ -42,14 +42,18 @@ def interrupt_main_thread() -> None:
     signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
 
+def until_read(connection: Connection) -> None:
+    """Wait until some thread waits for `connection`."""
+    deadline_s = time.monotonic() + DEADLINE_S
+    while connection._multiplexer._leader is None and time.monotonic() < deadline_s:
+        os.sched_yield()
+
+
 def interrupt_when_main_thread_reads(connection: Connection) -> None:
     """Send an interrupt to the main thread as soon as it waits for `connection`."""
-    main = threading.main_thread().ident
 
     def interrupt() -> None:
-        deadline_s = time.monotonic() + DEADLINE_S
-        while connection._multiplexer._leader != main and time.monotonic() < deadline_s:
-            os.sched_yield()
+        until_read(connection)
         interrupt_main_thread()
 
     in_thread(interrupt)
@@ -59,3 +63,23 @@ def processor_time_of_children_s() -> float:
     """Tell what the ended child processes took, whatever else the machine had to do meanwhile."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
+
+
+def sample(request: Request, seq: int, **more: Any) -> None:
+    """Send a sample of the subscription 5, which `request` began."""
+    params = {"subscription": 5, "seq": seq, "dropped": 0, "monotonic_s": seq / 10}
+    request.notify("state.sample", {**params, "state": {**STATE, "seq": seq}, **more})
+
+
+def event(request: Request | None, seq: int, kind: str = "job_ended") -> dict[str, Any]:
+    """Send an event of the subscription 5, which `request` began, if given; return it."""
+    one = {
+        "seq": seq,
+        "monotonic_s": seq / 10,
+        "kind": kind,
+        "message": "the job ended",
+        "data": {"job": seq},
+    }
+    if request is not None:
+        request.notify("event", {"subscription": 5, **one})
+    return one

@@ -44,6 +44,18 @@ def test_no_file_of_a_site_directory_is_loaded_by_the_program(tmp_path: Path) ->
     assert not [path for path in run(code, tmp_path).splitlines() if path.startswith(site)]
 
 
+def test_asyncio_is_imported_when_it_is_asked_for_and_not_before(tmp_path: Path) -> None:
+    code = (
+        "import importlib, pkgutil, sys, litegrip_client, litegrip_client.core as core\n"
+        "litegrip_client.LiteGrip()\n"
+        "for one in pkgutil.iter_modules(core.__path__, 'litegrip_client.core.'):\n"
+        "    importlib.import_module(one.name)\n"
+        "print('asyncio' in sys.modules)\n"
+        "print(litegrip_client.aio.LiteGrip.__name__, 'asyncio' in sys.modules)"
+    )
+    assert run(code, tmp_path).splitlines() == ["False", "LiteGrip True"]
+
+
 def test_importing_is_quick(tmp_path: Path) -> None:
     """The figure stands in the message; a machine that is busy gets three chances."""
 

@@ -11,8 +11,8 @@ from litegrip_client import (
     LiteGrip,
     SetpointStream,
     StoppedError,
-    setpoints,
 )
+from litegrip_client.core import setpoints
 from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import in_thread
 

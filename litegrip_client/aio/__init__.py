@@ -1,0 +1,39 @@
+"""Drive a LiteGrip gripper through its daemon, on asyncio.
+
+    import asyncio
+    import litegrip_client.aio
+
+    async def main():
+        async with litegrip_client.aio.LiteGrip("can0") as gripper:
+            await gripper.enable()
+            await gripper.grasp(force_n=10, until="verdict")
+            async for state in gripper.states(hz=50):
+                ...
+
+    asyncio.run(main())
+
+`LiteGrip` offers what `litegrip_client.LiteGrip` does, by the same names, with the same arguments,
+results and exceptions, which are all described there. What asks the daemon is awaited; blocks and
+iterations are `async with` and `async for`; and what is a property there but asks the daemon is a
+method here: `await gripper.mount()`, `await gripper.config()`.
+
+Any number of tasks may share one object, but only of one event loop. A task that is cancelled while
+it waits for a motion, also by a timeout, cancels the motion before it ends.
+"""
+
+from litegrip_client.aio.gripper import LiteGrip
+from litegrip_client.aio.subscription import EventSubscription, Subscription
+from litegrip_client.core.gripper import GripperActions
+from litegrip_client.core.lease import Lease
+from litegrip_client.core.manual import ManualCalibration
+from litegrip_client.core.setpoints import SetpointStream
+
+__all__ = [
+    "EventSubscription",
+    "GripperActions",
+    "Lease",
+    "LiteGrip",
+    "ManualCalibration",
+    "SetpointStream",
+    "Subscription",
+]

@@ -1,0 +1,192 @@
+"""Calls and subscriptions over one connection to the daemon, for any number of tasks.
+
+This module adds waiting on asyncio to what `Exchange` is; it must not know what the methods do.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Coroutine, Mapping
+from typing import Any
+
+from litegrip_client.aio.stream import LineStream
+from litegrip_client.aio.waiting import Waiting
+from litegrip_client.calls import Call
+from litegrip_client.errors import CommandError, LiteGripError
+from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Exchange
+from litegrip_client.feeds import Feed
+from litegrip_client.router import no_answer
+
+
+class Connection(Exchange):
+    """A connection to the daemon, for the tasks of the event loop in which it was opened."""
+
+    def __init__(self, path: str, timeout_s: float) -> None:
+        """Nothing is connected yet; see `open`."""
+        super().__init__(path, timeout_s)
+        self._loop = asyncio.get_running_loop()
+        self._pid = os.getpid()
+        self._waiting = Waiting()
+        self._stream = LineStream(self._on_lines, self._on_change)
+
+    @classmethod
+    async def open(cls, path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Connection:
+        """Connect to the socket `path`; raises `OSError`.
+
+        `timeout_s` limits the connecting, and the calls that do not say otherwise.
+        """
+        connection = cls(path, timeout_s)
+        await connection._stream.connect(path, timeout_s)
+        return connection
+
+    # Calls
+
+    async def call(
+        self, method: str, params: Mapping[str, Any] | None = None, timeout_s: float | None = None
+    ) -> dict[str, Any]:
+        """Ask the daemon and return its result.
+
+        `timeout_s` None means the connection's, `math.inf` for ever. Raises the exception of the
+        daemon's error, and `ConnectError` when the connection is gone or no answer comes in time.
+        """
+        return await self.run(self.prepare(method, params), timeout_s)
+
+    async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
+        """Send a prepared call and wait for its result, as described for `call`."""
+        self._check_usable()
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        line = call.line()
+        try:
+            self._router.calls[call.identity] = call
+            await self._send(line)
+            while True:
+                await self._wait(call, limit_s, call.method)
+                result = self._take(call)
+                if result is not None:
+                    return result
+        finally:
+            if not call.keep:
+                self.forget(call)
+
+    async def notify_guarded(self, method: str, params: Mapping[str, Any]) -> None:
+        """Send, as `prepare_guarded` does, a request that gets no answer."""
+        self._check_usable()
+        await self._send(self._guarded_notification(method, params))
+
+    async def take_refusal(self) -> LiteGripError | None:
+        """Return why the daemon refused what `notify_guarded` sent, once it has said so."""
+        self._check_usable()
+        await asyncio.sleep(0)  # so that what has come is read, and other tasks have their turn
+        self._router.check()
+        return self._newest_refusal()
+
+    async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        """Await something to its end, even when the awaiting task is cancelled again."""
+        task = self._loop.create_task(coroutine)
+        cancelled: asyncio.CancelledError | None = None
+        while not task.done():
+            try:
+                await asyncio.wait([task])
+            except asyncio.CancelledError as error:  # noqa: PERF203 - hardly ever more than one
+                cancelled = error
+        task.result()
+        if cancelled is not None:
+            raise cancelled
+
+    # Subscriptions
+
+    async def subscribe(self, feed: Feed[Any]) -> None:
+        """Begin the subscription of a feed."""
+        call = self._subscribing(feed)
+        try:
+            await self.run(call)
+        except BaseException:
+            self._abandon_subscribing(call, feed)
+            raise
+
+    async def wait_for(self, feed: Feed[Any], timeout_s: float) -> None:
+        """Wait until a feed has something in its inbox."""
+        self._check_loop()
+        await self._wait(feed, timeout_s, f"with a {feed.what}")
+
+    async def unsubscribe(self, feed: Feed[Any]) -> None:
+        """End a subscription; there is nothing to do when the connection has ended."""
+        self._waiting.wake()
+        if self._router.listeners.pop(feed.key, None) is not None and not self.closed:
+            await self.call(*feed.ending())
+
+    # The connection itself
+
+    @property
+    def closed(self) -> bool:
+        """Whether no further call can succeed."""
+        return self._router.ending is not None or self._loop.is_closed() or not self.is_own
+
+    @property
+    def is_own(self) -> bool:
+        """Whether this process made the connection, and not the parent that it was forked from."""
+        return os.getpid() == self._pid
+
+    async def close(self) -> None:
+        """End the connection; again does nothing. In a forked child only its copy is closed."""
+        if not self.is_own or self._loop.is_closed():
+            self._router.end("this connection was closed", "closed")
+            self._stream.close_here()
+        elif asyncio.get_running_loop() is self._loop:
+            self._abort()
+            await self._waiting.until(lambda: self._stream.ended, self.timeout_s)
+        else:
+            self._loop.call_soon_threadsafe(self._abort)
+
+    def _abort(self) -> None:
+        self._router.end("this connection was closed", "closed")
+        self._stream.abort()
+        self._waiting.wake()
+
+    def _check_usable(self) -> None:
+        self._check_loop()
+        self._router.check()
+
+    def _check_loop(self) -> None:
+        if asyncio.get_running_loop() is not self._loop:
+            raise CommandError(
+                "this connection belongs to another event loop",
+                reason="wrong_loop",
+                data={"hint": "connect anew in each event loop, after having disconnected"},
+            )
+
+    async def _send(self, line: bytes) -> None:
+        if self._stream.is_full and not await self._waiting.until(self._has_room, self.timeout_s):
+            raise no_answer("the daemon does not read its requests", self.timeout_s)
+        self._router.check()
+        self._stream.send(line)
+
+    def _has_room(self) -> bool:
+        return not self._stream.is_full or self._stream.ended
+
+    def _post(self, line: bytes) -> None:
+        self._stream.send(line)
+
+    async def _wait(self, waited: Call | Feed[Any], timeout_s: float, what: str) -> None:
+        """Return when an inbox holds something; raises `ConnectError` when that cannot come."""
+
+        def ready() -> bool:
+            return bool(waited.inbox) or self._router.ending is not None
+
+        if not await self._waiting.until(ready, timeout_s):
+            raise no_answer(f"the daemon did not answer {what}", timeout_s)
+        if not waited.inbox:
+            self._router.check()
+
+    def _on_lines(self, lines: list[bytes]) -> None:
+        complaint = self._router.take(lines)
+        if complaint is not None:
+            self._router.end(complaint, "connection_lost")
+            self._stream.abort()
+        self._waiting.wake()
+
+    def _on_change(self) -> None:
+        if self._stream.ended:
+            self._router.end("the daemon ended the connection", "connection_lost")
+        self._waiting.wake()

@@ -1,0 +1,95 @@
+"""`LiteGrip` for asyncio: the core's gripper, on connections that suspend the task that waits."""
+
+from __future__ import annotations
+
+import asyncio
+import functools
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar, overload
+
+from litegrip_client.aio.connection import Connection
+from litegrip_client.aio.subscription import EventSubscription, Subscription
+from litegrip_client.core import link as core
+from litegrip_client.core.gripper import Gripper, GripperActions
+from litegrip_client.discovery import reach
+from litegrip_client.feeds import EventFeed, StateFeed, some_fields, whole_state
+from litegrip_client.motion_config import MotionConfig
+from litegrip_client.results import GripperState
+
+_Result = TypeVar("_Result")
+
+_KEPT_S = 0.5
+"""What a slow task finds of the states that came meanwhile: it shall get new ones."""
+
+
+class Link(core.Link):
+    """A daemon, by channel, and the connection to it while there is one."""
+
+    async def _connect(self) -> Connection:
+        return await reach(self.channel, self.socket_path, Connection.open)
+
+    async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Return what `function` does, in a thread of its own."""
+        loop = asyncio.get_running_loop()
+        return await loop.run_in_executor(None, functools.partial(function, *arguments))
+
+    @property
+    def connection(self) -> Connection:
+        """The connection; raises `ConnectError` when there is none."""
+        wire = self.wire
+        if not isinstance(wire, Connection):
+            raise TypeError(f"{wire!r} is no connection of an event loop")
+        return wire
+
+
+class LiteGrip(Gripper):
+    """The gripper on `channel`, as `async with LiteGrip("can0") as gripper:`.
+
+    The arguments are those of `litegrip_client.LiteGrip`, and so are all other names; `progress`
+    is called in the event loop, and must not block it. The constructor connects to nothing.
+    """
+
+    def __init__(
+        self,
+        channel: str = "can0",
+        can_id: int | None = None,
+        *,
+        mount: str | None = None,
+        disable_on_disconnect: bool = True,
+        socket_path: str | None = None,
+        motion_config: MotionConfig | None = None,
+    ) -> None:
+        """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
+        link = Link(channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect)
+        super().__init__(link, mount, motion_config)
+        self._asyncio_link = link
+
+    async def __aenter__(self) -> LiteGrip:
+        await self.connect()
+        return self
+
+    @property
+    def actions(self) -> GripperActions:
+        """The actions by themselves, which this object has as well."""
+        return self
+
+    @overload
+    def states(self, hz: float = 20.0, fields: None = None) -> Subscription[GripperState]: ...
+
+    @overload
+    def states(self, hz: float, fields: Sequence[str]) -> Subscription[dict[str, Any]]: ...
+
+    def states(self, hz: float = 20.0, fields: Sequence[str] | None = None) -> Any:
+        """Iterate over states, `hz` times a second (0.1 to 200).
+
+        With `fields`, each is a dictionary of these only. A slow task misses states, but what it
+        gets is new.
+        """
+        connection = self._asyncio_link.connection
+        if fields is None:
+            return Subscription(connection, StateFeed(hz, None, whole_state, _KEPT_S))
+        return Subscription(connection, StateFeed(hz, fields, some_fields, _KEPT_S))
+
+    def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
+        """Iterate over what happens from the begin of the iteration on, or only some `kinds`."""
+        return EventSubscription(self._asyncio_link.connection, EventFeed(kinds))

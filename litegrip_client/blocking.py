@@ -1,0 +1,81 @@
+"""Runs the core's coroutines for callers without an event loop: what they await blocks instead."""
+
+from __future__ import annotations
+
+from collections.abc import Coroutine, Mapping
+
+from litegrip_client.connection import Connection
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any, TypeVar
+
+    from litegrip_client.calls import Call
+    from litegrip_client.errors import LiteGripError
+
+    _Result = TypeVar("_Result")
+
+
+def wait(coroutine: Coroutine[Any, Any, _Result]) -> _Result:
+    """Run a coroutine to its end, here and now: nothing that it awaits ever suspends it."""
+    try:
+        coroutine.send(None)
+    except StopIteration as end:
+        result: _Result = end.value
+        return result
+    coroutine.close()
+    raise RuntimeError(f"{coroutine!r} wants an event loop")
+
+
+class BlockingWire:
+    """A connection whose coroutines block the thread until they are done."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self.path = connection.path
+        self.prepare = connection.prepare
+        self.prepare_guarded = connection.prepare_guarded
+        self.accept = connection.accept
+        self.forget = connection.forget
+        self.abandon = connection.abandon
+
+    @property
+    def client(self) -> int | None:
+        """The daemon's number for the connection."""
+        return self.connection.client
+
+    @property
+    def closed(self) -> bool:
+        """Whether no further call can succeed."""
+        return self.connection.closed
+
+    @property
+    def is_own(self) -> bool:
+        """Whether this process made the connection, and not the parent that it was forked from."""
+        return self.connection.is_own
+
+    async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
+        """Send a call, and return its result."""
+        return self.connection.run(call, timeout_s)
+
+    async def call(
+        self, method: str, params: Mapping[str, Any] | None = None, timeout_s: float | None = None
+    ) -> dict[str, Any]:
+        """Make a call and run it."""
+        return self.connection.call(method, params, timeout_s)
+
+    async def notify_guarded(self, method: str, params: Mapping[str, Any]) -> None:
+        """Send a guarded request that gets no answer."""
+        self.connection.notify_guarded(method, params)
+
+    async def take_refusal(self) -> LiteGripError | None:
+        """Return why the daemon refused such a request, once it has said so."""
+        return self.connection.take_refusal()
+
+    async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        """Await something; another interrupt ends that."""
+        await coroutine
+
+    async def close(self) -> None:
+        """End the connection; in a forked child only the child's copy of it."""
+        self.connection.close()

@@ -1,0 +1,233 @@
+"""The connection of one gripper object: which daemon, who enabled, and what its end does.
+
+This module must not know motions.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+from collections.abc import Callable, Mapping
+
+from litegrip_client.checks import given_numbers
+from litegrip_client.discovery import check_channel
+from litegrip_client.errors import (
+    CommandError,
+    ConnectError,
+    HardwareError,
+    LeaseError,
+    ProtocolError,
+)
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from collections.abc import Awaitable
+    from typing import Any, TypeVar
+
+    from litegrip_client.core.wire import Wire
+
+    _Result = TypeVar("_Result")
+
+ACTION_TIMEOUT_S = 30.0
+"""For enabling and disabling: retries and register reads included, the daemon is done by then."""
+
+
+class Link:
+    """A daemon, by channel, and the connection to it while there is one.
+
+    `enabled_here` is true from this link's enabling on until its disabling; only then does its
+    end do anything to the motor. `keeps_lease` tells that it wants the lease until its end,
+    `leased` that it has it, as far as it knows.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        can_id: int | None,
+        socket_path: str | None,
+        *,
+        disable_on_disconnect: bool,
+    ) -> None:
+        self.channel = check_channel(channel)
+        self.can_id = can_id
+        self.socket_path = socket_path
+        self.disable_on_disconnect = disable_on_disconnect
+        self.enabled_here = False
+        self.keeps_lease = False
+        self._leases = 0
+        self._wire: Wire | None = None
+
+    async def _connect(self) -> Wire:
+        """Connect to the daemon; raises `ConnectError`."""
+        raise NotImplementedError
+
+    async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Return what `function` does, which works with files and so may take its time."""
+        raise NotImplementedError
+
+    @property
+    def is_open(self) -> bool:
+        """Whether calls can be made."""
+        return self._wire is not None and not self._wire.closed
+
+    @property
+    def leased(self) -> bool:
+        """Whether anybody who uses this link still wants the lease."""
+        return self.keeps_lease or self._leases > 0
+
+    @property
+    def wire(self) -> Wire:
+        """The connection; raises `ConnectError` when there is none."""
+        if self._wire is None:
+            raise ConnectError(
+                f"not connected to the daemon of channel {self.channel}",
+                reason="not_connected",
+                data={"hint": "call connect() first, or use 'with LiteGrip(...) as gripper:'"},
+            )
+        return self._wire
+
+    # Connecting
+
+    async def open(self, begin: Callable[[Wire], Awaitable[None]]) -> None:
+        """Connect, unless that is done; others see the connection when `begin` is through with it.
+
+        Raises `ConnectError`, `CommandError` when the daemon there drives something else, and
+        what `begin` raises.
+        """
+        if self.is_open:
+            return
+        import litegrip_client.results  # noqa: F401, PLC0415 - so that no call must load it
+
+        wire = await self._connect()
+        try:
+            hello = await wire.call("hello", {"client": _program()})
+            wire.accept(hello)
+            self._check(hello, wire.path)
+            await begin(wire)
+        except GeneratorExit:
+            raise
+        except BaseException:
+            await wire.close()
+            raise
+        old = self._wire
+        if old is not None and not old.closed:  # another task was faster
+            await wire.close()
+            return
+        self._wire = wire
+        self.enabled_here = self.keeps_lease = False
+        self._leases = 0
+        if old is not None:
+            await old.close()
+
+    def _check(self, hello: Mapping[str, Any], path: str) -> None:
+        try:
+            channel, can_id = hello["channel"], hello["motor"]["can_id"]
+        except (KeyError, TypeError) as error:
+            raise ProtocolError(f"what answers at {path} is no litegripd: {hello!r:.80}") from error
+        if channel != self.channel:
+            raise _different("channel", self.channel, channel, path)
+        if self.can_id is not None and can_id != self.can_id:
+            raise _different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)
+
+    async def close(self) -> None:
+        """End the connection, after having seen to the motor if this link enabled it.
+
+        That is: disable it, or, without `disable_on_disconnect`, make sure that the daemon goes
+        on holding. Raises the error of that; the connection is closed all the same. In a forked
+        child only the child's copy is closed.
+        """
+        wire, self._wire = self._wire, None
+        if wire is None:
+            return
+        enabled_here, leased = self.enabled_here, self.leased
+        self.enabled_here = self.keeps_lease = False
+        self._leases = 0
+        try:
+            if enabled_here and wire.is_own and self.disable_on_disconnect:
+                await _disable(wire)
+            if leased and wire.is_own:
+                await _release(wire)
+        finally:
+            await wire.close()
+
+    # The lease
+
+    async def acquire(
+        self,
+        purpose: str | None = None,
+        ttl_s: float | None = None,
+        wait_s: float = 0.0,
+        on_lost: str = "hold",
+    ) -> dict[str, Any]:
+        """Get the lease, or change what is wished of it; the purpose is the program by default."""
+        numbers = given_numbers(ttl_s=ttl_s, wait_s=wait_s or None)
+        params = {"purpose": purpose or _program(), "on_lost": on_lost, **numbers}
+        return await self._get("lease.acquire", params, numbers.get("wait_s", 0.0))
+
+    async def _get(self, method: str, params: dict[str, Any], wait_s: float) -> dict[str, Any]:
+        wire = self.wire
+        call = wire.prepare(method, params)
+        call.keep = True
+        try:
+            return await wire.run(call, wait_s + ACTION_TIMEOUT_S)
+        except BaseException:
+            wire.abandon(call, self._unwanted)
+            raise
+
+    def _unwanted(self, granted: dict[str, Any]) -> tuple[str, dict[str, Any]] | None:
+        """Give back a lease that comes after nobody waits for it any more."""
+        return None if self.leased else ("lease.release", {"lease": granted["lease"]})
+
+    def enter_lease(self) -> Wire:
+        """Count one who wants the lease that was acquired; return what to say on leaving."""
+        wire = self.wire
+        self._leases += 1
+        return wire
+
+    async def leave_lease(self, wire: Wire) -> None:
+        """Count one who no longer wants the lease; the last gives it back."""
+        if wire is self._wire:
+            self._leases -= 1
+            await self.let_go()
+
+    async def let_go(self) -> None:
+        """Give the lease back, unless somebody here wants it; the jaws stay as they are."""
+        if not self.leased and self.is_open:
+            await _release(self.wire)
+
+    async def take(self, why: str) -> None:
+        """Take the lease from whoever has it, and keep it."""
+        await self._get("lease.take", {"why": why, "purpose": _program()}, 0.0)
+        self.keeps_lease = True
+
+
+async def _disable(wire: Wire) -> None:
+    try:
+        done = (await wire.call("motor.disable", None, ACTION_TIMEOUT_S)).get("ok")
+    except LeaseError:
+        return  # taken over: the motor is another's to disable
+    if not done:
+        raise HardwareError(
+            "the motor did not confirm that it is disabled",
+            reason="not_confirmed",
+            data={"retryable": True},
+        )
+
+
+async def _release(wire: Wire) -> None:
+    """Give the lease back, unless it is lost already."""
+    with contextlib.suppress(LeaseError):
+        await wire.call("lease.release")
+
+
+def _program() -> str:
+    name = sys.argv[0].rpartition("/")[2][:64] if sys.argv else ""
+    return name if name and not name.startswith("-") else "python"  # of python -c, for one
+
+
+def _different(what: str, wanted: str, found: str, path: str) -> CommandError:
+    return CommandError(
+        f"the daemon at {path} has {what} {found}, not {wanted}",
+        reason="wrong_gripper",
+        data={"hint": f"ask for {what} {found}, or for the socket of the other daemon"},
+    )

@@ -1,0 +1,172 @@
+"""Set-points: targets that a program sends again and again, each valid for a short time only.
+
+This module sends them and finds out what became of them; how the jaws follow is the daemon's.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Awaitable, Callable
+from types import TracebackType
+
+from litegrip_client.checks import given_numbers, number
+from litegrip_client.core.base import ActionBase
+from litegrip_client.core.link import Link
+from litegrip_client.errors import CommandError
+from litegrip_client.warn import leave
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+    from litegrip_client.core.wire import Wire
+
+_FRAME_VALID_S = 0.2
+_CONTACT_TORQUE_NM = 1.0
+"""What the jaws press with at most, following set-points, when nothing else is asked for."""
+
+
+class SetpointStream:
+    """A stream of targets for the jaws: `async with gripper.stream() as stream:`.
+
+    The latest target wins. When none comes for `valid_s`, and at the end of the block, the jaws
+    hold where they are. Each object is for one task.
+
+    The first target, and one after a pause, waits for the daemon's answer; the others are sent
+    without. What the daemon refuses of those is raised by one of the next calls.
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        valid_s: float,
+        limits: dict[str, Any],
+        before: Callable[[], Awaitable[None]] | None = None,
+    ) -> None:
+        """`before` is awaited once, before the first target is sent."""
+        self._link = link
+        self._valid_s = number("valid_s", valid_s)
+        self._limits = limits
+        self._before = before
+        self._wire: Wire | None = None
+        self._job: int | None = None
+        self._sent_s = -math.inf
+
+    async def set_target(
+        self,
+        opening_mm: float | None = None,
+        *,
+        position_rad: float | None = None,
+        openness: float | None = None,
+        torque_nm: float | None = None,
+    ) -> None:
+        """Send the jaws to exactly one of `opening_mm`, `position_rad` and `openness` (0 to 1).
+
+        `torque_nm` is for this target what it is for the whole stream.
+        """
+        target = given_numbers(opening_mm=opening_mm, position_rad=position_rad, openness=openness)
+        if len(target) != 1:
+            raise CommandError(
+                "a set-point needs exactly one of opening_mm, position_rad and openness",
+                reason="invalid_params",
+            )
+        own = given_numbers(torque_nm=torque_nm)
+        if self._before is not None:
+            before, self._before = self._before, None
+            await before()
+        await self._send({**target, "valid_s": self._valid_s, **self._limits, **own})
+
+    async def _send(self, params: dict[str, Any]) -> None:
+        wire = self._link.wire
+        paused_s = time.monotonic() - self._sent_s
+        if wire is self._wire and paused_s < self._valid_s / 2.0:
+            refusal = await wire.take_refusal()
+            if refusal is not None:
+                self._wire = self._job = None
+                raise refusal
+            await wire.notify_guarded("stream.set", params)
+        else:
+            # Also after half of the validity: the job that it began may have ended on its way.
+            self._wire = self._job = None
+            job = (await wire.run(wire.prepare_guarded("stream.set", params)))["job"]
+            await wire.take_refusal()  # of what was sent before, and is answered by now
+            self._wire, self._job = wire, job
+        self._sent_s = time.monotonic()
+
+    async def close(self) -> None:
+        """End the stream at once, so that the jaws hold; nothing to do when it ended by itself."""
+        wire, job = self._wire, self._job
+        self._wire = self._job = None
+        lives = time.monotonic() - self._sent_s < 2.0 * self._valid_s
+        if wire is not None and job is not None and lives and not wire.closed:
+            await wire.call("job.cancel", {"job": job})
+
+    async def __aenter__(self) -> SetpointStream:
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await leave(self.close, error)
+
+
+class SetpointActions(ActionBase):
+    """What makes the jaws follow a program's targets."""
+
+    def stream(
+        self,
+        valid_s: float = 0.2,
+        *,
+        speed_mm_s: float | None = None,
+        torque_nm: float | None = None,
+    ) -> SetpointStream:
+        """Begin a stream of targets; the jaws do not move before the first `set_target`.
+
+        `valid_s`: 0.02 to 2 s. `speed_mm_s` and `torque_nm` (0.1 to 3 N·m) are how fast they
+        follow, and what they press with on what stands in their way, at most.
+        """
+        limits = self._speed_limit() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
+        return SetpointStream(self._link, valid_s, limits, self._end_frames)
+
+    def _speed_limit(self) -> dict[str, float]:
+        """Return the speed of the tunables, if it was set; nothing else of them is for streams."""
+        config = self._motion_config.to_wire()
+        return {name: config[name] for name in ("speed_mm_s",) if name in config}
+
+    async def send_mit_frame(
+        self, position: float, velocity: float, kp: float, kd: float, torque: float
+    ) -> bool:
+        """Send a set-point for `position`, in rad, valid for 0.2 s; not a frame on the bus."""
+        given = {"position": position, "velocity": velocity, "kp": kp, "kd": kd, "torque": torque}
+        values = {name: number(name, value) for name, value in given.items()}
+        if values["kp"] <= 0.0 or values["kd"] < 0.0:
+            raise _no_position(values)
+        if self._frames is None:
+            self._frames = SetpointStream(self._link, _FRAME_VALID_S, self._speed_limit())
+        press_nm = abs(values["torque"])
+        await self._frames.set_target(
+            position_rad=values["position"],
+            torque_nm=press_nm if press_nm > _CONTACT_TORQUE_NM else None,
+        )
+        return True
+
+
+def _no_position(values: dict[str, float]) -> CommandError:
+    if values["kp"] < 0.0 or values["kd"] < 0.0:
+        text = f"kp is {values['kp']:g} and kd {values['kd']:g}, a gain cannot be negative"
+        return CommandError(text, reason="invalid_params")
+    if values["torque"] != 0.0:
+        what, hint = "a torque", "set_force(force_n) or grasp(force_n=...)"
+    elif values["velocity"] != 0.0:
+        what, hint = "a speed", "move_at_speed(opening_mm, speed_mm_s)"
+    else:
+        what, hint = "loose jaws", "zero_gravity()"
+    return CommandError(
+        f"a frame with kp = 0 asks for {what}: the daemon takes only positions by frame",
+        reason="unsupported",
+        data={"hint": f"use {hint}"},
+    )

@@ -1,0 +1,67 @@
+"""What the core needs of a connection to the daemon: for the type checker alone."""
+
+from __future__ import annotations
+
+from collections.abc import Coroutine, Mapping
+from typing import Any, Protocol
+
+from litegrip_client.calls import Call, Progress
+from litegrip_client.errors import LiteGripError
+from litegrip_client.exchange import Undo
+
+
+class Wire(Protocol):
+    """A connection: what of it does not wait is described by `Exchange`."""
+
+    @property
+    def path(self) -> str:
+        """The daemon's socket."""
+
+    @property
+    def client(self) -> int | None:
+        """The daemon's number for the connection."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether no further call can succeed."""
+
+    @property
+    def is_own(self) -> bool:
+        """Whether this process made the connection, and not the parent that it was forked from."""
+
+    def prepare(self, method: str, params: Mapping[str, Any] | None = None) -> Call:
+        """Make a call."""
+
+    def prepare_guarded(
+        self, method: str, params: Mapping[str, Any], on_progress: Progress | None = None
+    ) -> Call:
+        """Make a call that never acts after a stop that its sender did not know."""
+
+    def accept(self, hello: Mapping[str, Any]) -> None:
+        """Take note of what the daemon says of itself."""
+
+    def forget(self, call: Call) -> None:
+        """Drop what still comes for a call."""
+
+    def abandon(self, call: Call, undo: Undo) -> None:
+        """Take back what a call begins, now or when its answer comes."""
+
+    async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
+        """Send a call, and return its result."""
+
+    async def call(
+        self, method: str, params: Mapping[str, Any] | None = None, timeout_s: float | None = None
+    ) -> dict[str, Any]:
+        """Make a call and run it."""
+
+    async def notify_guarded(self, method: str, params: Mapping[str, Any]) -> None:
+        """Send a guarded request that gets no answer."""
+
+    async def take_refusal(self) -> LiteGripError | None:
+        """Return why the daemon refused such a request, once it has said so."""
+
+    async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        """Await something to its end, even when the awaiting task is cancelled again."""
+
+    async def close(self) -> None:
+        """End the connection; in a forked child only the child's copy of it."""

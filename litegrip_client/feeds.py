@@ -1,0 +1,222 @@
+"""What subscriptions bring: samples of the state, and events. Values and inboxes, no I/O."""
+
+import math
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+from litegrip_client.calls import Message
+from litegrip_client.checks import number
+from litegrip_client.errors import CommandError, ConnectError
+from litegrip_client.router import Key, unsubscribing
+from litegrip_client.state import GripperState
+
+_Item = TypeVar("_Item")
+
+_INBOX_SAMPLES = 256
+"""More than a second at 200 Hz. Only fills while others read the connection, and not this one."""
+
+_INBOX_EVENTS = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class StateSample:
+    """One sample: `state` holds the subscribed fields. `seq` is None for the first one.
+
+    `seq` and `monotonic_s` (CLOCK_MONOTONIC seconds) are as the daemon sent them; `dropped` counts
+    the samples that were lost since the begin, because this program read too slowly.
+    """
+
+    seq: int | None
+    dropped: int
+    monotonic_s: float | None
+    state: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened in the gripper: `message` tells it to a person.
+
+    `kind` and `data` tell the same to a program. `seq` counts all events since the daemon's start,
+    so that a gap shows kinds that were not subscribed; `monotonic_s` is CLOCK_MONOTONIC seconds.
+    """
+
+    seq: int
+    monotonic_s: float
+    kind: str
+    message: str
+    data: Mapping[str, Any]
+
+    @classmethod
+    def from_wire(cls, data: Mapping[str, Any]) -> "Event":
+        """Read the wire's form; raises `KeyError` for what it lacks."""
+        return cls(
+            seq=data["seq"],
+            monotonic_s=data["monotonic_s"],
+            kind=data["kind"],
+            message=data["message"],
+            data=data.get("data") or {},
+        )
+
+
+class Feed(Generic[_Item]):
+    """The inbox of one subscription, and how to ask for it.
+
+    `identity` is the daemon's number for it, -1 before it has one. `silence_s` is the longest
+    time that may pass between two items. `what` is the name of an item.
+    """
+
+    notification: str
+    method: str
+    what: str
+
+    def __init__(self, params: dict[str, Any], silence_s: float, most_items: int | None) -> None:
+        self.params = params
+        self.silence_s = silence_s
+        self.identity = -1
+        self.inbox: deque[Any] = deque(maxlen=most_items)
+
+    @property
+    def key(self) -> Key:
+        """The name under which its notifications come."""
+        return self.notification, self.identity
+
+    def ending(self) -> tuple[str, dict[str, Any]]:
+        """Return the method and the parameters that end it."""
+        return unsubscribing(*self.key)
+
+    def begin(self, result: Message) -> None:
+        """Take the answer to the subscription; again does nothing."""
+        raise NotImplementedError
+
+    def deliver(self, message: Message) -> None:
+        """Take one notification; one that came before is ignored."""
+        raise NotImplementedError
+
+    def take(self) -> _Item | None:
+        """Take the oldest item out of the inbox, which has one; None says that it was the last."""
+        raise NotImplementedError
+
+    def end(self) -> None:
+        """Let nothing come any more."""
+        self.inbox.append(None)
+
+
+class StateFeed(Feed[_Item]):
+    """The state `hz` times a second, made into something else by `convert`; the newest count.
+
+    Of what is not taken out of the inbox only the newest `keep_s` seconds are kept.
+    """
+
+    notification = "state.sample"
+    method = "state.subscribe"
+    what = "state sample"
+
+    def __init__(
+        self,
+        hz: float,
+        fields: Sequence[str] | None,
+        convert: Callable[[StateSample], _Item],
+        keep_s: float = math.inf,
+    ) -> None:
+        """Raise `CommandError` for what cannot be a rate, or fields."""
+        hz = number("hz", hz)
+        params: dict[str, Any] = {"hz": hz}
+        if fields is not None:
+            params["fields"] = _names("fields", fields)
+        period_s = 1.0 / hz if hz > 0.0 else 0.0  # what is no rate is refused by the daemon
+        super().__init__(params, 2.0 * period_s, max(2, int(min(keep_s * hz, _INBOX_SAMPLES))))
+        self._convert = convert
+        self._newest_seq: int | None = None
+        self._lost = 0
+
+    def begin(self, result: Message) -> None:
+        """Take the subscription's number and the present state, which is the first sample."""
+        if self.identity < 0:
+            state = result["state"]
+            self.inbox.append(StateSample(None, 0, state.get("monotonic_s"), state))
+            self.identity = result["subscription"]
+
+    def deliver(self, message: Message) -> None:
+        """Take one sample."""
+        seq = message["seq"]
+        if self._newest_seq is None or seq > self._newest_seq:
+            if len(self.inbox) == self.inbox.maxlen:
+                self._lost += 1
+            dropped = message.get("dropped", 0) + self._lost
+            monotonic_s, state = message.get("monotonic_s"), message["state"]
+            self.inbox.append(StateSample(seq, dropped, monotonic_s, state))
+            self._newest_seq = seq
+
+    def take(self) -> _Item | None:
+        """Take the oldest sample, converted; raises what `convert` does."""
+        sample: StateSample | None = self.inbox.popleft()
+        return None if sample is None else self._convert(sample)
+
+
+class EventFeed(Feed[Event]):
+    """All events of some `kinds`; `recent` are those from before, the oldest first.
+
+    A reader that lets thousands of them wait gets an error in place of the rest.
+    """
+
+    notification = "event"
+    method = "events.subscribe"
+    what = "event"
+
+    def __init__(self, kinds: Sequence[str] | None) -> None:
+        """Raise `CommandError` for what cannot be kinds."""
+        params = {} if kinds is None else {"kinds": _names("kinds", kinds)}
+        super().__init__(params, math.inf, None)
+        self.recent: tuple[Event, ...] = ()
+        self._newest_seq = -1
+        self._overrun = False
+
+    def begin(self, result: Message) -> None:
+        """Take the subscription's number and what happened recently."""
+        if self.identity < 0:
+            self.recent = tuple(Event.from_wire(one) for one in result["events"])
+            self._newest_seq = max((one.seq for one in self.recent), default=-1)
+            self.identity = result["subscription"]
+
+    def deliver(self, message: Message) -> None:
+        """Take one event."""
+        event = Event.from_wire(message)
+        if event.seq <= self._newest_seq or self._overrun:
+            return
+        if len(self.inbox) < _INBOX_EVENTS:
+            self.inbox.append(event)
+        else:
+            self._overrun = True
+            text = f"this program did not read its events: {len(self.inbox)} are waiting"
+            self.inbox.append(ConnectError(text, reason="backlog_full"))
+        self._newest_seq = event.seq
+
+    def take(self) -> Event | None:
+        """Take the oldest event; raises `ConnectError` when too many were not read."""
+        item: Event | ConnectError | None = self.inbox.popleft()
+        if isinstance(item, ConnectError):
+            self.inbox.append(item)
+            raise item
+        return item
+
+
+def whole_state(sample: StateSample) -> GripperState:
+    """Make a sample of all fields into a state; raises `ProtocolError`."""
+    return GripperState.from_wire(sample.state)
+
+
+def some_fields(sample: StateSample) -> dict[str, Any]:
+    """Take only the fields out of a sample."""
+    return sample.state
+
+
+def _names(what: str, names: Sequence[str]) -> list[str]:
+    if isinstance(names, str):
+        raise CommandError(
+            f"{what} is the text {names!r:.60}, it must be a list of names",
+            reason="invalid_params",
+            data={"parameter": what},
+        )
+    return list(names)
