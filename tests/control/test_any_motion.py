@@ -64,7 +64,7 @@ courses = st.builds(
     is_ready=st.booleans(),
     requests=st.lists(requests, max_size=2).map(tuple) | st.tuples(requests) | st.tuples(leaving),
     late_s=st.sampled_from([0.0] * 12 + [-PERIOD_S, 0.03, 0.3, 1.2]),
-    ticks=st.sampled_from([1, 2, 10, 60]),
+    ticks=st.sampled_from([1, 2, 10, 60, 150]),
     phase=st.sampled_from([None] * 40 + list(MotorPhase)),
     follows=st.sampled_from([0.0, 0.02, 0.3, 1.0]),
     measured=st.just({}) | measurements,
@@ -88,6 +88,7 @@ def test_no_request_and_no_measurement_lead_beyond_the_limits(
 
 which = st.integers(0, 1)
 some_ticks = st.sampled_from([0, 1, 2, 20, 60])
+many_ticks = st.sampled_from([0, 20, 200])
 FOREIGN = ((6.0, 20.0, 7.0), (100.0, 100.0, 50.0))
 """What the registers PMAX, VMAX and TMAX of another motor may hold."""
 
@@ -219,7 +220,7 @@ class AnyMotion(RuleBasedStateMachine):
             self.world.inject(CanFrame(0x18, bytes([status << 4 | CAN_ID]) + rest))
             self.tick()
 
-    @rule(torque_nm=st.sampled_from([0.0, 0.0, 0.5, -0.5, 3.0, -3.0, 9.0, -9.0]), count=some_ticks)
+    @rule(torque_nm=st.sampled_from([0.0, 0.0, 0.5, -0.5, 3.0, -3.0, 9.0, -9.0]), count=many_ticks)
     def push(self, torque_nm: float, count: int) -> None:
         self.world.gripper.push(torque_nm)
         self.ticks(count)
