@@ -81,6 +81,14 @@ class BusyError(CommandError):
     """Another motion is running, or there is too much at once."""
 
 
+class LeaseError(BusyError):
+    """Another client has the gripper to itself, or the lease is lost; see `owner`."""
+
+
+class NotPermittedError(CommandError):
+    """The user's role, by the daemon's configuration, does not allow it."""
+
+
 class StoppedError(CommandError):
     """A stop is latched, or came after the request was sent."""
 
@@ -98,6 +106,8 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
         HardwareError,
         ConnectError,
         BusyError,
+        LeaseError,
+        NotPermittedError,
         StoppedError,
         CancelledError,
     )

@@ -18,6 +18,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
     from typing import Any, overload
 
+    from litegrip_client.lease import Lease
     from litegrip_client.motion_config import MotionConfig
     from litegrip_client.results import GripperState
     from litegrip_client.subscription import StateSample, StateSubscription
@@ -121,6 +122,36 @@ class LiteGrip(GripperActions):
     def actions(self) -> GripperActions:
         """The actions by themselves, which this object has as well."""
         return self
+
+    # The lease
+
+    def lease(
+        self,
+        purpose: str | None = None,
+        *,
+        ttl_s: float | None = None,
+        wait_s: float = 0.0,
+        on_lost: str = "hold",
+    ) -> Lease:
+        """Have the gripper to oneself: `with gripper.lease("sorting", wait_s=10):`.
+
+        `enable` does it by itself, until the end of the block of the gripper. `wait_s` is how
+        long to wait for others; with `ttl_s` the lease is lost when no call is made for so long
+        (a motion that lasts longer is ended). `on_lost` is what the jaws do when it is lost:
+        "hold", "relax" or "disable". Raises `LeaseError` that names the owner.
+        """
+        from litegrip_client.lease import Lease  # noqa: PLC0415 - see the package
+
+        wish = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}
+        return Lease(self._link, wish)
+
+    def take_lease(self, why: str) -> None:
+        """Take the lease from whoever has it, for good reason: it is told to the loser.
+
+        Only from the same user, or as an admin of the daemon's configuration; else raises
+        `NotPermittedError`.
+        """
+        self._link.take(why)
 
     # Stop
 

@@ -5,11 +5,18 @@ This module must not know motions.
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 from litegrip_client.connection import Connection
 from litegrip_client.discovery import check_channel, connect
-from litegrip_client.errors import CommandError, ConnectError, HardwareError, ProtocolError
+from litegrip_client.errors import (
+    CommandError,
+    ConnectError,
+    HardwareError,
+    LeaseError,
+    ProtocolError,
+)
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -23,7 +30,7 @@ class Link:
     """A daemon, by channel, and the connection to it while there is one.
 
     `enabled_here` is true from this link's enabling on until its disabling; only then does its
-    end do anything to the motor.
+    end do anything to the motor. `leased` tells that it has the lease, as far as it knows.
     """
 
     def __init__(
@@ -39,7 +46,7 @@ class Link:
         self.socket_path = socket_path
         self.disable_on_disconnect = disable_on_disconnect
         self.enabled_here = False
-        self.on_lost = "hold"
+        self.leased = False
         self._connection: Connection | None = None
 
     @property
@@ -69,7 +76,7 @@ class Link:
 
         if self._connection is not None:
             self._connection.close()
-        self.enabled_here = False
+        self.enabled_here = self.leased = False
         connection = connect(self.channel, self.socket_path)
         try:
             self._check(connection.greet(_program()), connection.path)
@@ -99,24 +106,60 @@ class Link:
         if connection is None:
             return
         enabled_here, self.enabled_here = self.enabled_here, False
+        leased, self.leased = self.leased, False
         try:
-            if enabled_here and connection.is_own:
-                self._leave_motor(connection)
+            if enabled_here and connection.is_own and self.disable_on_disconnect:
+                self._disable(connection)
+            if leased and connection.is_own:
+                _release(connection)
         finally:
             connection.close()
 
-    def _leave_motor(self, connection: Connection) -> None:
-        if self.disable_on_disconnect:
-            if not connection.call("motor.disable", None, ACTION_TIMEOUT_S).get("ok"):
-                raise HardwareError(
-                    "the motor did not confirm that it is disabled",
-                    reason="not_confirmed",
-                    data={"retryable": True},
-                )
-        elif self.on_lost == "disable":
-            # Takes back what enable said. Should another client have enabled the motor since,
-            # there is nothing to take back.
-            connection.call("motor.keep", {"on_lost": "hold"})
+    def acquire(
+        self,
+        purpose: str | None = None,
+        ttl_s: float | None = None,
+        wait_s: float = 0.0,
+        on_lost: str = "hold",
+    ) -> dict[str, Any]:
+        """Get the lease, or change what is wished of it; the purpose is the program by default."""
+        params: dict[str, Any] = {"purpose": purpose or _program(), "on_lost": on_lost}
+        if ttl_s is not None:
+            params["ttl_s"] = ttl_s
+        if wait_s:
+            params["wait_s"] = wait_s
+        result = self.connection.call("lease.acquire", params, wait_s + ACTION_TIMEOUT_S)
+        self.leased = True
+        return result
+
+    def take(self, why: str) -> None:
+        """Take the lease from whoever has it."""
+        self.connection.call("lease.take", {"why": why, "purpose": _program()})
+        self.leased = True
+
+    def release(self) -> None:
+        """Give the lease back; the jaws stay as they are."""
+        self.leased = False
+        _release(self.connection)
+
+    @staticmethod
+    def _disable(connection: Connection) -> None:
+        try:
+            done = connection.call("motor.disable", None, ACTION_TIMEOUT_S).get("ok")
+        except LeaseError:
+            return  # taken over: the motor is another's to disable
+        if not done:
+            raise HardwareError(
+                "the motor did not confirm that it is disabled",
+                reason="not_confirmed",
+                data={"retryable": True},
+            )
+
+
+def _release(connection: Connection) -> None:
+    """Give the lease back, unless it is lost already."""
+    with contextlib.suppress(LeaseError):
+        connection.call("lease.release")
 
 
 def _program() -> str:

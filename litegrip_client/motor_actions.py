@@ -21,31 +21,37 @@ class MotorActions(ActionBase):
         """Enable the motor; true if its status says so.
 
         `retries`: enable commands at most, 1 to 20; None means `motion_config.enable_retries`.
+        It takes the lease: until the end of the `with` block nobody else moves the gripper.
         The daemon disables the motor when this process ends without having done so, or goes on
-        holding, as `disable_on_disconnect` says now. Raises `StoppedError` while a stop is
-        latched and `HardwareError` when motor or bus do not work.
+        holding, as `disable_on_disconnect` says now. Raises `LeaseError` when another client has
+        the lease (it names it), `StoppedError` while a stop is latched and `HardwareError` when
+        motor or bus do not work.
         """
         from litegrip_client.results import EnableResult  # noqa: PLC0415 - see above
 
         link = self._link
         connection = link.connection
-        on_lost = "disable" if link.disable_on_disconnect else "hold"
-        params: dict[str, Any] = {"on_lost": on_lost}
+        params: dict[str, Any] = {}
         if retries is not None:
             params["retries"] = integer("retries", retries)
         call = connection.prepare_guarded("motor.enable", self._configured(params))
-        before = link.enabled_here, link.on_lost
-        # From now on it may be enabled by us, also if the answer never comes.
-        link.enabled_here, link.on_lost = True, on_lost
+        before = link.enabled_here, link.leased
+        link.acquire(on_lost="disable" if link.disable_on_disconnect else "hold")
+        link.enabled_here = True  # or may be, also if the answer never comes
         try:
             result = EnableResult.from_wire(connection.run(call, ACTION_TIMEOUT_S))
         except LiteGripError:
             if call.answered:
-                link.enabled_here, link.on_lost = before
+                self._undo_enable(*before)
             raise
         if not result.ok:
-            link.enabled_here, link.on_lost = before
+            self._undo_enable(*before)
         return result
+
+    def _undo_enable(self, was_enabled_here: bool, was_leased: bool) -> None:
+        self._link.enabled_here = was_enabled_here
+        if not was_leased:
+            self._link.release()
 
     def disable(self) -> bool:
         """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed."""

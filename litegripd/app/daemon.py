@@ -85,7 +85,11 @@ class Daemon:
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._facts = DaemonFacts(config, self._machine)
         self._service = RpcService(
-            self._machine.engine, self._facts, period_s, config.access.role_of
+            self._machine.engine,
+            self._facts,
+            period_s,
+            role_of=config.access.role_of,
+            epoch=self._facts.epoch,
         )
         self._reactor = Reactor(period_s, self._tick)
         self._urgent = Urgent(period_s)

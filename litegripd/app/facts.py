@@ -55,6 +55,11 @@ class DaemonFacts:
         self._parts: Parts | None = None
         self.simulated = config.bus.interface == "litegrip_sim"
 
+    @property
+    def epoch(self) -> str:
+        """Tells this start of the daemon from every other."""
+        return self._epoch
+
     def attach(self, parts: "Parts") -> None:
         """Take the parts whose figures `health` tells."""
         self._parts = parts

@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 
 
 def load_at_start(engine: Engine, on_calibration: Callable[[], None]) -> None:
-    """Ask for both; `on_calibration` is called when it is known whether there is one."""
+    """Ask for both; `on_calibration` is called when it is known what there is of them."""
     unit = engine.unit
 
     def use_calibration(result: ErrandResult) -> None:
@@ -24,10 +24,10 @@ def load_at_start(engine: Engine, on_calibration: Callable[[], None]) -> None:
         _use_calibration(engine, result)
 
     wanted = {"channel": unit.channel, "mount": unit.mount, "configured": True}
-    engine.errands.append(Errand("calibration.load", wanted, use_calibration))
     engine.errands.append(
         Errand("motion.load", {"channel": unit.channel}, lambda result: _use_config(engine, result))
     )
+    engine.errands.append(Errand("calibration.load", wanted, use_calibration))
 
 
 def _use_calibration(engine: Engine, result: ErrandResult) -> None:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 
 from litegripd.control.heat import HeatChange
+from litegripd.control.lease import Grant, Loss
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
@@ -85,6 +86,46 @@ def stop_cleared(by: Owner) -> Event:
 def stopped(level: StopLevel, refusal: Refusal) -> Event:
     """Tell which stop is latched, in the words in which it refuses motions."""
     return Event("stop", refusal.message, {"level": level})
+
+
+_CAUSES = {
+    "connection": "its connection ended",
+    "process": "its process ended",
+    "expired": "it sent nothing for longer than its ttl_s",
+    "taken": "it was taken over",
+}
+
+
+def lease_lost(loss: Loss) -> Event:
+    """Tell whose lease is lost, why, and to whom."""
+    owner, by = loss.grant.owner, loss.by
+    text = f"lease {loss.grant.number} of {owner.program} (pid {owner.pid}) is lost: "
+    text += _CAUSES[loss.cause]
+    if by is not None:
+        text += f" by {by.program} (pid {by.pid}, uid {by.uid}): {loss.why}"
+    data: dict[str, object] = {"client": owner.client, "cause": loss.cause, "why": loss.why}
+    if by is not None:
+        data["by"] = {"pid": by.pid, "uid": by.uid, "program": by.program}
+    return Event("lease_lost", text, data)
+
+
+def lease_changed(what: str, grant: Grant) -> Event:
+    """Tell who got or gave back the lease, and what for."""
+    owner, purpose = grant.owner, grant.wish.purpose
+    why = "" if purpose is None else f" for {purpose}"
+    text = f"lease {grant.number} {what} {owner.program} (pid {owner.pid}, uid {owner.uid}){why}"
+    return Event("lease", text, {"client": owner.client, "lease": grant.number})
+
+
+def loss_refusal(loss: Loss | None) -> Refusal:
+    """Say why a motion ends with its client or its lease."""
+    if loss is None or loss.cause in ("connection", "process"):
+        on_lost = "hold" if loss is None else loss.grant.wish.on_lost
+        text = "the client that owned it went away"
+        return Refusal("client_lost", text, {"on_lost": on_lost})
+    data = {"on_lost": loss.grant.wish.on_lost, "cause": loss.cause}
+    text = f"the lease under which it ran is lost: {_CAUSES[loss.cause]}"
+    return Refusal("lease_lost", text, data)
 
 
 def client_lost(on_lost: OnLost, *, later: bool) -> Event:

@@ -90,7 +90,6 @@ class Calibrating:
         refusal = engine.unfree() or (None if engine.motor.feedback else NO_FEEDBACK)
         if refusal is not None:
             return refusal
-        engine.keeping.end()
         return engine.begin("set_zero", SetZero(), owner, detached)
 
     def refusal_to_load(self) -> Refusal | None:

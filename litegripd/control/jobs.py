@@ -9,11 +9,16 @@ from litegripd.model.results import Result
 
 KEPT_JOBS = 64
 
-_CANCELLED_BY = frozenset({"cancelled", "client_lost", "stopped"})
+MOST_QUEUED = 8
+
+_CANCELLED_BY = frozenset({"cancelled", "client_lost", "lease_lost", "replaced", "stopped"})
 
 
 class JobBook:
-    """Numbers the jobs, knows the running one and keeps the last `KEPT_JOBS`."""
+    """Numbers the jobs, knows the running one and keeps the last `KEPT_JOBS`.
+
+    A queued job is known by its number, too; whoever queues it starts it.
+    """
 
     def __init__(self) -> None:
         self.running: Job | None = None
@@ -28,21 +33,30 @@ class JobBook:
         """Return a job that is still kept."""
         return self._jobs.get(number)
 
-    def begin(self, kind: JobKind, owner: Owner, detached: bool, now_s: float) -> Job:
-        """Make a new job the running one; the caller has made sure that none is running."""
+    def find(self, uid: int, key: str) -> Job | None:
+        """Return the kept job that a user has given this key."""
+        jobs = (job for job in self._jobs.values() if job.key == key and job.owner.uid == uid)
+        return next(jobs, None)
+
+    def add(self, kind: JobKind, owner: Owner, detached: bool, now_s: float) -> Job:
+        """Return a new job, which waits for its turn."""
         self._last += 1
-        job = Job(self._last, kind, owner, detached, now_s)
+        job = Job(self._last, kind, owner, detached, now_s, JobState.QUEUED)
         self._jobs[job.number] = job
         while len(self._jobs) > KEPT_JOBS:
-            self._jobs.popitem(last=False)
-        self.running = job
+            oldest = next(number for number, kept in self._jobs.items() if not kept.is_running)
+            del self._jobs[oldest]
         return job
 
-    def end(self, outcome: Result | Refusal, now_s: float) -> Job | None:
-        """End the running job with a result, or with the reason why it could not go on."""
-        job, self.running = self.running, None
-        if job is None:
-            return None
+    def begin(self, job: Job, now_s: float) -> None:
+        """Make a job the running one; the caller has made sure that none is running."""
+        job.state, job.started_s = JobState.RUNNING, now_s
+        self.running = job
+
+    def end(self, job: Job, outcome: Result | Refusal, now_s: float) -> None:
+        """End a job with a result, or with the reason why it could not go on."""
+        if job is self.running:
+            self.running = None
         job.ended_s = now_s
         if isinstance(outcome, Refusal):
             job.error = outcome
@@ -51,4 +65,3 @@ class JobBook:
         else:
             job.result = outcome
             job.state = JobState.DONE
-        return job

@@ -107,9 +107,7 @@ class Lease:
             return Refusal("lease_held", text, {"waiting": len(self._waiting)})
         return self._grant(owner, wish, now_s)
 
-    def wait(
-        self, owner: Owner, wish: Wish, until_s: float, on_answer: OnAnswer
-    ) -> Refusal | None:
+    def wait(self, owner: Owner, wish: Wish, until_s: float, on_answer: OnAnswer) -> Refusal | None:
         """Wait for the lease; `on_answer` is called once, from `step` or another's request."""
         if len(self._waiting) >= MOST_WAITING:
             text = f"{MOST_WAITING} are waiting for the lease already: try again later"

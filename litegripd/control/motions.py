@@ -24,7 +24,7 @@ from litegripd.control.grip import Grip, GripSettings
 from litegripd.control.rest import Hold, Relax
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import Job, OnLost, Owner
+from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motion_limits import fast_conflict, move_conflict, slow_conflict
 from litegripd.model.motor import EnableMotor, Feedback
@@ -39,16 +39,13 @@ class Motions:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
-    def enable(
-        self, owner: Owner, config: MotionConfig, detached: bool, on_lost: OnLost
-    ) -> Job | Refusal:
-        """Begin to enable the motor; `owner` becomes its keeper."""
+    def enable(self, owner: Owner, config: MotionConfig, detached: bool) -> Job | Refusal:
+        """Begin to enable the motor."""
         engine = self._engine
         refusal = engine.unfree() or engine.motor.problem
         if refusal is not None:
             return refusal
         request = EnableMotor(config.enable_retries, config.enable_retry_interval)
-        engine.keeping.propose(owner.client, on_lost)
         return engine.begin("enable", Enable(request), owner, detached)
 
     def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
@@ -60,7 +57,6 @@ class Motions:
         refusal = busy_refusal(engine.jobs.running)
         if refusal is not None:
             return refusal
-        engine.keeping.end()
         return engine.begin("disable", Disable(), owner, detached)
 
     def move_to_stop(

@@ -128,6 +128,33 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ErrorKind(
         "client_lost", -32024, "CancelledError", 8, False, "The client that owned it went away."
     ),
+    ErrorKind(
+        "replaced",
+        -32025,
+        "CancelledError",
+        8,
+        False,
+        "Another motion of its owner replaced it.",
+    ),
+    ErrorKind(
+        "lease_held", -32026, "LeaseError", 6, True, "Another client has the gripper to itself."
+    ),
+    ErrorKind(
+        "lease_lost",
+        -32027,
+        "LeaseError",
+        6,
+        False,
+        "The lease of this token or motion was lost; nothing retakes it by itself.",
+    ),
+    ErrorKind(
+        "not_permitted",
+        -32028,
+        "NotPermittedError",
+        9,
+        False,
+        "The user's role, by the daemon's configuration, does not allow it.",
+    ),
     ErrorKind("not_enabled", -32030, "HardwareError", 5, False, "The motor is not enabled."),
     ErrorKind(
         "motor_fault", -32031, "HardwareError", 5, False, "The motor reports a fault by its status."

@@ -14,6 +14,8 @@ EventKind: TypeAlias = Literal[
     "object_lost",
     "heat",
     "calibration",
+    "lease",
+    "lease_lost",
     "refused",
 ]
 

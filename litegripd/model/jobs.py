@@ -33,17 +33,22 @@ STOP_LEVELS: tuple[StopLevel, ...] = ("hold", "relax", "disable")
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """Who asked for something: the connection's number, and the process as the kernel knows it."""
+    """Who asked for something: the connection's number, and the process as the kernel knows it.
+
+    `grant` is the number of the lease whose token came with the request, None without one.
+    """
 
     client: int
     pid: int
     uid: int
     program: str
+    grant: int | None = None
 
 
 class JobState(Enum):
     """How far a job is."""
 
+    QUEUED = "queued"
     RUNNING = "running"
     DONE = "done"
     FAILED = "failed"
@@ -62,7 +67,11 @@ class Stop:
 
 @dataclass(slots=True)
 class Job:
-    """One motion; ends with a `result`, or with an `error` when it could not run its course."""
+    """One motion; ends with a `result`, or with an `error` when it could not run its course.
+
+    `grant` is the number of the lease under which it runs, None where the lease was free; `key`
+    is the caller's own name for it.
+    """
 
     number: int
     kind: JobKind
@@ -73,8 +82,10 @@ class Job:
     ended_s: float | None = None
     result: Result | None = None
     error: Refusal | None = None
+    grant: int | None = None
+    key: str | None = None
 
     @property
     def is_running(self) -> bool:
-        """Whether it has not ended."""
-        return self.state is JobState.RUNNING
+        """Whether it has not ended; one that waits for its turn has not."""
+        return self.state in (JobState.RUNNING, JobState.QUEUED)

@@ -16,6 +16,10 @@ class Clients:
         """Iterate over the sessions."""
         return iter(self._sessions.values())
 
+    def get(self, identity: object) -> Session | None:
+        """Return the open session of this number."""
+        return self._sessions.get(identity) if isinstance(identity, int) else None
+
     def add(self, session: Session) -> None:
         """Take a session that begins."""
         self._sessions[session.identity] = session

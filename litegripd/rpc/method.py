@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from litegripd.rpc.schema import Param
+from litegripd.rpc.session import Role
 
 COMMON_PARAMS = (
     Param("sent_s", "number", "When the request was sent, seconds of CLOCK_MONOTONIC.", minimum=0),
@@ -11,6 +12,19 @@ COMMON_PARAMS = (
 )
 """Every method takes these; a motion that was sent before a stop never runs after it."""
 
+LEASE = Param("lease", "string", "The token of the lease under which to do it.")
+KEY = Param(
+    "key",
+    "string",
+    "The caller's own name for this motion: sent again, it answers for the same job.",
+)
+IF_BUSY = Param(
+    "if_busy",
+    "string",
+    "While another motion runs: refuse (reject, the default), end the caller's own one and take its"
+    " place (replace), or wait for its end (queue).",
+    choices=("reject", "replace", "queue"),
+)
 WAIT = Param("wait", "boolean", "Answer when it has ended (true, the default), or at once.")
 DETACH = Param("detach", "boolean", "Let it outlive this connection (default false).")
 PROGRESS = Param("progress", "boolean", "Send job.progress on the way (default false).")
@@ -20,7 +34,7 @@ CONFIG = Param(
     "object",
     "Fields of the motion configuration (config.get lists them) that count for this call only.",
 )
-RUN_PARAMS = (CONFIG, WAIT, PROGRESS, DETACH)
+RUN_PARAMS = (CONFIG, WAIT, PROGRESS, DETACH, IF_BUSY, KEY)
 """What every motion takes that lasts."""
 
 SPEED_MM_S = (0.1, 500.0)
@@ -30,14 +44,18 @@ SPEED_MM_S = (0.1, 500.0)
 class Method:
     """One method.
 
-    `moves` marks those that a stop makes void when they were sent before it, `waits` those whose
-    answer comes when a job has ended, `may_notify` those that may be sent without an id.
+    `role` is the least that its caller must be; `needs_lease` marks those that are for the holder
+    of the lease alone, as long as somebody holds it; `moves` those that a stop makes void when
+    they were sent before it; `waits` those whose answer comes when a job has ended; `may_notify`
+    those that may be sent without an id.
     """
 
     name: str
     summary: str
     result: str
     params: tuple[Param, ...] = ()
+    role: Role = "observer"
+    needs_lease: bool = False
     moves: bool = False
     waits: bool = False
     may_notify: bool = False
@@ -45,7 +63,8 @@ class Method:
 
     def __post_init__(self) -> None:
         """Index the parameters by name."""
-        declared = {param.name: param for param in (*self.params, *COMMON_PARAMS)}
+        lease = (LEASE,) if self.needs_lease else ()
+        declared = {param.name: param for param in (*self.params, *lease, *COMMON_PARAMS)}
         object.__setattr__(self, "declared", declared)
 
 

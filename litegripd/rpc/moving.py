@@ -35,7 +35,6 @@ class Moving:
         """Return the functions by the names of their methods."""
         return {
             "motor.enable": self._enable,
-            "motor.keep": self._keep,
             "motor.disable": lambda call: later(self._motions.disable(call.owner, call.detached)),
             "motion.open": lambda call: self._to_stop("open", call),
             "motion.close": lambda call: self._to_stop("close", call),
@@ -59,11 +58,7 @@ class Moving:
             return config
         if "retries" in call.params:
             config = config.changed({"enable_retries": call.params["retries"]}, 0.0)
-        on_lost = call.params.get("on_lost", "hold")
-        return later(self._motions.enable(call.owner, config, call.detached, on_lost))
-
-    def _keep(self, call: Call) -> Answer:
-        return {"kept": self._engine.keeping.change(call.owner.client, call.params["on_lost"])}
+        return later(self._motions.enable(call.owner, config, call.detached))
 
     def _to_stop(self, direction: Direction, call: Call) -> Answer:
         config = self._config(call)

@@ -16,13 +16,6 @@ from litegripd.rpc.method import (
 )
 from litegripd.rpc.schema import Param
 
-_ON_LOST = Param(
-    "on_lost",
-    "string",
-    "What the jaws do when this connection, having enabled the motor, ends: keep the present hold"
-    " (hold, the default), go slack (relax) or be disabled (disable).",
-    choices=("hold", "relax", "disable"),
-)
 _FORCE = Param(
     "force_n",
     "number",
@@ -70,6 +63,8 @@ _GRASP = Method(
         Param("tolerance_mm", "number", "By how much it may differ.", minimum=0, maximum=1000),
         *RUN_PARAMS,
     ),
+    role="operator",
+    needs_lease=True,
     moves=True,
     waits=True,
 )
@@ -89,6 +84,8 @@ _MOVE = Method(
         ),
         *RUN_PARAMS,
     ),
+    role="operator",
+    needs_lease=True,
     moves=True,
     waits=True,
 )
@@ -97,6 +94,8 @@ _SET_FORCE = Method(
     "Squeeze with this force from now on: what is gripped, else from where the jaws are.",
     "The force and the state.",
     (_FORCE_DUE, CONFIG),
+    role="operator",
+    needs_lease=True,
     moves=True,
 )
 _STREAM = Method(
@@ -122,6 +121,8 @@ _STREAM = Method(
             maximum=3,
         ),
     ),
+    role="operator",
+    needs_lease=True,
     moves=True,
     may_notify=True,
 )
@@ -129,6 +130,8 @@ _ZERO_GRAVITY = Method(
     "motion.zero_gravity",
     "Let the jaws go: enabled, but moved freely by hand, until motion.hold or a motion.",
     "The position and the state.",
+    role="operator",
+    needs_lease=True,
     moves=True,
     waits=True,
 )
@@ -140,25 +143,22 @@ MOVING: tuple[Method, ...] = (
         "ok, tries, message and the state.",
         (
             Param("retries", "integer", "Attempts at most.", minimum=1, maximum=20),
-            _ON_LOST,
             CONFIG,
             WAIT,
             DETACH,
         ),
+        role="operator",
+        needs_lease=True,
         moves=True,
         waits=True,
-    ),
-    Method(
-        "motor.keep",
-        "Change what the jaws do when this connection, having enabled the motor, ends.",
-        "kept: whether this connection is the one that enabled the motor.",
-        (replace(_ON_LOST, required=True),),
     ),
     Method(
         "motor.disable",
         "De-energise the motor, confirmed.",
         "ok and the state.",
         (WAIT, DETACH),
+        role="operator",
+        needs_lease=True,
         waits=True,
     ),
     Method(
@@ -166,6 +166,8 @@ MOVING: tuple[Method, ...] = (
         "Open until the mechanical stop ends the move, then hold.",
         "The move's result and the state.",
         (speed_param("speed_mm_s"), *RUN_PARAMS),
+        role="operator",
+        needs_lease=True,
         moves=True,
         waits=True,
     ),
@@ -174,6 +176,8 @@ MOVING: tuple[Method, ...] = (
         "Close until the mechanical stop ends the move, then hold.",
         "The move's result and the state.",
         (speed_param("speed_mm_s"), *RUN_PARAMS),
+        role="operator",
+        needs_lease=True,
         moves=True,
         waits=True,
     ),
@@ -183,6 +187,8 @@ MOVING: tuple[Method, ...] = (
         "motion.hold",
         "Hold from now on: what is held already, else the measured position.",
         "The position and the state.",
+        role="operator",
+        needs_lease=True,
         moves=True,
         waits=True,
     ),
@@ -203,6 +209,18 @@ MOVING: tuple[Method, ...] = (
             Param("why", "string", "A reason, shown to everybody whom the stop refuses."),
         ),
     ),
-    Method("stop.clear", "Allow motions again.", "The generation and the state."),
-    Method("job.cancel", "End a running job; the jaws hold where they are.", "The job.", (JOB,)),
+    Method(
+        "stop.clear",
+        "Allow motions again.",
+        "The generation and the state.",
+        role="operator",
+        needs_lease=True,
+    ),
+    Method(
+        "job.cancel",
+        "End a job, running or queued; the jaws go on holding what they hold.",
+        "The job.",
+        (JOB,),
+        role="operator",
+    ),
 )

@@ -70,7 +70,7 @@ class Reporter:
     def job(self, job: Job) -> bytes:
         """Return a job as JSON; one that has ended with the state in which it ended."""
         if job.is_running:
-            progress = self._engine.progress()
+            progress = self._engine.progress() if job is self._engine.jobs.running else None
             return job_line(job, None if progress is None else progress.phase, None)
         return self._end_of(job).job
 

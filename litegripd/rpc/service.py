@@ -13,17 +13,23 @@ from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
 from litegripd.rpc.calls import Answer, Deferred, Later, Result
 from litegripd.rpc.clients import Clients
+from litegripd.rpc.dispatch import Dispatch
 from litegripd.rpc.event_log import EventLog
 from litegripd.rpc.facts import Facts
+from litegripd.rpc.gate import Gate
 from litegripd.rpc.handlers import Handlers
+from litegripd.rpc.leasing import Leasing, Tokens
 from litegripd.rpc.method import Method
 from litegripd.rpc.methods import BY_NAME
+from litegripd.rpc.moving import Moving
+from litegripd.rpc.reading import Reading
 from litegripd.rpc.reporter import Reporter
-from litegripd.rpc.schema import check
 from litegripd.rpc.session import Peer, Role, Session
+from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
 from litegripd.rpc.view import progress_view
-from litegripd.rpc.waiting import MAX_PER_SESSION, Waiter, WaitingRoom
+from litegripd.rpc.waiting import Waiter, WaitingRoom
+from litegripd.rpc.watching import Watching
 from litegripd.rpc.wire import (
     BadRequest,
     Request,
@@ -45,7 +51,9 @@ class RpcService:
         engine: Engine,
         facts: Facts,
         period_s: float,
+        *,
         role_of: Callable[[Peer], Role] = lambda _peer: "admin",
+        epoch: str = "0",
     ) -> None:
         self.refused = 0
         self._role_of = role_of
@@ -54,7 +62,16 @@ class RpcService:
         self._clients = Clients()
         self._subscriptions = Subscriptions()
         self._waiting = WaitingRoom()
-        self._handlers = Handlers(engine, facts, self._clients, self._subscriptions, self.reporter)
+        self._tokens = Tokens(epoch)
+        handlers = Handlers(
+            Reading(engine, facts, self._clients, self.reporter).functions(),
+            Watching(self._subscriptions, self.reporter).functions(),
+            Leasing(engine, self._tokens, self.reporter).functions(),
+            Moving(engine, self.reporter).functions(),
+            Settings(engine).functions(),
+        )
+        self._gate = Gate(engine, self._tokens)
+        self._dispatch = Dispatch(engine, handlers)
         self._last_session = 0
         self._event_log = EventLog()
         self._now_s = 0.0
@@ -131,14 +148,13 @@ class RpcService:
             text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
             self._refuse(session, request.identity, Refusal("unknown_method", text))
             return
-        refusal = self._refusal(session, request, method)
-        if refusal is not None:
+        owner = self._gate.admit(session, request, method, now_s)
+        if isinstance(owner, Refusal):
             if method.name == "stop":  # whoever asks for a stop gets one, however it is spelt
-                refusal = self._stop_all_the_same(session, refusal, now_s)
-            self._turn_down(session, request, method, refusal)
+                owner = self._stop_all_the_same(session, owner, now_s)
+            self._turn_down(session, request, method, owner)
             return
-        owner = Owner(session.identity, session.peer.pid, session.peer.uid, session.name)
-        answer = self._handlers.call(request.method, session, owner, request.params, now_s)
+        answer = self._dispatch.carry_out(method, session, owner, request.params, now_s)
         if method.may_notify and request.identity is None:
             refusal = answer if isinstance(answer, Refusal) else None
             self._turn_down(session, request, method, refusal)
@@ -146,26 +162,6 @@ class RpcService:
             if method.may_notify and not isinstance(answer, Refusal):
                 session.stream_refused = None
             self._answer(session, request, answer)
-
-    def _refusal(self, session: Session, request: Request, method: Method) -> Refusal | None:
-        params = request.params
-        refusal = check(method.name, method.declared, params)
-        if refusal is not None:
-            return refusal
-        if request.identity is None and not method.may_notify:
-            text = f'{method.name} needs an "id": its answer would otherwise get lost'
-            return Refusal("invalid_request", text)
-        waits = method.waits and params.get("wait", True)
-        if waits and session.unanswered >= MAX_PER_SESSION:
-            text = f"{MAX_PER_SESSION} requests of this connection wait for an answer already"
-            return Refusal("too_many_requests", text, {"limit": MAX_PER_SESSION})
-        if params.get("progress") and not waits:
-            text = f"{method.name}: progress is sent only to who waits; leave wait or progress out"
-            return Refusal("invalid_params", text, {"parameter": "progress"})
-        if method.moves:
-            latch = self._engine.stop_latch
-            return latch.refusal_of_sent(params.get("stop_generation"), params.get("sent_s"))
-        return None
 
     def _answer(self, session: Session, request: Request, answer: Answer) -> None:
         if isinstance(answer, Refusal):
@@ -237,6 +233,14 @@ class RpcService:
         """Keep an event for the log, and for who has subscribed to its kind."""
         self._event_log.note(event)
         self._subscriptions.events.note(event, now_s)
+        if event.kind == "lease_lost":
+            self._tell_loser(event)
+
+    def _tell_loser(self, event: Event) -> None:
+        """Tell who has lost the lease, if it is still there: nothing retakes it."""
+        session = self._clients.get(event.data["client"])
+        if session is not None:
+            session.write(notification_line("lease.lost", encode(event.data)))
 
     def _answer_waiters(self) -> None:
         for waiter in self._waiting.take_ended():

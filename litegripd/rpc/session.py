@@ -7,6 +7,7 @@ from typing import Literal, Protocol, TypeAlias
 from litegripd.rpc.counters import Counters
 
 Role: TypeAlias = Literal["observer", "operator", "admin"]
+ROLES: tuple[Role, ...] = ("observer", "operator", "admin")
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,12 @@ def state_view(state: GripperState, names: tuple[str, ...] = ()) -> dict[str, An
 
 def owner_view(owner: Owner) -> dict[str, Any]:
     """Give an owner its wire form."""
-    return _plain(owner)
+    return {
+        "client": owner.client,
+        "pid": owner.pid,
+        "uid": owner.uid,
+        "program": owner.program,
+    }
 
 
 def result_line(job: Job, result: Result, state: bytes) -> bytes:

@@ -209,7 +209,10 @@ class FakeDaemon:
         self.handlers: dict[str, Handler] = {
             "hello": lambda request: HELLO,
             "state.get": lambda request: STATE,
-            "motor.keep": lambda request: {"kept": True},
+            "lease.acquire": lambda request: {"lease": "e:1", "number": 1, "state": STATE},
+            "lease.release": lambda request: {"released": True},
+            "lease.renew": lambda request: {"number": 1},
+            "lease.take": lambda request: {"lease": "e:2", "number": 2, "state": STATE},
             "motor.enable": lambda request: {"ok": True, "tries": 1, "state": STATE},
             "motor.disable": lambda request: {"ok": True, "state": STATE},
         }

@@ -10,6 +10,7 @@ from litegrip_client import (
     ConnectError,
     EnableResult,
     HardwareError,
+    LeaseError,
     LiteGrip,
     ProtocolError,
     StoppedError,
@@ -72,6 +73,8 @@ def test_a_daemon_that_went_is_noticed_and_connecting_again_works(
 
 # Enabling, and what the end does
 
+ENABLED = ["hello", "lease.acquire", "motor.enable"]
+
 
 def test_enable_says_what_shall_happen_when_the_client_is_lost(
     daemon: FakeDaemon, gripper: LiteGrip
@@ -81,16 +84,18 @@ def test_enable_says_what_shall_happen_when_the_client_is_lost(
     assert (bool(result), result.tries) == (True, 1)
     params = dict(daemon.requests[-1].params)
     assert 0.0 <= time.monotonic() - params.pop("sent_s") < 60.0
-    assert params == {"on_lost": "disable", "retries": 5, "stop_generation": 3}
+    assert params == {"retries": 5, "stop_generation": 3}
+    assert daemon.requests[-2].method == "lease.acquire"
+    assert daemon.requests[-2].params["on_lost"] == "disable"
     gripper.disable_on_disconnect = False
     gripper.enable()
-    assert daemon.requests[-1].params["on_lost"] == "hold"
+    assert daemon.requests[-2].params["on_lost"] == "hold"
 
 
 def test_leaving_disables_what_was_enabled_here(daemon: FakeDaemon) -> None:
     with LiteGrip(socket_path=daemon.path) as gripper:
         gripper.enable()
-    assert daemon.methods() == ["hello", "motor.enable", "motor.disable"]
+    assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
 
 
 def fail(gripper: LiteGrip, before: Callable[[], None] = lambda: None) -> None:
@@ -102,7 +107,7 @@ def fail(gripper: LiteGrip, before: Callable[[], None] = lambda: None) -> None:
 def test_leaving_by_an_exception_disables_too(daemon: FakeDaemon) -> None:
     with pytest.raises(ZeroDivisionError), LiteGrip(socket_path=daemon.path) as gripper:
         fail(gripper)
-    assert daemon.methods() == ["hello", "motor.enable", "motor.disable"]
+    assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
 
 
 def test_who_never_enabled_disables_nothing(daemon: FakeDaemon) -> None:
@@ -114,22 +119,21 @@ def test_who_never_enabled_disables_nothing(daemon: FakeDaemon) -> None:
 def test_without_disable_on_disconnect_nothing_is_disabled(daemon: FakeDaemon) -> None:
     with LiteGrip(socket_path=daemon.path, disable_on_disconnect=False) as gripper:
         gripper.enable()
-    assert daemon.methods() == ["hello", "motor.enable"]
+    assert daemon.methods() == [*ENABLED, "lease.release"]
 
 
 def test_a_change_after_enabling_counts_for_a_clean_exit(daemon: FakeDaemon) -> None:
     with LiteGrip(socket_path=daemon.path, disable_on_disconnect=False) as gripper:
         gripper.enable()
         gripper.disable_on_disconnect = True
-    assert daemon.methods() == ["hello", "motor.enable", "motor.disable"]
+    assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
 
 
 def test_a_change_to_holding_takes_back_what_enable_said(daemon: FakeDaemon) -> None:
     with LiteGrip(socket_path=daemon.path) as gripper:
         gripper.enable()
         gripper.disable_on_disconnect = False
-    assert daemon.methods() == ["hello", "motor.enable", "motor.keep"]
-    assert daemon.requests[-1].params["on_lost"] == "hold"
+    assert daemon.methods() == [*ENABLED, "lease.release"]
 
 
 def test_after_disable_there_is_nothing_left_to_disable(
@@ -167,14 +171,54 @@ def test_an_enable_that_failed_makes_nothing_to_disable(daemon: FakeDaemon, how:
                 gripper.enable()
         else:
             assert not gripper.enable()
-    assert daemon.methods() == ["hello", "motor.enable"]
+    assert daemon.methods() == [*ENABLED, "lease.release"]
+
+
+def test_a_lease_that_was_had_before_is_kept_when_enabling_fails(daemon: FakeDaemon) -> None:
+    daemon.handlers["motor.enable"] = lambda request: request.fail("stopped", -32021)
+    with LiteGrip(socket_path=daemon.path) as gripper, gripper.lease("sorting"):
+        with pytest.raises(StoppedError):
+            gripper.enable()
+        assert "lease.release" not in daemon.methods()
+    assert daemon.methods().count("lease.release") == 1
+
+
+def test_a_lease_says_what_is_wished(daemon: FakeDaemon, gripper: LiteGrip) -> None:
+    with gripper.lease("sorting", ttl_s=2.0, wait_s=5.0, on_lost="relax") as lease:
+        assert daemon.requests[-1].params == {
+            "purpose": "sorting",
+            "ttl_s": 2.0,
+            "wait_s": 5.0,
+            "on_lost": "relax",
+        }
+        assert lease.token == "e:1"
+        lease.renew()
+    assert lease.token is None
+    assert daemon.methods()[-3:] == ["lease.acquire", "lease.renew", "lease.release"]
+
+
+def test_a_lease_that_another_has_names_it(daemon: FakeDaemon, gripper: LiteGrip) -> None:
+    daemon.handlers["lease.acquire"] = lambda request: request.fail("lease_held", -32026)
+    with pytest.raises(LeaseError):
+        gripper.enable()
+    assert daemon.methods()[-1] == "lease.acquire"
+    gripper.take_lease("it hangs")
+    assert daemon.requests[-1].params["why"] == "it hangs"
+
+
+def test_leaving_after_the_lease_was_taken_disables_nothing(daemon: FakeDaemon) -> None:
+    with LiteGrip(socket_path=daemon.path) as gripper:
+        gripper.enable()
+        for method in ("motor.disable", "lease.release"):
+            daemon.handlers[method] = lambda request: request.fail("lease_held", -32026)
+    assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
 
 
 def test_an_interrupted_enable_may_have_enabled(daemon: FakeDaemon) -> None:
     daemon.handlers["motor.enable"] = lambda request: interrupt_main_thread()
     with pytest.raises(KeyboardInterrupt), LiteGrip(socket_path=daemon.path) as gripper:
         gripper.enable()
-    assert daemon.methods() == ["hello", "motor.enable", "motor.disable"]
+    assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
 
 
 def test_an_error_on_leaving_does_not_hide_the_first(

@@ -160,7 +160,7 @@ def test_enabling_has_tunables_too(daemon: FakeDaemon) -> None:
     with LiteGrip(socket_path=daemon.path, motion_config=config) as gripper:
         assert gripper.motion_config is config
         gripper.enable()
-    sent = daemon.requests[1].params["config"]
+    sent = daemon.requests[2].params["config"]
     assert sent == {"enable_retries": 5, "enable_retry_interval": 0.1}
 
 

@@ -140,7 +140,10 @@ class LimitWatch:
     def _check_stopped(self, feedback: Feedback | None) -> None:
         """While a stop is latched what is wanted stands still, lets go, or squeezes less."""
         engine = self._engine
-        before, self._before = self._before, (engine.motor.phase, engine.rest, engine.output.requested)
+        before, self._before = (
+            self._before,
+            (engine.motor.phase, engine.rest, engine.output.requested),
+        )
         requested = engine.output.requested
         if not self._stopped or requested is None or feedback is None:
             return

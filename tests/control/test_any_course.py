@@ -100,7 +100,8 @@ class AnyCourse(RuleBasedStateMachine):
 
     @rule(number=which, on_lost=levels, wait=st.booleans())
     def enable(self, number: int, on_lost: str, wait: bool) -> None:
-        self.client(number).send("motor.enable", on_lost=on_lost, wait=wait)
+        self.client(number).send("lease.acquire", on_lost=on_lost)
+        self.client(number).send("motor.enable", wait=wait)
 
     @rule(number=which, settled=st.booleans())
     def enable_and_wait(self, number: int, settled: bool) -> None:

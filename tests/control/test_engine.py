@@ -149,12 +149,13 @@ def test_the_engine_says_what_happened() -> None:
     client = world.enabled()
     client.result("stop", why="because")
     client.result("stop.clear")
+    client.result("lease.acquire")
     client.leave()
-    kinds = []
+    kinds: list[str] = []
     while events := world.service.take_events():
         kinds += [event.kind for event in events]
-    for kind in ("job_started", "job_ended", "motor", "stop", "stop_cleared", "client_lost"):
-        assert kind in kinds
+    wanted = {"job_started", "job_ended", "motor", "stop", "stop_cleared"}
+    assert wanted | {"lease", "lease_lost", "client_lost"} <= set(kinds)
     assert world.engine.take_events() == []
 
 

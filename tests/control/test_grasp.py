@@ -230,7 +230,8 @@ def test_a_stop_keeps_the_hold_but_no_more_force_than_there_is() -> None:
 def test_a_client_that_dies_in_a_grasp_leaves_what_it_asked_for(on_lost: str) -> None:
     world, _ = world_with(50.0)
     client = world.client()
-    client.result("motor.enable", on_lost=on_lost)
+    client.result("lease.acquire", on_lost=on_lost)
+    client.result("motor.enable")
     client.send("motion.grasp", force_n=10)
     world.run(2.0)
     client.leave()

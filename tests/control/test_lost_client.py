@@ -1,4 +1,4 @@
-"""What a lost client leaves behind, by what it asked for and by who moves."""
+"""What a lost client leaves behind, by what it asked for and by what runs."""
 
 import pytest
 
@@ -23,20 +23,21 @@ def check_left(world: World, on_lost: str) -> None:
 
 
 @pytest.mark.parametrize("on_lost", LEVELS)
-class TestLostClient:
-    def keeper(self, on_lost: str) -> tuple[World, Client]:
+class TestLostHolder:
+    def holder(self, on_lost: str) -> tuple[World, Client]:
         world = World().start()
         client = world.client()
-        assert client.result("motor.enable", on_lost=on_lost)["ok"]
+        client.result("lease.acquire", on_lost=on_lost)
+        assert client.result("motor.enable")["ok"]
         return world, client
 
-    def test_an_idle_keeper(self, on_lost: str) -> None:
-        world, client = self.keeper(on_lost)
+    def test_an_idle_one(self, on_lost: str) -> None:
+        world, client = self.holder(on_lost)
         client.leave()
         check_left(world, on_lost)
 
-    def test_a_keeper_that_moves(self, on_lost: str) -> None:
-        world, client = self.keeper(on_lost)
+    def test_one_that_moves(self, on_lost: str) -> None:
+        world, client = self.holder(on_lost)
         client.send("motion.open")
         world.run(0.4)
         here_rad = world.gripper.position_rad
@@ -48,8 +49,8 @@ class TestLostClient:
         assert jobs[-1].error.reason == "client_lost"
         assert world.gripper.position_rad == pytest.approx(here_rad, abs=0.1)
 
-    def test_a_keeper_whose_motion_outlives_it(self, on_lost: str) -> None:
-        world, client = self.keeper(on_lost)
+    def test_one_whose_motion_outlives_it(self, on_lost: str) -> None:
+        world, client = self.holder(on_lost)
         client.send("motion.open", wait=False)
         world.run(0.4)
         client.leave()
@@ -60,55 +61,41 @@ class TestLostClient:
         assert job.state is JobState.DONE
         check_left(world, on_lost)
 
-    def test_a_keeper_while_another_client_moves(self, on_lost: str) -> None:
-        world, client = self.keeper(on_lost)
-        other = world.client()
-        number = other.send("motion.open")
-        world.run(0.4)
+    def test_what_a_lost_one_has_queued_never_runs(self, on_lost: str) -> None:
+        world, client = self.holder(on_lost)
+        client.send("motion.open", wait=False)
+        client.send("motion.close", if_busy="queue")
         client.leave()
-        world.run(0.4)
-        assert world.state.mode == "moving"
-        world.run_until(lambda: other.has_answer(number))
-        assert other.answers[number]["result"]["ok"]
+        world.run_until(lambda: world.engine.jobs.running is None)
         check_left(world, on_lost)
+        queued = list(world.engine.jobs)[-1]
+        assert (queued.kind, queued.state) == ("close", JobState.CANCELLED)
 
-    def test_somebody_else_than_the_keeper(self, on_lost: str) -> None:
-        world, _ = self.keeper(on_lost)
+    def test_one_that_gave_the_lease_back_leaves_everything_as_it_is(self, on_lost: str) -> None:
+        world, client = self.holder(on_lost)
+        client.result("lease.release")
+        client.leave()
+        check_left(world, "hold")
+
+    def test_somebody_else_than_the_holder(self, on_lost: str) -> None:
+        world, client = self.holder(on_lost)
         other = world.client()
-        other.result("motion.open")
+        assert other.refusal("motion.open") == "lease_held"
         other.leave()
         check_left(world, "hold")
+        client.result("lease.release")
         mover = world.client()
         mover.send("motion.close")
         world.run(0.3)
         mover.leave()
         check_left(world, "hold")
 
-    def test_a_keeper_that_has_disabled_the_motor_is_none_any_more(self, on_lost: str) -> None:
-        world, client = self.keeper(on_lost)
-        client.result("motor.disable")
-        other = world.client()
-        other.result("motor.enable")
-        client.leave()
-        check_left(world, "hold")
-
-    def test_a_new_keeper_takes_over_what_was_owed(self, on_lost: str) -> None:
-        world, client = self.keeper(on_lost)
-        other = world.client()
-        number = other.send("motion.open", wait=False)
-        world.run(0.1)
-        client.leave()
-        world.run_until(lambda: other.has_answer(number))
-        world.run_until(lambda: world.engine.jobs.running is None)
-        check_left(world, on_lost)
-        other.result("motor.enable")
-        check_left(world, "relax" if on_lost == "relax" else "hold")
-
-    def test_a_client_that_is_lost_while_it_enables(self, on_lost: str) -> None:
+    def test_one_that_is_lost_while_it_enables(self, on_lost: str) -> None:
         world = World().start()
         client = world.client()
+        client.result("lease.acquire", on_lost=on_lost)
         world.lose_to_motor = lambda frame: frame.data == codec.ENABLE
-        client.send("motor.enable", on_lost=on_lost, retries=20)
+        client.send("motor.enable", retries=20)
         world.run(0.1)
         client.leave()
         world.lose_to_motor = lambda _frame: False
@@ -116,12 +103,21 @@ class TestLostClient:
         assert world.gripper.motor.status == Status.DISABLED
 
 
-def test_the_keeper_may_change_its_mind_and_nobody_else() -> None:
+def test_a_holder_may_change_its_mind() -> None:
     world = World().start()
-    keeper, other = world.client(), world.client()
-    assert keeper.result("motor.enable", on_lost="disable")["ok"]
-    assert other.result("motor.keep", on_lost="hold") == {"kept": False}
-    assert keeper.result("motor.keep", on_lost="hold") == {"kept": True}
-    keeper.leave()
+    client = world.client()
+    client.result("lease.acquire", on_lost="disable")
+    assert client.result("motor.enable")["ok"]
+    first = client.result("lease.get")["owner"]
+    client.result("lease.acquire", on_lost="hold")
+    assert client.result("lease.get")["owner"] == {**first, "on_lost": "hold"}
+    client.leave()
     world.run(0.5)
     assert world.state.mode == "holding"
+
+
+def test_who_never_had_the_lease_leaves_the_jaws_holding() -> None:
+    world = World()
+    client = world.enabled()
+    client.leave()
+    check_left(world, "hold")

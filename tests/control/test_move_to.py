@@ -46,9 +46,7 @@ def arrival_s(world: World, client: Client, opening_mm: float, **params: object)
         {"position_rad": -0.2},
     ],
 )
-def test_it_goes_where_it_is_told_to_by_any_quantity(
-    mount: str, target: dict[str, float]
-) -> None:
+def test_it_goes_where_it_is_told_to_by_any_quantity(mount: str, target: dict[str, float]) -> None:
     world, client = at_opening(60.0, mount)
     geometry = world.engine.geometry
     assert geometry is not None

@@ -86,22 +86,6 @@ def test_after_an_unnoticed_power_cycle_the_registers_are_read_anew() -> None:
     assert client.result("motor.enable")["ok"]
 
 
-@pytest.mark.parametrize("spoil", ["stop", "cancel"])
-def test_an_enable_that_does_not_succeed_takes_nothing_from_the_keeper(spoil: str) -> None:
-    world = World().start()
-    keeper, other = world.client(), world.client()
-    assert keeper.result("motor.enable", on_lost="disable")["ok"]
-    number = other.send("motor.enable", wait=False)
-    if spoil == "stop":
-        other.send("stop")
-    else:
-        other.read()
-        other.send("job.cancel", job=other.answers[number]["result"]["job"])
-    world.run(0.1)
-    keeper.leave()
-    world.run_until(lambda: world.phase is MotorPhase.DISABLED, 1.0)
-
-
 @pytest.mark.parametrize("params", [{"level": "now"}, {"why": 3}, {"hurry": True}])
 def test_a_stop_that_is_not_understood_stops_all_the_same(params: dict[str, Any]) -> None:
     world = World()

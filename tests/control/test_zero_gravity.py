@@ -145,5 +145,3 @@ def test_a_stop_leaves_slack_jaws_slack(level: str) -> None:
     client.result("stop.clear")
     world.run(0.2)
     assert is_slack(world)
-
-

@@ -17,8 +17,9 @@ PARAMS: dict[str, dict[str, Any]] = {
     "state.unsubscribe": {"subscription": 1},
     "events.subscribe": {"kinds": ["stop", "job_ended"]},
     "events.unsubscribe": {"subscription": 2},
-    "motor.enable": {"retries": 3, "on_lost": "relax"},
-    "motor.keep": {"on_lost": "relax"},
+    "lease.acquire": {"purpose": "a test", "ttl_s": 60, "on_lost": "relax", "wait_s": 1},
+    "lease.take": {"why": "a test"},
+    "motor.enable": {"retries": 3},
     "motion.open": {"speed_mm_s": 60, "config": {"settle_s": 0.1}},
     "motion.grasp": {"force_n": 10, "hold_s": 0.2, "hold_by": "gains"},
     "motion.move": {"opening_mm": 60, "duration_s": 1.5},
@@ -45,8 +46,24 @@ def test_every_method_answers_with_a_result() -> None:
             for step in ("begin", "cancel"):
                 client.result(method.name, step=step)
             continue
+        if method.name == "lease.renew":
+            client.result("lease.acquire")
+        if method.name == "lease.resume":
+            resume(world, client)
+            continue
         client.result(method.name, **PARAMS.get(method.name, {}))
         world.run(0.1)  # a stream ends by itself
+
+
+def resume(world: World, client: Client) -> None:
+    """Lose a lease with its connection, and get it again over another one."""
+    client.result("lease.release")
+    gone = world.client()
+    token = gone.result("lease.acquire")["lease"]
+    gone.leave()
+    back = world.client()
+    assert back.result("lease.resume", lease=token)["number"] > 0
+    back.result("lease.release")
 
 
 def test_state_get_tells_the_present_state() -> None:

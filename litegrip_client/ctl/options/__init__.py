@@ -30,9 +30,10 @@ exit codes:
   3    no daemon to talk to, or no longer
   4    refused: not calibrated, a value out of its range, no such job or file
   5    the motor or its bus does not work
-  6    busy: another motion is running
+  6    busy: another motion is running, or another client has the lease
   7    stopped: a stop is latched (see: clear)
   8    the motion was cancelled
+  9    this user's role does not allow it
   70   a defect, or another version of the daemon
   130  interrupted by Ctrl-C
   141  whoever read the output has gone

@@ -1,0 +1,67 @@
+"""What every request must pass before it is carried out: its parameters, role, lease, stops."""
+
+from litegripd.control.engine import Engine
+from litegripd.model.errors import Refusal
+from litegripd.model.jobs import Owner
+from litegripd.rpc.leasing import Tokens
+from litegripd.rpc.method import Method
+from litegripd.rpc.schema import check
+from litegripd.rpc.session import ROLES, Session
+from litegripd.rpc.waiting import MAX_PER_SESSION
+from litegripd.rpc.wire import Request
+
+
+class Gate:
+    """Admits requests, or says why not."""
+
+    def __init__(self, engine: Engine, tokens: Tokens) -> None:
+        self._engine = engine
+        self._tokens = tokens
+
+    def admit(
+        self, session: Session, request: Request, method: Method, now_s: float
+    ) -> Owner | Refusal:
+        """Return on whose behalf a request is to be carried out, or why it is not."""
+        self._engine.lease.renew(session.identity, now_s)
+        refusal = _malformed(session, request, method) or self._void(request, method)
+        if refusal is not None:
+            return refusal
+        peer, token = session.peer, request.params.get("lease")
+        grant = None if token is None else self._tokens.number(token)
+        if isinstance(grant, Refusal):
+            return grant
+        owner = Owner(session.identity, peer.pid, peer.uid, session.name, grant)
+        return self._forbidden(session, method, owner) or owner
+
+    def _void(self, request: Request, method: Method) -> Refusal | None:
+        """Say that a request was sent before the latest stop, if so."""
+        if not method.moves:
+            return None
+        params = request.params
+        latch = self._engine.stop_latch
+        return latch.refusal_of_sent(params.get("stop_generation"), params.get("sent_s"))
+
+    def _forbidden(self, session: Session, method: Method, owner: Owner) -> Refusal | None:
+        """Say what the sender's role or somebody's lease forbids."""
+        if ROLES.index(session.role) < ROLES.index(method.role):
+            text = f"{method.name} needs the role {method.role}; uid {owner.uid} is {session.role}"
+            return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})
+        return self._engine.lease.refusal(owner) if method.needs_lease else None
+
+
+def _malformed(session: Session, request: Request, method: Method) -> Refusal | None:
+    params = request.params
+    refusal = check(method.name, method.declared, params)
+    if refusal is not None:
+        return refusal
+    if request.identity is None and not method.may_notify:
+        text = f'{method.name} needs an "id": its answer would otherwise get lost'
+        return Refusal("invalid_request", text)
+    waits = method.waits and params.get("wait", True)
+    if waits and session.unanswered >= MAX_PER_SESSION:
+        text = f"{MAX_PER_SESSION} requests of this connection wait for an answer already"
+        return Refusal("too_many_requests", text, {"limit": MAX_PER_SESSION})
+    if params.get("progress") and not waits:
+        text = f"{method.name}: progress is sent only to who waits; leave wait or progress out"
+        return Refusal("invalid_params", text, {"parameter": "progress"})
+    return None

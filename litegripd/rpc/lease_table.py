@@ -1,0 +1,81 @@
+"""The rows of the methods on the lease: who may move the gripper."""
+
+from dataclasses import replace
+
+from litegripd.rpc.method import LEASE, Method
+from litegripd.rpc.schema import Param
+
+_PURPOSE = Param("purpose", "string", "What for; shown to everybody whom the lease refuses.")
+_TTL = Param(
+    "ttl_s",
+    "number",
+    "It is lost when its holder sends no request for so long (default: no limit).",
+    minimum=0.1,
+    maximum=86_400,
+)
+_ON_LOST = Param(
+    "on_lost",
+    "string",
+    "What the jaws do when it is lost: keep the present hold, its force included (hold, the"
+    " default), go slack (relax), or be disabled (disable).",
+    choices=("hold", "relax", "disable"),
+)
+_GRANTED = "The token (lease), its number, and the state."
+
+LEASE_METHODS: tuple[Method, ...] = (
+    Method("lease.get", "Tell who has the lease, and how many wait.", "owner (or null), waiting."),
+    Method(
+        "lease.acquire",
+        "Have the gripper for this connection alone, until lease.release or the connection's end.",
+        _GRANTED,
+        (
+            _PURPOSE,
+            _TTL,
+            _ON_LOST,
+            Param(
+                "wait_s",
+                "number",
+                "How long to wait for it where it is not free, first come, first served (default"
+                " 0).",
+                minimum=0,
+                maximum=86_400,
+            ),
+        ),
+        role="operator",
+        waits=True,
+    ),
+    Method(
+        "lease.release",
+        "Give the lease back, if it is the present one; a running motion goes on.",
+        "released.",
+        (LEASE,),
+        role="operator",
+    ),
+    Method(
+        "lease.renew",
+        "Let the time to live begin anew, as every request of the holder does.",
+        "The number of the lease.",
+        (LEASE,),
+        role="operator",
+        needs_lease=False,
+    ),
+    Method(
+        "lease.resume",
+        "Get the lease of this token again after a lost connection, if nobody has had it since.",
+        _GRANTED,
+        (replace(LEASE, required=True),),
+        role="operator",
+    ),
+    Method(
+        "lease.take",
+        "Take the lease from whoever has it: of the same user, or as admin. The loser is told.",
+        _GRANTED,
+        (
+            Param("why", "string", "The reason, told to the loser and to the log.", required=True),
+            _PURPOSE,
+            _TTL,
+            _ON_LOST,
+        ),
+        role="operator",
+    ),
+)

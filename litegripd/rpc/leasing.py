@@ -1,0 +1,130 @@
+"""The methods on the lease, and the tokens by which a lease is shown."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from litegripd.control.engine import Engine
+from litegripd.control.lease import Grant, Wish
+from litegripd.model.errors import Refusal
+from litegripd.rpc.calls import Answer, Call, Deferred, Function
+from litegripd.rpc.reporter import Reporter
+
+
+class Tokens:
+    """Makes and reads tokens; those of an earlier start of the daemon are no longer any good."""
+
+    def __init__(self, epoch: str) -> None:
+        self._epoch = epoch
+
+    def of(self, number: int) -> str:
+        """Return the token of a grant."""
+        return f"{self._epoch}:{number}"
+
+    def number(self, token: str) -> int | Refusal:
+        """Return the number of the grant that a token names."""
+        epoch, _, number = token.rpartition(":")
+        if epoch == self._epoch and number.isascii() and number.isdigit() and len(number) < 16:
+            return int(number)
+        text = "this token is not of this start of the daemon: acquire the lease anew"
+        return Refusal("lease_lost", text)
+
+
+class Leasing:
+    """Functions on the engine's lease."""
+
+    def __init__(self, engine: Engine, tokens: Tokens, reporter: Reporter) -> None:
+        self._engine = engine
+        self._tokens = tokens
+        self._reporter = reporter
+
+    def functions(self) -> Mapping[str, Function]:
+        """Return the functions by the names of their methods."""
+        return {
+            "lease.get": self._get,
+            "lease.acquire": self._acquire,
+            "lease.release": self._release,
+            "lease.renew": self._renew,
+            "lease.resume": self._resume,
+            "lease.take": self._take,
+        }
+
+    def _get(self, call: Call) -> Answer:
+        lease = self._engine.lease
+        return {
+            "owner": None if lease.holder is None else self._holder(lease.holder),
+            "mine": lease.holder is not None and lease.holder.owner.client == call.owner.client,
+            "waiting": lease.waiting,
+        }
+
+    def _holder(self, grant: Grant) -> dict[str, Any]:
+        owner, wish = grant.owner, grant.wish
+        return {
+            "client": owner.client,
+            "pid": owner.pid,
+            "uid": owner.uid,
+            "program": owner.program,
+            "purpose": wish.purpose,
+            "since_s": grant.since_s,
+            "ttl_s": wish.ttl_s,
+            "on_lost": wish.on_lost,
+            "number": grant.number,
+        }
+
+    def _acquire(self, call: Call) -> Answer:
+        wish, wait_s = _wish(call.params), call.params.get("wait_s", 0.0)
+        answer = self._engine.acquire(call.owner, wish)
+        if isinstance(answer, Grant) or wait_s == 0.0:
+            return self._granted(answer)
+        deferred = Deferred()
+        refusal = self._engine.await_lease(
+            call.owner, wish, wait_s, lambda late: deferred.resolve(self._granted(late))
+        )
+        return refusal or deferred
+
+    def _release(self, call: Call) -> Answer:
+        return self._engine.release(call.owner) or {"released": True}
+
+    def _renew(self, call: Call) -> Answer:
+        holder = self._engine.lease.holder
+        refusal = self._engine.lease.refusal(call.owner)
+        if refusal is not None or holder is None:
+            return refusal or Refusal("lease_lost", "nobody has the lease: acquire one")
+        self._engine.lease.renew(holder.owner.client, call.now_s)
+        return {"number": holder.number}
+
+    def _resume(self, call: Call) -> Answer:
+        grant = call.owner.grant
+        if grant is None:
+            return Refusal("lease_lost", "a token is needed")
+        holder = self._engine.lease.holder
+        if holder is not None and holder.number == grant:
+            text = "the lease of this token is not lost: another connection has it"
+            return Refusal("lease_held", text)
+        return self._granted(self._engine.resume(grant, call.owner))
+
+    def _take(self, call: Call) -> Answer:
+        holder = self._engine.lease.holder
+        own = holder is None or holder.owner.uid == call.owner.uid
+        if not own and call.session.role != "admin":
+            text = f"only an admin takes the lease from another user (uid {call.owner.uid} is none)"
+            return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
+        why = call.params["why"]
+        return self._granted(self._engine.take_over(call.owner, _wish(call.params), why))
+
+    def _granted(self, answer: Grant | Refusal) -> Mapping[str, Any] | Refusal:
+        if isinstance(answer, Refusal):
+            return answer
+        self._reporter.refresh()
+        return {
+            "lease": self._tokens.of(answer.number),
+            "number": answer.number,
+            "state": self._reporter.state_view(),
+        }
+
+
+def _wish(params: Mapping[str, Any]) -> Wish:
+    return Wish(
+        purpose=params.get("purpose"),
+        ttl_s=params.get("ttl_s"),
+        on_lost=params.get("on_lost", "hold"),
+    )

@@ -1,0 +1,352 @@
+"""The lease over the wire: who may move, who waits, how it is lost, and what that does."""
+
+from typing import Any
+
+import pytest
+
+from litegripd.model.jobs import JobState
+from litegripd.rpc.session import Role
+from tests.world import Client, World
+
+
+def pair(**wish: Any) -> tuple[World, Client, Client, str]:
+    """Return a world, the holder of its lease, another client, and the token."""
+    world = World()
+    holder = world.enabled()
+    token = str(holder.result("lease.acquire", **wish)["lease"])
+    return world, holder, world.client(), token
+
+
+def told(client: Client, method: str) -> list[dict[str, Any]]:
+    """Return the notifications of one kind that a client has got."""
+    client.read()
+    return [one["params"] for one in client.notifications if one["method"] == method]
+
+
+MOVING: dict[str, dict[str, Any]] = {
+    "motor.enable": {},
+    "motor.disable": {},
+    "motion.open": {},
+    "motion.close": {},
+    "motion.grasp": {},
+    "motion.move": {"opening_mm": 50},
+    "motion.hold": {},
+    "motion.zero_gravity": {},
+    "motion.set_force": {"force_n": 5},
+    "stream.set": {"opening_mm": 50},
+    "stop.clear": {},
+    "calibration.load": {"template": "reverse"},
+    "calibration.save": {},
+    "calibration.zero": {},
+    "calibration.manual": {"step": "begin"},
+    "motor.set_zero": {},
+}
+
+
+@pytest.mark.parametrize("method", MOVING)
+def test_whatever_moves_or_redefines_is_for_the_holder_alone(method: str) -> None:
+    world, _, other, _ = pair(purpose="sorting")
+    before = world.engine.calibrated.calibration
+    error = other.call(method, **MOVING[method])["error"]
+    assert error["data"]["reason"] == "lease_held"
+    assert error["data"]["owner"]["purpose"] == "sorting"
+    assert error["data"]["owner"]["pid"] == 101
+    world.run(0.1)
+    assert world.engine.jobs.running is None
+    assert world.engine.calibrated.calibration is before
+    assert world.state.enabled
+
+
+def test_reads_and_the_stop_need_no_lease() -> None:
+    world, _, other, _ = pair()
+    for method in ("state.get", "health", "job.list", "calibration.get", "config.get", "lease.get"):
+        other.result(method)
+    other.result("stop")
+    assert world.state.stop is not None
+
+
+def test_a_free_gripper_needs_no_lease_for_a_single_motion() -> None:
+    world = World()
+    client = world.enabled()
+    client.send("motion.open")
+    world.run(0.2)
+    other = world.client()
+    assert other.refusal("lease.acquire") == "busy"  # for as long as it runs
+    world.run_until(lambda: world.engine.jobs.running is None)
+    other.result("lease.acquire")
+    assert client.refusal("motion.open") == "lease_held"
+
+
+def test_release_lets_others_in_and_leaves_the_motion() -> None:
+    world, holder, other, token = pair()
+    number = holder.send("motion.open")
+    world.run(0.3)
+    assert holder.result("lease.release", lease=token) == {"released": True}
+    world.run_until(lambda: holder.has_answer(number))
+    assert holder.answers[number]["result"]["ok"]
+    other.result("lease.acquire")
+    assert holder.refusal("lease.release") == "lease_held"
+    assert holder.refusal("lease.release", lease=token) == "lease_lost"
+    assert other.result("lease.get")["mine"]
+
+
+def test_waiting_is_first_come_first_served() -> None:
+    world, holder, first, _ = pair()
+    second = world.client()
+    numbers = [client.send("lease.acquire", wait_s=30) for client in (first, second)]
+    assert first.call("lease.get")["result"]["waiting"] == 2
+    third = world.client()
+    holder.result("lease.release")
+    assert third.refusal("lease.acquire") == "lease_held"  # it may not pass those who wait
+    world.run(0.02)
+    assert first.has_answer(numbers[0])
+    assert not second.has_answer(numbers[1])
+    first.leave()
+    world.run(0.02)
+    assert second.has_answer(numbers[1])
+    assert second.answers[numbers[1]]["result"]["number"] == 3
+
+
+def test_waiting_ends_in_time_and_with_the_connection() -> None:
+    world, holder, other, _ = pair()
+    began_s = world.now_s
+    error = other.call("lease.acquire", wait_s=0.5)["error"]
+    assert error["data"]["reason"] == "lease_held"
+    assert world.now_s - began_s == pytest.approx(0.5, abs=0.02)
+    gone = world.client()
+    gone.send("lease.acquire", wait_s=30)
+    gone.leave()
+    holder.result("lease.release")
+    world.run(0.1)
+    assert world.engine.lease.holder is None
+
+
+def test_who_waits_gets_it_only_when_no_motion_runs() -> None:
+    world, holder, other, _ = pair()
+    holder.send("motion.open", wait=False)
+    number = other.send("lease.acquire", wait_s=30)
+    world.run(0.3)
+    holder.leave()
+    world.run(0.2)
+    assert world.engine.jobs.running is not None  # detached: it goes on
+    assert not other.has_answer(number)
+    world.run_until(lambda: other.has_answer(number))
+    assert world.engine.jobs.running is None
+
+
+@pytest.mark.parametrize("on_lost", ["hold", "relax", "disable"])
+def test_a_holder_that_hangs_loses_it(on_lost: str) -> None:
+    world, holder, other, _ = pair(ttl_s=1.0, on_lost=on_lost)
+    number = holder.send("motion.open", speed_mm_s=20)
+    for _ in range(4):
+        world.run(0.5)
+        holder.result("lease.renew")
+    assert not holder.has_answer(number)
+    world.run(0.95)
+    assert not holder.has_answer(number)
+    world.run(0.1)
+    assert holder.has_answer(number)
+    error = holder.answers[number]["error"]["data"]
+    assert (error["reason"], error["cause"]) == ("lease_lost", "expired")
+    assert told(holder, "lease.lost")[0]["cause"] == "expired"
+    world.run(0.1)
+    assert world.state.enabled is (on_lost != "disable")
+    assert (world.state.mode == "relaxed") is (on_lost == "relax")
+    other.result("lease.acquire")
+
+
+def test_every_request_of_the_holder_renews_it() -> None:
+    world, holder, other, _ = pair(ttl_s=0.5)
+    for _ in range(5):
+        world.run(0.4)
+        holder.result("state.get")
+        other.result("state.get")
+    assert other.refusal("motion.open") == "lease_held"
+
+
+def test_taking_over_tells_the_loser_and_ends_its_motion() -> None:
+    world, holder, other, token = pair(on_lost="hold")
+    number = holder.send("motion.open")
+    world.run(0.3)
+    other.result("lease.take", why="it opens on my hand", purpose="rescue")
+    world.run(0.01)
+    assert (
+        holder.answers[number]["error"]["data"]["cause"] == "taken"
+        if holder.has_answer(number)
+        else False
+    )
+    (loss,) = told(holder, "lease.lost")
+    assert (loss["cause"], loss["why"]) == ("taken", "it opens on my hand")
+    assert loss["by"]["pid"] == other.session.peer.pid
+    assert holder.refusal("motion.open") == "lease_held"
+    assert holder.refusal("motion.open", lease=token) == "lease_lost"
+    other.result("motion.close")
+    other.leave()
+    world.run(0.1)
+    assert not holder.result("lease.get")["mine"]  # nothing is retaken by itself
+
+
+def test_only_the_same_user_or_an_admin_takes_over() -> None:
+    world, _, other, _ = pair()
+    object.__setattr__(other.session.peer, "uid", 1001)
+    other.session.role = "operator"
+    assert other.refusal("lease.take", why="I want it") == "not_permitted"
+    other.session.role = "admin"
+    other.result("lease.take", why="maintenance")
+    assert world.engine.lease.holder is not None
+
+
+def test_a_detached_motion_outlives_its_lease() -> None:
+    world, holder, other, _ = pair()
+    number = int(holder.result("motion.open", wait=False)["job"])
+    world.run(0.2)
+    other.result("lease.take", why="a test")
+    world.run_until(lambda: world.engine.jobs.running is None)
+    assert other.result("job.get", job=number)["state"] == "done"
+
+
+def test_the_token_lets_another_connection_of_the_holder_move() -> None:
+    world, holder, other, token = pair()
+    number = other.send("motion.open", lease=token)
+    world.run(0.2)
+    job = world.engine.jobs.running
+    assert job is not None
+    assert job.owner.client == other.session.identity
+    assert world.engine.lease.holder is not None
+    assert job.grant == world.engine.lease.holder.number
+    holder.leave()
+    world.run(0.01)
+    assert other.has_answer(number)
+    assert other.answers[number]["error"]["data"]["reason"] == "client_lost"
+
+
+@pytest.mark.parametrize("token", ["", "1", "x:1", "0:", "0:-1", "0:1e3", "0:" + "9" * 40, ":"])
+def test_what_is_no_token_of_this_daemon_is_refused(token: str) -> None:
+    _, holder, _, _ = pair()
+    assert holder.refusal("motion.open", lease=token) == "lease_lost"
+
+
+def test_after_a_reconnect_the_old_token_works_if_nobody_has_had_it_since() -> None:
+    world, holder, other, token = pair(on_lost="hold")
+    assert other.refusal("lease.resume", lease=token) == "lease_held"  # it is not lost
+    holder.leave()
+    back = world.client()
+    fresh = back.result("lease.resume", lease=token)["lease"]
+    assert fresh != token
+    assert back.result("motion.hold", lease=fresh)
+    assert back.refusal("lease.resume", lease=token) == "lease_lost"
+    back.leave()
+    other.result("lease.acquire")
+    other.result("lease.release")
+    late = world.client()
+    assert late.refusal("lease.resume", lease=fresh) == "lease_lost"
+
+
+@pytest.mark.parametrize(
+    ("role", "allowed", "refused"),
+    [
+        ("observer", ["state.get", "stop", "lease.get"], ["motor.enable", "lease.acquire"]),
+        ("operator", ["motor.enable", "motion.hold"], ["config.set"]),
+        ("admin", ["motor.enable", "config.set"], []),
+    ],
+)
+def test_roles_say_who_may_do_what(role: Role, allowed: list[str], refused: list[str]) -> None:
+    world = World().start()
+    client = world.client()
+    client.session.role = role
+    params: dict[str, dict[str, Any]] = {"config.set": {"config": {}}}
+    for method in allowed:
+        client.result(method, **params.get(method, {}))
+    for method in refused:
+        error = client.call(method, **params.get(method, {}))["error"]
+        assert error["data"]["reason"] == "not_permitted"
+        assert role in error["message"]
+
+
+def test_the_same_key_is_the_same_job() -> None:
+    world = World()
+    client = world.enabled()
+    first = client.send("motion.open", key="run-7")
+    world.run(0.3)
+    back = world.client()
+    second = back.send("motion.open", key="run-7")
+    world.run_until(lambda: client.has_answer(first))
+    world.run_until(lambda: back.has_answer(second))
+    assert back.answers[second]["result"]["job"] == client.answers[first]["result"]["job"]
+    assert back.result("motion.open", key="run-7")["job"] == 2  # also when it is over
+    assert back.refusal("motion.close", key="run-7") == "invalid_params"
+    assert back.result("motion.close", key="run-8")["job"] == 3
+
+
+def test_a_replacement_ends_the_callers_own_motion_without_a_step() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("motion.close")
+    first = client.send("motion.open")
+    world.run(0.8)
+    other = world.client()
+    assert other.refusal("motion.close", if_busy="replace") == "busy"
+    before = world.commands_since(world.now_s)[-1][1].position_rad
+    second = client.send("motion.close", if_busy="replace")
+    world.run(0.01)
+    after = world.commands_since(world.now_s)[-1][1].position_rad
+    assert abs(after - before) < 0.06  # of 1.6 rad: no more than the lead over the jaws
+    assert client.has_answer(first)
+    assert client.answers[first]["error"]["data"]["reason"] == "replaced"
+    world.run_until(lambda: client.has_answer(second))
+    assert client.answers[second]["result"]["outcome"] == "pressed_home"
+
+
+def test_a_queued_motion_runs_when_its_turn_comes() -> None:
+    world = World()
+    client, other = world.enabled(), world.client()
+    first = client.send("motion.open")
+    second = other.send("motion.close", if_busy="queue")
+    third = client.send("motion.move", opening_mm=30, if_busy="queue", wait=False)
+    queued = client.result("job.list")["jobs"]
+    assert [job["state"] for job in queued[1:]] == ["running", "queued", "queued"]
+    world.run_until(lambda: other.has_answer(second))
+    assert client.has_answer(first)
+    assert other.answers[second]["result"]["outcome"] == "pressed_home"
+    job = client.answers[third]["result"]["job"]
+    done = client.call("job.wait", job=job)["result"]
+    assert (done["state"], done["result"]["outcome"]) == ("done", "reached")
+
+
+@pytest.mark.parametrize("how", ["stop", "cancel", "leave"])
+def test_a_queued_motion_may_never_run(how: str) -> None:
+    world = World()
+    client, other = world.enabled(), world.client()
+    client.send("motion.open", wait=False)
+    number = other.send("motion.close", if_busy="queue")
+    job = list(world.engine.jobs)[-1]
+    if how == "stop":
+        client.result("stop")
+    elif how == "cancel":
+        client.result("job.cancel", job=job.number)
+    else:
+        other.leave()
+    world.run(0.1)
+    assert job.state is JobState.CANCELLED
+    if how != "leave":
+        assert other.has_answer(number)
+    world.run_until(lambda: world.engine.jobs.running is None)
+    world.run(0.2)
+    assert world.engine.jobs.running is None
+
+
+def test_a_queued_motion_that_is_refused_by_then_says_why() -> None:
+    world = World()
+    client = world.enabled()
+    client.send("motion.open", wait=False)
+    number = client.send("motion.move", opening_mm=500, if_busy="queue")
+    world.run_until(lambda: client.has_answer(number))
+    assert client.answers[number]["error"]["data"]["reason"] == "out_of_limits"
+
+
+def test_the_queue_is_bounded() -> None:
+    client = World().enabled()
+    client.send("motion.open", wait=False)
+    for _ in range(8):
+        client.send("motion.open", wait=False, if_busy="queue")
+    assert client.refusal("motion.open", wait=False, if_busy="queue") == "too_many_requests"

@@ -1,0 +1,105 @@
+"""What clients and daemon say to each other, by method, as files that later versions keep to.
+
+    python -m tests.rpc.transcripts      write the transcripts of methods that have none yet
+
+A transcript that is there is never written anew: it is what clients of its time expect. Evolution
+is by addition, so an answer may grow but not shrink.
+"""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from litegripd.rpc.methods import METHODS
+from tests.world import Client, World
+
+FOLDER = Path(__file__).parent / "transcripts"
+
+Params = dict[str, Any]
+
+
+def conversation(client: Client) -> Iterator[tuple[str, Params]]:
+    """Give the requests of one session that uses every method, in an order that works."""
+    yield "hello", {"client": "transcript"}
+    for method in ("rpc.discover", "health", "info.get", "state.get", "lease.get"):
+        yield method, {}
+    yield "state.subscribe", {"hz": 20, "fields": ["position_rad", "mode"]}
+    yield "state.unsubscribe", {"subscription": 1}
+    yield "events.subscribe", {"kinds": ["stop"]}
+    yield "events.unsubscribe", {"subscription": 2}
+    yield "clients.list", {}
+    yield "lease.acquire", {"purpose": "a test", "ttl_s": 600, "on_lost": "hold", "wait_s": 0}
+    yield "lease.renew", {}
+    yield "motor.enable", {"retries": 3}
+    yield "motor.read_register", {"register": "PMAX"}
+    yield "motion.open", {"speed_mm_s": 100, "progress": True, "key": "one"}
+    yield "motion.close", {"speed_mm_s": 100, "config": {"settle_s": 0.1}}
+    yield "motion.move", {"opening_mm": 40, "speed_mm_s": 100}
+    yield "motion.move", {"openness": 0.5, "duration_s": 1.0, "wait": False}
+    yield "job.wait", {"job": 5}
+    yield "motion.grasp", {"force_n": 5, "hold_s": 0.2, "width_mm": 30, "tolerance_mm": 2}
+    yield "motion.set_force", {"force_n": 2}
+    yield "motion.hold", {}
+    yield "stream.set", {"opening_mm": 30, "valid_s": 0.05, "speed_mm_s": 50, "torque_nm": 1}
+    client.world.run(0.5)
+    yield "motion.zero_gravity", {}
+    yield "motion.open", {"wait": False, "detach": True, "if_busy": "reject"}
+    yield "job.list", {}
+    yield "job.cancel", {"job": 11}
+    yield "job.get", {"job": 11}
+    yield "calibration.templates", {}
+    yield "calibration.load", {"template": "normal"}
+    yield "calibration.get", {}
+    yield "calibration.zero", {"save": True}
+    yield "calibration.save", {}
+    yield "calibration.manual", {"step": "begin"}
+    client.world.run(0.1)
+    for step in ("closed", "cancel"):
+        yield "calibration.manual", {"step": step}
+    yield "config.get", {}
+    yield "config.set", {"config": {"force_n": 10}, "keep": True}
+    yield "stop", {"level": "hold", "why": "a test"}
+    yield "motion.open", {}
+    yield "stop.clear", {}
+    yield "lease.take", {"why": "a test"}
+    yield "lease.release", {}
+    yield "lease.resume", {"lease": "0:1"}
+    yield "motor.set_zero", {}
+    yield "motor.disable", {}
+    yield "motion.open", {"speed_mm_s": "fast"}
+    yield "no.such.method", {}
+
+
+def talk() -> dict[str, list[dict[str, Any]]]:
+    """Hold the conversation with today's daemon; return the exchanges by method."""
+    world = World().start()
+    client = world.client()
+    exchanges: dict[str, list[dict[str, Any]]] = {}
+    for method, params in conversation(client):
+        seen = len(client.notifications)
+        answer = client.call(method, **params)
+        exchange = {
+            "params": params,
+            "answer": {key: answer[key] for key in ("result", "error") if key in answer},
+            "notifications": client.notifications[seen:][:1],
+        }
+        exchanges.setdefault(method, []).append(exchange)
+    return exchanges
+
+
+def main() -> None:
+    """Write what is missing."""
+    FOLDER.mkdir(exist_ok=True)
+    for method, exchanges in talk().items():
+        path = FOLDER / f"{method}.json"
+        if not path.exists():
+            path.write_text(json.dumps(exchanges, indent=1) + "\n", encoding="utf-8")
+            print(f"{path.name} written")
+    missing = {method.name for method in METHODS} - {path.stem for path in FOLDER.glob("*.json")}
+    if missing:
+        raise SystemExit(f"the conversation lacks: {', '.join(sorted(missing))}")
+
+
+if __name__ == "__main__":
+    main()
