@@ -114,7 +114,7 @@ def test_short_and_slow_moves_arrive(
 
 
 def test_a_slow_speed_is_none_that_stalls() -> None:
-    world, client = at_opening(60.0)
+    _, client = at_opening(60.0)
     result = client.result("motion.move", opening_mm=61.0, speed_mm_s=0.1)
     assert result["outcome"] == "reached"
 
@@ -122,10 +122,9 @@ def test_a_slow_speed_is_none_that_stalls() -> None:
 def test_a_move_to_where_the_jaws_are_is_over_at_once() -> None:
     world, client = at_opening(60.0)
     began_s = world.now_s
-    geometry = world.engine.geometry
-    assert geometry is not None
-    here_mm = geometry.opening_mm(world.engine.motor.feedback.position_rad)  # type: ignore
-    for params in ({}, {"duration_s": 5.0}):
+    here_mm = world.state.opening_mm
+    timed: tuple[dict[str, float], ...] = ({}, {"duration_s": 5.0})
+    for params in timed:
         assert client.result("motion.move", opening_mm=here_mm, **params)["outcome"] == "reached"
     assert world.now_s - began_s < 1.0
 
