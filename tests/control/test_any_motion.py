@@ -36,7 +36,7 @@ from tests.control.limits import LimitWatch
 from tests.world import CAN_ID, PERIOD_S, Client, World, is_command
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(any_fields)
 def test_fields_in_their_ranges_make_a_configuration_if_they_go_together(fields: Values) -> None:
     if go_together(fields):
@@ -89,7 +89,7 @@ def measures(ticks: int = 1, **measured: Any) -> Course:
     return replace(QUIET, measured=measured, ticks=ticks)
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=80, deadline=None, derandomize=True)
 @given(
     configs,
     st.sampled_from([NORMAL, REVERSE, None]) | odd_contents,
@@ -191,7 +191,7 @@ class AnyMotion(RuleBasedStateMachine):
                 world.ranges,
                 is_motion=is_motion,
                 in_codes=True,
-                is_repeated=world.machine.motor._silence.unanswered > 1,
+                is_unanswered=world.machine.motor._silence.unanswered > 1,
             )
             return
         least_nm = 1.01 * world.ranges.torque_nm / 4095
