@@ -77,6 +77,9 @@ class StateService:
     def closed(self, session: Session, now_s: float) -> None:
         pass
 
+    def process_ended(self, session: Session, _now_s: float) -> None:
+        """Nothing is anybody's here."""
+
     def is_idle(self, _session: Session) -> bool:
         return True
 

@@ -7,7 +7,8 @@ command frame is handed to it (CLOCK_MONOTONIC, which all processes share); the 
 the daemon has ended. Stops are sent at random times within a period while the jaws move, when
 every command frame differs from the one before; a hold repeats one and the same. The latency is
 that from just before `send` to the first of those equal frames. `late` counts the stops after
-which more than one command still moved: the first may be of a tick that had begun already.
+which a tick still moved that had begun later: its frame came over 1 ms after `send` had returned.
+How punctual the machine itself is, tells `machine`.
 """
 
 import contextlib
@@ -34,6 +35,7 @@ from litegripd.sim import interface
 
 PERIOD_S = 0.005
 LIMIT_S = PERIOD_S + 1e-3
+TICK_NS = 1_000_000  # so long at most a tick takes until its frame is handed over
 CAN_ID = 0x08
 PRIORITY = 51  # the sender's, so that the machine is measured as little as possible
 FLOODING_CLIENTS = 8
@@ -149,20 +151,22 @@ def stop_while_moving(client: Client, stopper: Client) -> Sent:
     return Sent(began_ns, ended_ns, until_ns)
 
 
-def latency(sent: Sent, notes: list[tuple[int, bytes]]) -> tuple[float, int]:
-    """Return the seconds to the first frame that holds, and how many after the send did not."""
+def latency(sent: Sent, notes: list[tuple[int, bytes]]) -> tuple[float, bool] | None:
+    """Return the seconds to the first frame that holds, and whether a later tick did not.
+
+    None where the jaws were not seen moving before: the machine had stalled.
+    """
     before = [data for at_ns, data in notes if 0 < sent.began_ns - at_ns < 50_000_000]
     if len(before) < 5 or any(one == other for one, other in itertools.pairwise(before)):
-        print([(round((a-sent.began_ns)/1e6,2), d.hex()) for a,d in notes if -20_000_000 < sent.began_ns - a < 150_000_000])
-        raise RuntimeError("the jaws did not move when they were stopped")
+        return None
     after = [note for note in notes if sent.began_ns < note[0] < sent.until_ns]
     first = len(after) - 1
     while first > 0 and after[first - 1][1] == after[-1][1]:
         first -= 1
     if len(after) - first < 3:
         raise RuntimeError("the jaws were not held when they had been stopped")
-    moved = sum(at_ns > sent.ended_ns for at_ns, _data in after[:first])
-    return (after[first][0] - sent.began_ns) * 1e-9, moved
+    late = any(at_ns > sent.ended_ns + TICK_NS for at_ns, _data in after[:first])
+    return (after[first][0] - sent.began_ns) * 1e-9, late
 
 
 def measure(name: str, count: int, clients: int, by_stop_socket: bool) -> str:
@@ -188,14 +192,14 @@ def measure(name: str, count: int, clients: int, by_stop_socket: bool) -> str:
         process.send_signal(signal.SIGTERM)
         process.communicate()
         notes = list(_NOTE.iter_unpack(file.read_bytes()))
-    measured = [latency(one, notes) for one in sent]
-    ordered = sorted(seconds for seconds, _moved in measured)
-    lateness, requests_s = (
-        health["control"]["lateness"],
-        health["rpc"]["requests"] / health["uptime_s"],
-    )
-    p50, p99, worst = (ordered[int(share * (count - 1))] * 1e3 for share in (0.5, 0.99, 1.0))
-    over, late = sum(s > LIMIT_S for s in ordered), sum(moved > 1 for _seconds, moved in measured)
+    measured = [found for one in sent if (found := latency(one, notes)) is not None]
+    if len(measured) < 0.9 * count:
+        raise RuntimeError(f"of {count} stops only {len(measured)} met moving jaws")
+    ordered = sorted(seconds for seconds, _late in measured)
+    lateness = health["control"]["lateness"]
+    requests_s = health["rpc"]["requests"] / health["uptime_s"]
+    p50, p99, worst = (ordered[int(share * (len(ordered) - 1))] * 1e3 for share in (0.5, 0.99, 1.0))
+    over, late = sum(s > LIMIT_S for s in ordered), sum(late for _seconds, late in measured)
     return (
         f"{name:<30}{p50:>7.2f}{p99:>7.2f}{worst:>7.2f}{over:>9}{late:>6}{requests_s:>12.0f}"
         f"   ticks: {lateness['p99_us']:.0f}, {lateness['worst_us']:.0f}"

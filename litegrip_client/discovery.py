@@ -16,7 +16,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import TypeVar
 
-    _Any = TypeVar("_Any")
+    _Connected = TypeVar("_Connected")
 
 SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
 SYSTEM_DIRECTORY = "/run/litegripd"
@@ -67,7 +67,9 @@ def connect(
     return wait(reach(channel, path, attempt))
 
 
-async def reach(channel: str, path: str | None, attempt: Callable[[str], Awaitable[_Any]]) -> _Any:
+async def reach(
+    channel: str, path: str | None, attempt: Callable[[str], Awaitable[_Connected]]
+) -> _Connected:
     """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
 
     Raises `ConnectError` that tells what was tried.

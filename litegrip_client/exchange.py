@@ -90,11 +90,12 @@ class Exchange:
             if request is not None:
                 self._post(self.prepare(*request).line())
 
-        if not call.answered:
-            call.on_result = take_back
-            self._router.calls[call.identity] = call
-        elif call.result is not None:
-            take_back(call.result)
+        call.on_result = take_back
+        self._router.calls[call.identity] = call
+        if call.answered:
+            self.forget(call)
+            if call.result is not None:
+                take_back(call.result)
 
     # Answers
 

@@ -18,6 +18,7 @@ _INBOX_SAMPLES = 256
 """More than a second at 200 Hz. Only fills while others read the connection, and not this one."""
 
 _INBOX_EVENTS = 4096
+"""Hours of work: who lets so many wait reads no more."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -191,9 +191,10 @@ class LiteGrip(GripperActions):
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over what happens from now on (jobs, stops, faults, ...), until closed.
 
-        Each is an `Event`; with `kinds` only these come ("job_ended", "object_lost", ...). None is
-        missed, but who leaves thousands unread is ended by a `ConnectError`. `recent` of what this
-        returns has the last ones from before. To be used as `with gripper.events() as events:`.
+        Each is an `Event`; with `kinds` only these come ("job_ended", "object_lost", ...), without
+        it all but "refused". None is missed; who leaves thousands unread gets a `ConnectError`.
+        `recent` of what this returns has the last ones from before. To be used as
+        `with gripper.events() as events:`.
         """
         return self._link.connection.subscribe_events(kinds)
 

@@ -41,7 +41,7 @@ class SetpointStream:
         `torque_nm` is for this target what it is for the whole stream. Raises `CommandError` (a
         target outside the travel, another motion runs, ...) and all that motions raise.
         """
-        return wait(
+        wait(
             self._stream.set_target(
                 opening_mm, position_rad=position_rad, openness=openness, torque_nm=torque_nm
             )

@@ -34,7 +34,7 @@ from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
-_CLOCKED = ("calls", "multiplexer", "setpoints", "state")
+_CLOCKED = ("calls", "multiplexer", "core.setpoints", "state")
 """The client's modules that read a clock."""
 
 

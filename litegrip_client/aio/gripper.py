@@ -49,6 +49,8 @@ class LiteGrip(Gripper):
     is called in the event loop, and must not block it. The constructor connects to nothing.
     """
 
+    _link: Link
+
     def __init__(
         self,
         channel: str = "can0",
@@ -62,7 +64,6 @@ class LiteGrip(Gripper):
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         link = Link(channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect)
         super().__init__(link, mount, motion_config)
-        self._asyncio_link = link
 
     async def __aenter__(self) -> LiteGrip:
         await self.connect()
@@ -85,11 +86,11 @@ class LiteGrip(Gripper):
         With `fields`, each is a dictionary of these only. A slow task misses states, but what it
         gets is new.
         """
-        connection = self._asyncio_link.connection
+        connection = self._link.connection
         if fields is None:
             return Subscription(connection, StateFeed(hz, None, whole_state, _KEPT_S))
         return Subscription(connection, StateFeed(hz, fields, some_fields, _KEPT_S))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over what happens from the begin of the iteration on, or only some `kinds`."""
-        return EventSubscription(self._asyncio_link.connection, EventFeed(kinds))
+        return EventSubscription(self._link.connection, EventFeed(kinds))

@@ -2,8 +2,8 @@
 
 `litegrip_client.aio` runs them on asyncio, and has their classes as its own; the client without
 `async` runs the same coroutines over a connection that blocks instead of suspending them (see
-`litegrip_client.blocking`). So nothing here may import asyncio, a thread, or a socket; what has
-to wait is awaited of the link and of its connection (`wire.Wire`).
+`litegrip_client.blocking`). So nothing here may use asyncio, threads or sockets; what has to
+wait is awaited of the link and of its connection (`wire.Wire`).
 
 Whoever awaits may be interrupted (KeyboardInterrupt, or a cancelled task), as anything else that
 ends a wait: what must be put right then stands under `except BaseException`.

@@ -9,7 +9,7 @@ from litegrip_client.connection import Connection
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.options import parse
 from litegrip_client.ctl.output import Output
-from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, Run
+from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, OK, Run
 from litegrip_client.discovery import connect
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
@@ -23,6 +23,7 @@ _HINTS = {
     "not_enabled": "first: litegripctl enable",
     "not_calibrated": CHOOSE_MOUNT,
     "busy": "see: litegripctl jobs",
+    "lease_held": "see: litegripctl lease; in need: litegripctl lease take REASON",
     "unknown_job": "see: litegripctl jobs",
     "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
 }
@@ -46,6 +47,8 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(options: Namespace, output: Output) -> int:
     try:
+        if options.command == "stop" and _stop_first(options, output):
+            return OK
         with connect(options.channel, options.socket) as connection:
             _check(connection.greet("litegripctl"), connection, options)
             return find(options.command)(Run(connection, options, output))
@@ -59,6 +62,12 @@ def _run(options: Namespace, output: Output) -> int:
     except KeyboardInterrupt:
         output.end_line()
         return INTERRUPTED
+
+
+def _stop_first(options: Namespace, output: Output) -> bool:
+    from litegrip_client.ctl.commands.clients import stop_first  # noqa: PLC0415 - see commands
+
+    return stop_first(options, output)
 
 
 def _check(hello: dict[str, object], connection: Connection, options: Namespace) -> None:

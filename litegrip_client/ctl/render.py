@@ -6,7 +6,7 @@ nothing itself.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -96,12 +96,35 @@ def jobs(rows: list[Data]) -> str:
         )
         for row in rows
     ]
-    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
-    lines = (
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        for row in table
-    )
-    return "\n".join(line.rstrip() for line in lines)
+    return _aligned(table)
+
+
+def clients(rows: list[Data]) -> str:
+    """Show who is connected as a table; the asking program itself is marked."""
+    table = [("CLIENT", "ROLE", "REQUESTS", "REFUSED", "DROPPED", "WORST", "CONNECTED")]
+    table += [
+        (
+            plain(owner(row)) + (" (this one)" if row.get("is_me") else ""),
+            plain(row.get("role")),
+            str(row.get("requests")),
+            str(row.get("refused")),
+            str(row.get("dropped")),
+            figure(row.get("worst_latency_ms"), ".1f", "ms"),
+            figure(row.get("connected_s"), ".0f", "s"),
+        )
+        for row in rows
+    ]
+    return _aligned(table)
+
+
+def lease(data: Data) -> str:
+    """Show who has the gripper to itself."""
+    holder, waiting = data.get("owner"), data.get("waiting") or 0
+    queue = f"; {waiting} waiting" if waiting else ""
+    if holder is None:
+        return f"free{queue}"
+    what = f" for {holder['purpose']}" if holder.get("purpose") else ""
+    return plain(f"{owner(holder)}, uid {holder.get('uid')}, has it{what}{queue}")
 
 
 def owner(data: Data) -> str:
@@ -169,3 +192,12 @@ def _stop(stop: Data) -> str:
     who = owner(by) if isinstance(by, Mapping) else by
     why = f": {stop['why']}" if stop.get("why") else ""
     return f"{stop.get('level')}, by {who}{why} (clear it with: litegripctl clear)"
+
+
+def _aligned(table: Sequence[tuple[str, ...]]) -> str:
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = (
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        for row in table
+    )
+    return "\n".join(line.rstrip() for line in lines)

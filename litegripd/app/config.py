@@ -11,9 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from litegripd.app.roles import ALLOWED, ROLES, Access, UnknownEntryError, access_of
+from litegripd.app.roles import ALLOWED, Access, UnknownEntryError, access_of
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import TEMPLATES
+from litegripd.rpc.session import ROLES
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -10,10 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from litegripd.rpc.session import Peer, Role
-
-ROLES: tuple[Role, ...] = ("observer", "operator", "admin")
-"""From the least to the most that a client may do."""
+from litegripd.rpc.session import ROLES, Peer, Role
 
 ALLOWED = "a user's name, \"@\" and a group's name, or a uid as a number, 0 to 4294967294"
 

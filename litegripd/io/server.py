@@ -14,9 +14,10 @@ from collections import Counter, deque
 from litegripd.io.connection import Connection
 from litegripd.io.listener import LISTEN_BACKLOG
 from litegripd.io.peer import peer_of
+from litegripd.io.process_watch import ProcessWatch
 from litegripd.io.reactor import Reactor
 from litegripd.model.errors import Refusal
-from litegripd.rpc.session import Peer, Service
+from litegripd.rpc.session import Peer, Service, Session
 from litegripd.rpc.wire import error_line
 
 _log = logging.getLogger(__name__)
@@ -40,6 +41,7 @@ class Server:
         self._service = service
         self._connections: dict[int, Connection] = {}
         self._per_uid: Counter[int] = Counter()
+        self._watches: dict[int, ProcessWatch] = {}
         self._turns: deque[Connection] = deque()
         self._dirty: deque[Connection] = deque()
         self._samples_turn = False
@@ -128,6 +130,9 @@ class Server:
                 queue.remove(connection)
         connection.close()
         connection.session.on_write = None
+        watch = self._watches.pop(connection.session.identity, None)
+        if watch is not None:
+            watch.close()
         self._service.closed(connection.session, time.monotonic())
 
     def let_in(self, allowed: bool) -> None:
@@ -166,11 +171,24 @@ class Server:
         session.on_write = lambda: self._dirty.append(connection)
         self._connections[session.identity] = connection
         self._per_uid[peer.uid] += 1
+        self._watch_process(session)
         try:
             self._reactor.add(accepted.fileno(), connection, select.EPOLLIN | select.EPOLLRDHUP)
         except OSError as error:  # the user's epoll watches are used up
             _log.error("a client cannot be served: %s", error)
             self.drop(connection)
+
+    def _watch_process(self, session: Session) -> None:
+        def ended() -> None:
+            self._watches.pop(session.identity, None)
+            self._service.process_ended(session, time.monotonic())
+
+        try:
+            watch = ProcessWatch(self._reactor, session.peer.pid, ended)
+        except OSError as error:  # then the end of its connection is what tells
+            _log.debug("process %d is not watched: %s", session.peer.pid, error)
+        else:
+            self._watches[session.identity] = watch
 
     def _refusal(self, peer: Peer) -> Refusal | None:
         if len(self._connections) >= MAX_CONNECTIONS:

@@ -94,6 +94,11 @@ class RpcService:
         self._engine.client_lost(session.identity)
         self._collect_events(now_s)
 
+    def process_ended(self, session: Session, now_s: float) -> None:
+        """End what a process owned that is gone, though a forked child has its connection."""
+        self._engine.client_lost(session.identity, "process")
+        self._collect_events(now_s)
+
     def is_idle(self, session: Session) -> bool:
         """Whether nothing will be sent to `session` that it has not asked for anew."""
         return not session.unanswered and not session.subscriptions

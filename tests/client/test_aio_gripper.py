@@ -334,7 +334,7 @@ def test_a_lease_that_nobody_waits_for_any_more_is_given_back(
             (acquiring,) = await arrived(daemon, "lease.acquire")
             granted = {"lease": "e:7", "number": 7, "state": STATE}
             if answered:
-                (call,) = gripper._asyncio_link.connection._router.calls.values()
+                (call,) = gripper._link.connection._router.calls.values()
                 acquiring.reply(granted)
                 while not call.answered:
                     await asyncio.sleep(0)

@@ -18,6 +18,7 @@ IN_ITS_OWN_WORDS = {
     "busy",
     "unknown_job",
     "unknown_method",
+    "lease_held",
 }
 
 

@@ -165,6 +165,7 @@ def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> N
 ACTIONS = {
     "calibration": ["show", "templates", "load", "save", "manual"],
     "config": ["get", "set"],
+    "lease": ["show", "take"],
 }
 
 
@@ -189,7 +190,7 @@ def test_every_command_is_there_and_helps(
         return text
 
     names = listed(help_of())
-    assert len(names) == len(set(names)) == 23
+    assert len(names) == len(set(names)) == 25
     for name in names:
         assert callable(find(name))
         text = help_of(name)

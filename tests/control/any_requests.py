@@ -46,7 +46,7 @@ def repaired(fields: Values) -> Values:
 any_fields = st.lists(st.sampled_from(sorted(RANGES)).flatmap(_field), max_size=4).map(dict)
 good_fields = any_fields.map(repaired)
 
-odd_contents = st.fixed_dictionaries(
+odd_contents: st.SearchStrategy[Values] = st.fixed_dictionaries(
     {
         "zero_position_rad": st.floats(-3.0, 3.0) | st.floats(-101.0, 101.0),
         "max_position_rad": st.floats(-3.0, 3.0),

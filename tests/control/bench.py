@@ -4,6 +4,7 @@ In every period it is asked what clients may ask, told what a motor may tell, an
 """
 
 import json
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -72,17 +73,16 @@ class Bench:
         self._measure(position_rad=-0.5)
         self._sessions = [self._connect(), self._connect()]
         if content is not None:
-            try:
+            with suppress(CalibrationError):
                 self.engine.use_calibration(read_content(content))
-            except CalibrationError as error:
-                self.engine.use_calibration(None)
-                assert str(error)
+        self._tick()
 
     def run(self, course: Course) -> None:
         """Let a few ticks pass."""
         if course.is_ready:
             self._ask(0, "stop.clear", {})
             self._phase = MotorPhase.ENABLED
+            self._tick()
         for number, (method, params), has_id in course.requests:
             self._ask(number, method, params, has_id=has_id)
         self._now_s += course.late_s

@@ -5,6 +5,7 @@ configuration and the measurement. `slack` is what the codes of a frame may add 
 """
 
 import math
+from dataclasses import replace
 
 from litegripd.control.actions.by_hand import CalibrateByHand
 from litegripd.control.actions.calibrate import Calibrate
@@ -12,7 +13,6 @@ from litegripd.control.engine import Engine
 from litegripd.control.grip import Grip
 from litegripd.control.rest import Hold, Relax, Rest
 from litegripd.model.geometry import Geometry
-from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
 
 PEAK_NM, RATED_NM, PEAK_NM_S = 7.0, 3.0, 2.0
@@ -73,29 +73,45 @@ class LimitWatch:
         *,
         is_motion: bool,
         in_codes: bool = False,
-        is_repeated: bool = False,
+        is_unanswered: bool = False,
     ) -> None:
-        """Check what is sent in this tick, None where it is no command."""
-        engine = self._engine
-        assert sum(job.is_running for job in engine.jobs) <= 1
+        """Check what is sent in this tick, None where it is no command.
+
+        While answers fail a motor is sent a motion's last command again, and each without its
+        velocity: what damping that leaves can only brake, and is not counted.
+        """
+        assert sum(job.is_running for job in self._engine.jobs) <= 1
         self._check_stopped(feedback)
         if command is None:
             self._charge(now_s, 0.0)
             return
-        assert engine.motor.phase is MotorPhase.ENABLED
+        assert self._engine.motor.phase is MotorPhase.ENABLED
         assert feedback is not None
-        slack = slack_nm(command, feedback, ranges) if in_codes else TINY
         self._check_fields(command, ranges)
-        torque_nm = asked_nm(command, feedback)
-        if is_repeated:  # without its velocity, which leaves a damping that can only brake
-            slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
-            torque_nm -= command.kd_nm_s_rad * slip_rad_s
-        assert torque_nm <= PEAK_NM + slack
-        probe = self._probe if is_motion else None
-        config = engine.config if probe is None else _config_of(probe, engine)
+        slack = slack_nm(command, feedback, ranges) if in_codes else TINY
         code_rad = ranges.position_rad / 65535 if in_codes else TINY
+        if is_unanswered:
+            command = replace(command, velocity_rad_s=feedback.velocity_rad_s)
+        torque_nm = asked_nm(command, feedback) - slack
+        assert torque_nm <= PEAK_NM
+        self._charge(now_s, max(torque_nm, 0.0))
+        if not (is_motion and is_unanswered):
+            self._check_bounds(command, feedback, code_rad, torque_nm, is_motion=is_motion)
+
+    def _check_bounds(
+        self,
+        command: MitCommand,
+        feedback: Feedback,
+        code_rad: float,
+        torque_nm: float,
+        *,
+        is_motion: bool,
+    ) -> None:
+        """Check where a command leads: into the travel, or where none is known, not far."""
+        engine, probe = self._engine, self._probe if is_motion else None
+        config = probe._config if isinstance(probe, Calibrate) else engine.config
         lead_rad = abs(command.position_rad - feedback.position_rad) - code_rad
-        fits = lead_rad <= config.calib_step_rad and torque_nm - slack <= config.calib_tau_limit
+        fits = lead_rad <= config.calib_step_rad and torque_nm <= config.calib_tau_limit
         if probe is None:  # a calibration may have been taken in this very tick
             known = [g for g in (self._geometry, engine.geometry) if g is not None]
             fits = fits and len(known) < 2
@@ -103,7 +119,6 @@ class LimitWatch:
         assert fits, (command, feedback, config, self._geometry, engine.geometry)
         if isinstance(probe, CalibrateByHand):
             assert command.kp_nm_rad == command.kd_nm_s_rad == 0.0
-        self._charge(now_s, max(torque_nm - slack, 0.0))
 
     def _check_fields(self, command: MitCommand, ranges: Ranges) -> None:
         for value, limit in (
@@ -163,7 +178,3 @@ class LimitWatch:
             assert requested.position_rad == feedback.position_rad  # what it held is lost
         else:
             assert engine.rest is rest
-
-
-def _config_of(probe: Calibrate | CalibrateByHand, engine: Engine) -> MotionConfig:
-    return probe._config if isinstance(probe, Calibrate) else engine.config

@@ -5,10 +5,12 @@ alone, where a measurement may be what no gripper does.
 """
 
 import struct
+from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
@@ -29,12 +31,12 @@ from tests.control.any_requests import (
     motions,
     odd_contents,
 )
-from tests.control.bench import LEAVE, Bench, Course
+from tests.control.bench import LEAVE, Bench, Course, Request
 from tests.control.limits import LimitWatch
 from tests.world import CAN_ID, PERIOD_S, Client, World, is_command
 
 
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 @given(any_fields)
 def test_fields_in_their_ranges_make_a_configuration_if_they_go_together(fields: Values) -> None:
     if go_together(fields):
@@ -47,9 +49,11 @@ def test_fields_in_their_ranges_make_a_configuration_if_they_go_together(fields:
 
 # The engine alone
 
-configs = st.just({}) | good_fields
+configs: st.SearchStrategy[Values] = st.just({}) | good_fields
 requests = st.tuples(st.integers(0, 1), calls, st.booleans())
-leaving = st.tuples(st.integers(0, 1), st.just((LEAVE, {})), st.just(True))
+leaving: st.SearchStrategy[Request] = st.tuples(
+    st.integers(0, 1), st.just((LEAVE, {})), st.just(True)
+)
 measurements = st.fixed_dictionaries(
     {},
     optional={
@@ -64,7 +68,7 @@ courses = st.builds(
     is_ready=st.booleans(),
     requests=st.lists(requests, max_size=2).map(tuple) | st.tuples(requests) | st.tuples(leaving),
     late_s=st.sampled_from([0.0] * 12 + [-PERIOD_S, 0.03, 0.3, 1.2]),
-    ticks=st.sampled_from([1, 2, 10, 60]),
+    ticks=st.sampled_from([1, 2, 10, 60, 150]),
     phase=st.sampled_from([None] * 40 + list(MotorPhase)),
     follows=st.sampled_from([0.0, 0.02, 0.3, 1.0]),
     measured=st.just({}) | measurements,
@@ -74,13 +78,47 @@ courses = st.builds(
 spans = st.just(Ranges()) | st.builds(Ranges, *[st.floats(0.125, 1000.0, width=32)] * 3)
 
 
-@settings(max_examples=120, deadline=None, derandomize=True)
-@given(configs, st.sampled_from([NORMAL, REVERSE, None]) | odd_contents, spans, st.data())
+QUIET = Course(False, (), 0.0, 1, None, 0.0, {}, False, None)
+
+
+def asks(method: str, ticks: int = 1, **params: Any) -> Course:
+    return replace(QUIET, requests=((0, (method, params), True),), ticks=ticks)
+
+
+def measures(ticks: int = 1, **measured: Any) -> Course:
+    return replace(QUIET, measured=measured, ticks=ticks)
+
+
+@settings(max_examples=80, deadline=None, derandomize=True)
+@given(
+    configs,
+    st.sampled_from([NORMAL, REVERSE, None]) | odd_contents,
+    spans,
+    st.lists(courses, min_size=5, max_size=30),
+)
+@example({}, NORMAL, Ranges(), [asks("motion.hold"), measures(600, position_rad=-1.2)])
+@example(
+    {},
+    NORMAL,
+    Ranges(),
+    [asks("motion.set_force", force_n=30.0, ticks=100), asks("stop", ticks=100)],
+)
+@example(
+    {},
+    NORMAL,
+    Ranges(),
+    [
+        asks("calibration.zero"),
+        measures(velocity_rad_s=2.0, torque_nm=-2.0),
+        measures(velocity_rad_s=-2.0, torque_nm=2.0),
+        measures(400, velocity_rad_s=2.0, torque_nm=0.0),
+    ],
+)
 def test_no_request_and_no_measurement_lead_beyond_the_limits(
-    fields: Values, content: Values | None, ranges: Ranges, data: st.DataObject
+    fields: Values, content: Values | None, ranges: Ranges, happening: list[Course]
 ) -> None:
     bench = Bench(fields, content, ranges)
-    for course in data.draw(st.lists(courses, min_size=5, max_size=30)):
+    for course in happening:
         bench.run(course)
 
 
@@ -88,6 +126,7 @@ def test_no_request_and_no_measurement_lead_beyond_the_limits(
 
 which = st.integers(0, 1)
 some_ticks = st.sampled_from([0, 1, 2, 20, 60])
+many_ticks = st.sampled_from([0, 20, 200])
 FOREIGN = ((6.0, 20.0, 7.0), (100.0, 100.0, 50.0))
 """What the registers PMAX, VMAX and TMAX of another motor may hold."""
 
@@ -107,7 +146,8 @@ class AnyMotion(RuleBasedStateMachine):
         config = MotionConfig().changed(fields, PERIOD_S)
         self.world = World(mount, calibrated=content == "the mount's", config=config)
         if isinstance(content, dict):
-            self.take(content)
+            with suppress(CalibrationError):
+                self.world.engine.use_calibration(read_content(content))
         for number, value in zip((21, 22, 23), ranges or (), strict=False):
             assert self.world.gripper.motor.registers.write(number, struct.pack("<f", value))
         self.clients = [self.world.client(), self.world.client()]
@@ -116,12 +156,6 @@ class AnyMotion(RuleBasedStateMachine):
         self.world.start()
         assert self.clients[0].result("motor.enable")["ok"]
         self.world.sent.clear()
-
-    def take(self, content: Values) -> None:
-        try:
-            self.world.engine.use_calibration(read_content(content))
-        except CalibrationError as error:
-            assert str(error)
 
     def ticks(self, count: int) -> None:
         for _ in range(count):
@@ -157,7 +191,7 @@ class AnyMotion(RuleBasedStateMachine):
                 world.ranges,
                 is_motion=is_motion,
                 in_codes=True,
-                is_repeated=world.machine.motor._silence.unanswered > 1,
+                is_unanswered=world.machine.motor._silence.unanswered > 1,
             )
             return
         least_nm = 1.01 * world.ranges.torque_nm / 4095
@@ -219,7 +253,7 @@ class AnyMotion(RuleBasedStateMachine):
             self.world.inject(CanFrame(0x18, bytes([status << 4 | CAN_ID]) + rest))
             self.tick()
 
-    @rule(torque_nm=st.sampled_from([0.0, 0.0, 0.5, -0.5, 3.0, -3.0, 9.0, -9.0]), count=some_ticks)
+    @rule(torque_nm=st.sampled_from([0.0, 0.0, 0.5, -0.5, 3.0, -3.0, 9.0, -9.0]), count=many_ticks)
     def push(self, torque_nm: float, count: int) -> None:
         self.world.gripper.push(torque_nm)
         self.ticks(count)

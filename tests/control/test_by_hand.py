@@ -101,7 +101,7 @@ def test_the_jaws_are_slack_all_the_while() -> None:
 
 
 def test_a_mark_may_be_made_anew() -> None:
-    world, client = begun()
+    _, client = begun()
     first = client.result("calibration.manual", step="closed")["closed_rad"]
     mark(client, "closed")
     marks = mark(client, "open")

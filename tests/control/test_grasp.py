@@ -35,7 +35,7 @@ def squeeze_nm(world: World) -> float:
 
 def kinds(world: World) -> list[str]:
     """Return the kinds of the events since the last call."""
-    seen = []
+    seen: list[str] = []
     while events := world.service.take_events():
         seen += [event.kind for event in events]
     return seen

@@ -114,7 +114,7 @@ def test_short_and_slow_moves_arrive(
 
 
 def test_a_slow_speed_is_none_that_stalls() -> None:
-    world, client = at_opening(60.0)
+    _, client = at_opening(60.0)
     result = client.result("motion.move", opening_mm=61.0, speed_mm_s=0.1)
     assert result["outcome"] == "reached"
 
@@ -122,10 +122,9 @@ def test_a_slow_speed_is_none_that_stalls() -> None:
 def test_a_move_to_where_the_jaws_are_is_over_at_once() -> None:
     world, client = at_opening(60.0)
     began_s = world.now_s
-    geometry = world.engine.geometry
-    assert geometry is not None
-    here_mm = geometry.opening_mm(world.engine.motor.feedback.position_rad)  # type: ignore
-    for params in ({}, {"duration_s": 5.0}):
+    here_mm = world.state.opening_mm
+    timed: tuple[dict[str, float], ...] = ({}, {"duration_s": 5.0})
+    for params in timed:
         assert client.result("motion.move", opening_mm=here_mm, **params)["outcome"] == "reached"
     assert world.now_s - began_s < 1.0
 
@@ -147,8 +146,20 @@ def test_an_object_in_the_way_blocks_it(mount: str, params: dict[str, float]) ->
     assert strongest_nm <= 7.0
     world.run(0.5)
     assert world.state.mode == "holding"
-    assert abs(world.gripper.motor_torque_nm) < 1.0
+    assert abs(world.gripper.motor_torque_nm) < strongest_nm / 2.0
     assert world.gripper.opening_mm == pytest.approx(50.0, abs=3.0)
+
+
+def test_a_slow_move_presses_on_an_object_little_more_than_friction_needs() -> None:
+    world, client = at_opening(60.0)
+    world.gripper.put_object(width_mm=58.0)
+    number = client.send("motion.move", opening_mm=50.0, speed_mm_s=1.0)
+    strongest_nm = 0.0
+    while not client.has_answer(number):
+        world.tick()
+        strongest_nm = max(strongest_nm, abs(world.gripper.motor_torque_nm))
+    assert client.answers[number]["result"]["outcome"] == "blocked"
+    assert strongest_nm < 1.8
 
 
 @pytest.mark.parametrize("opening_mm", [0.0, 1.0, 60.0, 119.0])

@@ -1,16 +1,12 @@
 """Calibrating by probing: what it measures, how gently, and that nothing changes when it fails."""
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from litegripd.control.probe import Probe
-from litegripd.model.calibration import Calibration, read_content
-from litegripd.model.errors import Refusal
+from litegripd.model.calibration import read_content
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import Feedback
 from litegripd.motor import codec
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.control.limits import LimitWatch
@@ -67,11 +63,6 @@ def watched(world: World, client: Client, **params: Any) -> dict[str, Any]:
     assert strongest_nm <= ceiling_nm + 0.05
     result: dict[str, Any] = client.answers[number]["result"]
     return result
-
-
-def in_use(world: World) -> tuple[Calibration | None, str | None, Refusal]:
-    known = world.engine.calibrated
-    return known.calibration, known.file, known.problem
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -177,115 +168,6 @@ def test_it_need_not_be_saved() -> None:
     assert geometry.closed_rad == result["closed_rad"]
 
 
-@pytest.mark.parametrize("mount", MOUNTS)
-@pytest.mark.parametrize("width_mm", [35.0, 55.0])
-def test_something_between_the_jaws_changes_nothing(mount: str, width_mm: float) -> None:
-    world, client = gripper(mount)
-    world.gripper.put_object(width_mm=width_mm)
-    before = in_use(world)
-    result = watched(world, client)
-    assert (result["ok"], result["outcome"]) == (False, "implausible_travel")
-    assert "rad apart" in result["message"]
-    assert (result["travel_rad"], result["content"], result["path"]) == (None, None, None)
-    assert in_use(world) == before
-    assert world.disk.saved == {}
-    world.run(0.5)
-    assert abs(world.gripper.motor_torque_nm) < 0.3
-
-
-def test_a_stop_that_is_not_met_in_time_changes_nothing() -> None:
-    world, client = gripper()
-    before = in_use(world)
-    result = watched(world, client, config={"calib_max_iter": 10})
-    assert (result["ok"], result["outcome"]) == (False, "not_found")
-    assert "open stop" in result["message"]
-    assert "calib_max_iter" in result["message"]
-    assert in_use(world) == before
-    assert world.disk.saved == {}
-    world.run(0.3)
-    assert abs(world.gripper.velocity_rad_s) < 0.01
-
-
-@pytest.mark.parametrize("calibrated", [True, False])
-def test_a_file_that_cannot_be_written_changes_nothing(calibrated: bool) -> None:
-    world, client = gripper(calibrated=calibrated)
-    before = in_use(world)
-    world.disk.error = "no space left on the device"
-    result = watched(world, client, mount="normal")
-    assert (result["ok"], result["outcome"]) == (False, "not_saved")
-    assert "no space left" in result["message"]
-    assert in_use(world) == before
-    assert client.result("calibration.get")["calibrated"] is calibrated
-
-
-def test_a_helper_that_does_not_answer_is_not_waited_for_for_ever(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    world, client = gripper()
-    before = in_use(world)
-    monkeypatch.setattr(world, "_run_errands", lambda: None)
-    result = client.result("calibration.zero", config=FAST)
-    assert (result["ok"], result["outcome"]) == (False, "not_saved")
-    assert in_use(world) == before
-    (errand,) = world.engine.errands
-    errand.on_result(world.disk.do(errand))  # too late
-    world.run(0.1)
-    assert in_use(world) == before
-
-
-@pytest.mark.parametrize("phase", ["probe_open", "probe_closed", "back_off", "saving"])
-@pytest.mark.parametrize("end", ["cancel", "stop", "relax", "disable", "leave", "fault"])
-def test_ended_early_in_any_phase_it_changes_nothing(phase: str, end: str) -> None:
-    world, client = gripper()
-    before = in_use(world)
-    client.send("calibration.zero", config=FAST)
-    world.run_until(lambda: world.state.job is not None and world.state.job.phase == phase)
-    if phase.startswith("probe"):
-        world.run(0.2)
-    job = world.engine.jobs.running
-    assert job is not None
-    if end == "cancel":
-        world.client().result("job.cancel", job=job.number)
-    elif end == "leave":
-        client.leave()
-    elif end == "fault":
-        world.gripper.set_supply(40.0)
-    else:
-        world.client().result("stop", level="hold" if end == "stop" else end)
-    here_rad = world.gripper.position_rad
-    world.run(0.5)
-    assert not job.is_running
-    assert job.error is not None or (phase, end) == ("saving", "fault")
-    if (phase, end) != ("saving", "fault"):  # the motor says so when all is done
-        assert in_use(world) == before
-    if phase != "saving":
-        assert world.disk.saved == {}
-    if end in ("cancel", "stop", "leave"):
-        assert world.state.mode == "holding"
-        assert world.gripper.position_rad == pytest.approx(here_rad, abs=0.05)
-        assert abs(world.gripper.motor_torque_nm) <= 1.1
-    else:
-        assert abs(world.gripper.motor_torque_nm) <= 0.01
-
-
-def test_it_is_refused_where_no_motion_may_begin() -> None:
-    world = World().start()
-    client = world.client()
-    assert client.refusal("calibration.zero") == "not_enabled"
-    client.result("motor.enable")
-    client.send("motion.open")
-    world.run(0.1)
-    assert client.refusal("calibration.zero") == "busy"
-    client.result("stop")
-    assert client.refusal("calibration.zero") == "stopped"
-    client.result("stop.clear")
-    config = {"calib_kp": 100.0, "calib_step_rad": 0.1}
-    answer = client.call("calibration.zero", config=config)
-    assert answer["error"]["data"]["reason"] == "invalid_params"
-    assert answer["error"]["data"]["field"] == "calib_kp"
-    assert world.engine.jobs.running is None
-
-
 def test_nothing_else_runs_meanwhile_and_no_calibration_is_loaded() -> None:
     world, client = gripper()
     number = client.send("calibration.zero")
@@ -312,42 +194,3 @@ def test_progress_tells_the_phases() -> None:
     assert seen[:2] == ["probe_open", "probe_closed"]
     assert set(seen[2:]) <= {"back_off", "saving"}
     assert all(report["total_steps"] == 0 for report in reports)
-
-
-# The probe by itself
-
-
-def measured(position_rad: float, torque_nm: float) -> Feedback:
-    return Feedback(1, position_rad, 0.0, torque_nm, 30, 30, 0.0)
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_a_structure_that_yields_freezes_the_probe_at_the_ceiling(sign: int) -> None:
-    """It never stands still, so only the torque can end it."""
-    probe = Probe(sign, CONFIG)
-    for tick in range(100):
-        here_rad = sign * 0.002 * tick
-        command, verdict = probe.step(tick * 0.005, measured(here_rad, sign * 0.019 * tick))
-        assert verdict is None
-        assert command.position_rad == pytest.approx(here_rad + sign * CONFIG.calib_step_rad)
-    command, verdict = probe.step(0.5, measured(sign * 0.2, sign * CONFIG.calib_tau_limit))
-    assert verdict == "found"
-    assert command.position_rad == sign * 0.2
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_the_torque_of_what_was_before_is_no_stop(sign: int) -> None:
-    """As where the other stop was found by the torque that is still there in the first tick."""
-    probe = Probe(sign, CONFIG)
-    _, verdict = probe.step(0.0, measured(0.0, -sign * 1.5 * CONFIG.calib_tau_limit))
-    assert verdict is None
-
-
-def test_the_command_follows_from_the_measured_position_alone() -> None:
-    """An accumulated target went on leading further at a stop until the jaw broke."""
-    probe = Probe(1, replace(CONFIG, calib_stall_cycles=100))
-    for tick in range(400):
-        command, verdict = probe.step(tick * 0.005, measured(0.1, 1.0))
-        assert verdict is None
-        assert command.position_rad == pytest.approx(0.1 + CONFIG.calib_step_rad)
-        assert command.kp_nm_rad * CONFIG.calib_step_rad <= CONFIG.calib_tau_limit

@@ -29,6 +29,7 @@ class EchoService:
         self.lines: list[bytes] = []
         self.served: list[Session] = []
         self.ended: list[Session] = []
+        self.orphans: list[Session] = []
         self.waiting: list[tuple[Session, Any]] = []
         self.samples: list[Session] = []
         self.idle = True
@@ -69,6 +70,9 @@ class EchoService:
 
     def closed(self, session: Session, _now_s: float) -> None:
         self.ended.append(session)
+
+    def process_ended(self, session: Session, _now_s: float) -> None:
+        self.orphans.append(session)
 
     def is_idle(self, session: Session) -> bool:
         return not session.unanswered and self.idle

@@ -47,7 +47,8 @@ def call(method, **params):
     while "id" not in (answer := json.loads(f.readline())):
         print("moving", flush=True)
     return answer
-assert call("motor.enable", on_lost=sys.argv[2])["result"]["ok"]
+assert "result" in call("lease.acquire", on_lost=sys.argv[2])
+assert call("motor.enable")["result"]["ok"]
 if sys.argv[3] == "move":
     call("motion.open", speed_mm_s=20, progress=True)
 print("enabled", flush=True)
@@ -220,3 +221,38 @@ def test_the_first_request_after_the_start_finds_motor_and_calibration(tmp_path:
         daemon.send_signal(signal.SIGTERM)
         _, log = daemon.communicate(timeout=DEADLINE_S)
     assert daemon.returncode == 0, log
+
+
+FORKER = """
+import json, os, socket, sys
+s = socket.socket(socket.AF_UNIX); s.settimeout(30); s.connect(sys.argv[1])
+f = s.makefile("rb")
+for method, params in (("lease.acquire", {"on_lost": "relax"}), ("motor.enable", {})):
+    s.sendall(json.dumps({"jsonrpc": "2.0", "id": 1, "method": method, "params": params}).encode())
+    s.sendall(b"\\n")
+    assert "result" in json.loads(f.readline())
+if os.fork() == 0:
+    sys.stdin.readline()  # keeps the socket until the test lets it go
+    os._exit(0)
+print("forked", flush=True)
+os._exit(0)
+"""
+
+
+def test_a_process_that_ends_loses_its_lease_though_a_child_keeps_the_socket(
+    simulated: DaemonProcess,
+) -> None:
+    with simulated.connect() as watcher:
+        watcher.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        process = spawn(FORKER, str(simulated.socket_path))
+        assert line_of(process) == "forked"
+        try:
+            watcher.until(lambda state: bool(state["mode"] == "relaxed"))
+            assert watcher.result("lease.get")["owner"] is None
+            assert len(watcher.result("clients.list")["clients"]) == 2
+        finally:
+            assert process.stdin is not None
+            process.stdin.close()
+            assert process.stdout is not None
+            process.stdout.close()
+            process.wait(DEADLINE_S)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from litegrip_client import MotionConfig
+from litegrip_client import LiteGrip, MotionConfig
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Moment, Site
 
@@ -84,3 +84,8 @@ def jaws_are_loose(site: Site, daemon: Daemon) -> bool:
     site.run(0.2)
     daemon.gripper.push(0.0)
     return daemon.gripper.opening_mm > before_mm + 3.0
+
+
+def load_content(gripper: LiteGrip, content: dict[str, Any]) -> None:
+    """Have the daemon use the content of a calibration file that is nowhere on the disk."""
+    gripper._link.connection.call("calibration.load", {"content": content})

@@ -7,7 +7,7 @@ import pytest
 from litegrip_client import HardwareError, LiteGrip, MotionConfig
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
-from tests.seed.scenes import CODE_RAD, MM_RAD, content, lead_mm, speed_mm_s, tuned
+from tests.seed.scenes import CODE_RAD, MM_RAD, content, lead_mm, load_content, speed_mm_s, tuned
 
 LEAD_CODE_MM = CODE_RAD * MM_RAD
 TRAVEL_RAD = 1.605
@@ -162,10 +162,6 @@ def test_stop_tol(site: Site, mount: str, tolerance: float, pressed: bool) -> No
         gripper.enable()
         gripper.motion_config = MotionConfig(stop_tol=tolerance)
         assert gripper.close().ok is pressed
-
-
-def load_content(gripper: LiteGrip, wanted: dict[str, object]) -> None:
-    gripper._command("calibration.load", {"content": wanted})
 
 
 @pytest.mark.parametrize("force", [None, 8.0])

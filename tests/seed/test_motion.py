@@ -10,7 +10,7 @@ from litegrip_client import HardwareError, LiteGrip, MotionConfig, MoveResult
 from litegripd.model.frame import CanFrame
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
-from tests.seed.scenes import CODE_RAD, CODE_RAD_S, MM_RAD, content, lead_mm
+from tests.seed.scenes import CODE_RAD, CODE_RAD_S, MM_RAD, content, lead_mm, load_content
 
 LEAD_CODE_MM = CODE_RAD * MM_RAD
 RAMPS: dict[str, Callable[[LiteGrip], object]] = {
@@ -96,7 +96,7 @@ def test_a_blocked_jaw_builds_up_its_lead_but_no_more_torque_than_kp_times_that(
     """
     daemon = site.add(Daemon(mount=mount, calibrated=False))
     with LiteGrip("can0") as gripper:
-        gripper._command("calibration.load", {"content": shifted(mount, -0.4)})
+        load_content(gripper, shifted(mount, -0.4))
         gripper.enable()
         gripper.motion_config = MotionConfig(stop_torque_cycles=100)
         with site.recorded(daemon) as moments:
@@ -145,7 +145,7 @@ def test_a_slightly_off_calibration_does_not_move_the_endpoint(
     ends = []
     with LiteGrip("can0") as gripper:
         for calibration in (content(mount), shifted(mount, off)):
-            gripper._command("calibration.load", {"content": calibration})
+            load_content(gripper, calibration)
             gripper.enable()
             results: list[MoveResult] = []
             for act in (gripper.open, gripper.close):

@@ -82,11 +82,15 @@ def interrupt() -> None:
 
 def test_an_override_belongs_to_its_instance(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
     gripper.open()
-    with LiteGrip("can0") as another:
+    gripper.disable_on_disconnect = False
+    gripper.disconnect()
+    with LiteGrip("can0", disable_on_disconnect=False) as another:
+        another.enable()
         another.motion_config = MotionConfig(speed_mm_s=100.0)
         with site.recorded(daemon) as moments:
             another.close()
         assert speed_mm_s(moments, 100.0, 30.0) == pytest.approx(100.0, rel=0.05)
+    gripper.connect()
     with site.recorded(daemon) as moments:
         gripper.open()
     assert speed_mm_s(moments, 30.0, 100.0) == pytest.approx(50.0, rel=0.03)

@@ -96,11 +96,11 @@ def test_grasp_with_hold_s_0_holds_for_ever(site: Site, daemon: Daemon, gripper:
     def interrupt() -> None:
         raise KeyboardInterrupt
 
-    site.after(30.0, interrupt)
+    site.after(15.0, interrupt)
     with site.recorded(daemon) as moments, pytest.raises(KeyboardInterrupt):
         gripper.grasp(force_n=8.0)
     held = [moment.closing_torque_nm for moment in moments if moment.at_s > moments[0].at_s + 3.0]
-    assert len(held) > 5000
+    assert len(held) > 2000
     assert held == pytest.approx([0.8] * len(held), abs=0.1)
     assert all(job["state"] != "running" for job in gripper.jobs())
     site.run(1.0)

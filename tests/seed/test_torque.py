@@ -8,7 +8,7 @@ import pytest
 from litegrip_client import CommandError, LiteGrip, MotionConfig, UnitConversion
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Site
-from tests.seed.scenes import MM_RAD, content, jaws_are_loose, write_file
+from tests.seed.scenes import MM_RAD, content, jaws_are_loose, load_content, write_file
 
 TIGHT = SimulatorParameters(
     breakaway_nm=1.05,
@@ -257,7 +257,7 @@ def test_a_calibration_scale_decides_what_a_millimetre_of_lead_is(site: Site, mo
     daemon = site.add(Daemon(mount=mount, calibrated=False))
     with LiteGrip("can0") as gripper:
         finer = {**content(mount), "rad_to_mm": 60.0, "kp": 80.0}
-        gripper._command("calibration.load", {"content": finer})
+        load_content(gripper, finer)
         gripper.enable()
         with site.recorded(daemon) as moments:
             assert gripper.open()

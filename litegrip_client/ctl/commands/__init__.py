@@ -19,6 +19,8 @@ def find(name: str) -> Command:
         from litegrip_client.ctl.commands.calibration import COMMANDS  # noqa: PLC0415
     elif name in ("config", "register"):
         from litegrip_client.ctl.commands.settings import COMMANDS  # noqa: PLC0415
+    elif name in ("clients", "lease", "stop"):
+        from litegrip_client.ctl.commands.clients import COMMANDS  # noqa: PLC0415
     else:
         from litegrip_client.ctl.commands.general import COMMANDS  # noqa: PLC0415
     return COMMANDS[name]

@@ -1,4 +1,4 @@
-"""The commands that look at things, switch the motor, stop, and see to jobs."""
+"""The commands that look at things, switch the motor, and see to jobs."""
 
 from __future__ import annotations
 
@@ -67,16 +67,6 @@ def hold(run: Run) -> int:
     return OK
 
 
-def stop(run: Run) -> int:
-    """Latch a stop."""
-    params = {"level": run.options.level}
-    if run.options.why is not None:
-        params["why"] = run.options.why
-    data = run.connection.call("stop", params)
-    run.output.result(data, f"stopped: {data['level']}, until: litegripctl clear")
-    return OK
-
-
 def clear(run: Run) -> int:
     """Clear a stop."""
     run.output.result(run.connection.call("stop.clear"), "cleared: motions are allowed")
@@ -129,7 +119,6 @@ COMMANDS: Mapping[str, Command] = {
     "enable": enable,
     "disable": disable,
     "hold": hold,
-    "stop": stop,
     "clear": clear,
     "jobs": jobs,
     "cancel": cancel,

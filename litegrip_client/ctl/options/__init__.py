@@ -92,6 +92,8 @@ def _parser() -> argparse.ArgumentParser:
     add("hold", "hold the present position")
     add("stop", "stop the gripper, whoever moves it, until 'clear'", general.stop)
     add("clear", "clear a stop; moves nothing")
+    add("clients", "list who is connected, and what each has cost")
+    add("lease", "show who has the gripper to itself, or take it away", general.lease)
     add("jobs", "list the running motions and the last ended ones")
     add("cancel", "cancel a motion; the jaws then hold", general.cancel)
     add("zero", "measure the travel: moves to both stops", calibration.zero)

@@ -26,6 +26,19 @@ def stop(parser: LateParser) -> None:
     parser.add_argument("--why", metavar="TEXT", help="shown to whoever is refused by the stop")
 
 
+def lease(parser: LateParser) -> None:
+    """Take what to do."""
+    parser.description = "Show who has the gripper to itself. Without an action, just that."
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser)
+    actions.add_parser("show", help="show it")
+    actions.add_parser("take", help="end somebody's lease, and with it its motion", fill=_take)
+
+
+def _take(parser: LateParser) -> None:
+    parser.description = "End somebody's lease, and with it its motion; the gripper is free then."
+    parser.add_argument("why", metavar="REASON", help="told to the loser and to the log")
+
+
 def cancel(parser: LateParser) -> None:
     """Take the job."""
     parser.add_argument("job", type=int, metavar="JOB", help="the number that 'jobs' shows")

@@ -1,0 +1,76 @@
+"""The commands that show who is there and who has the gripper, and that stop it or take it over."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+
+from litegrip_client.ctl import render
+from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.discovery import socket_paths
+from litegrip_client.stopping import stop_at
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from argparse import Namespace
+    from typing import Any
+
+    from litegrip_client.ctl.output import Output
+
+_STOP_WITHIN_S = 2.0
+
+
+def clients(run: Run) -> int:
+    """List who is connected, and what each has cost."""
+    data = run.connection.call("clients.list")
+    run.output.result(data, render.clients(data["clients"]))
+    return OK
+
+
+def lease(run: Run) -> int:
+    """Show who has the gripper to itself, or take it away."""
+    if run.options.action == "take":
+        return _take(run)
+    data = run.connection.call("lease.get")
+    run.output.result(data, render.lease(data))
+    return OK
+
+
+def _take(run: Run) -> int:
+    before = run.connection.call("lease.get")["owner"]
+    run.connection.call("lease.take", {"why": run.options.why, "purpose": "litegripctl"})
+    run.connection.call("lease.release")
+    text = "nobody had the lease" if before is None else f"taken from {render.owner(before)}"
+    run.output.result({"taken_from": before}, render.plain(f"{text}: the gripper is free"))
+    return OK
+
+
+def stop_first(options: Namespace, output: Output) -> bool:
+    """Stop by the socket that is served first; tell whether there was one.
+
+    A daemon that serves none is stopped as by any other request.
+    """
+    for path in socket_paths(options.channel, options.socket):
+        with suppress(FileNotFoundError, ConnectionRefusedError):
+            data = stop_at(path, options.level, options.why, _STOP_WITHIN_S)
+            output.result(data, stopped(data))
+            return True
+    return False
+
+
+def stop(run: Run) -> int:
+    """Latch a stop by the socket of all requests."""
+    params = {"level": run.options.level}
+    if run.options.why is not None:
+        params["why"] = run.options.why
+    data = run.connection.call("stop", params)
+    run.output.result(data, stopped(data))
+    return OK
+
+
+def stopped(data: Mapping[str, Any]) -> str:
+    """Tell that a stop is latched."""
+    return render.plain(f"stopped: {data['level']}, until: litegripctl clear")
+
+
+COMMANDS: Mapping[str, Command] = {"clients": clients, "lease": lease, "stop": stop}

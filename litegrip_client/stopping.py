@@ -1,0 +1,59 @@
+"""The way of a stop that no flood of requests delays: the daemon's own socket for stops.
+
+It is a software stop all the same: no replacement for the switch that cuts the power.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+
+from litegrip_client.errors import ConnectError, ProtocolError, from_error_object
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+_MAX_ANSWER_BYTES = 65_536
+
+
+def stop_path(path: str) -> str:
+    """Return the socket for stops that belongs to the socket at `path`."""
+    return f"{path.removesuffix('.sock')}.stop.sock"
+
+
+def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[str, Any]:
+    """Stop the gripper whose daemon listens at `path`; return the latched level and the generation.
+
+    Raises `OSError` when nobody listens for stops there, `ConnectError` when the answer does not
+    come in time: the stop may be in force then all the same.
+    """
+    params = {"level": level} if why is None else {"level": level, "why": why}
+    request = {"jsonrpc": "2.0", "id": 1, "method": "stop", "params": params}
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
+        connected.settimeout(timeout_s)
+        connected.connect(stop_path(path))
+        received = b""
+        try:
+            connected.sendall(json.dumps(request).encode() + b"\n")
+            while not received.endswith(b"\n") and len(received) < _MAX_ANSWER_BYTES:
+                piece = connected.recv(_MAX_ANSWER_BYTES)
+                if not piece:
+                    break
+                received += piece
+        except OSError as error:
+            text = f"the stop was sent, but its answer did not come: {error}"
+            raise ConnectError(text, reason="connection_lost") from error
+    return _result(received)
+
+
+def _result(received: bytes) -> dict[str, Any]:
+    try:
+        answer = json.loads(received)
+        if "error" in answer:
+            raise from_error_object(answer["error"])
+        result: dict[str, Any] = answer["result"]
+    except (ValueError, KeyError, TypeError) as error:
+        text = f"the daemon answered the stop with {received[:80]!r}"
+        raise ProtocolError(text) from error
+    return result

@@ -1,0 +1,137 @@
+"""The commands of litegripctl for clients, the lease and the stop."""
+
+import json
+import socket
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from litegrip_client import ConnectError, ProtocolError
+from litegrip_client.stopping import stop_at, stop_path
+from tests.client.fake_daemon import STATE, FakeDaemon
+from tests.client.helpers import Ctl
+
+HOLDER = {"client": 4, "pid": 77, "uid": 1000, "program": "sorter.py", "purpose": "sorting"}
+ROW = {
+    "client": 1,
+    "pid": 77,
+    "uid": 1000,
+    "program": "sorter.py",
+    "role": "operator",
+    "connected_s": 12.4,
+    "requests": 321,
+    "refused": 2,
+    "dropped": 0,
+    "worst_latency_ms": 1.25,
+    "is_me": False,
+}
+
+
+def test_clients_are_listed_and_the_asking_one_is_marked(daemon: FakeDaemon, ctl: Ctl) -> None:
+    rows = [ROW, {**ROW, "program": "litegripctl", "pid": 78, "is_me": True, "refused": 0}]
+    daemon.handlers["clients.list"] = lambda request: {"clients": rows}
+    code, out, err = ctl("clients")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0].split()[:2] == ["CLIENT", "ROLE"]
+    assert " ".join(lines[1].split()) == "sorter.py (pid 77) operator 321 2 0 1.2 ms 12 s"
+    assert "litegripctl (pid 78) (this one)" in lines[2]
+    assert json.loads(ctl("clients", "--json")[1]) == {"clients": rows}
+
+
+def test_the_lease_is_shown(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["lease.get"] = lambda request: {"owner": None, "mine": False, "waiting": 0}
+    assert ctl("lease") == (0, "free\n", "")
+    daemon.handlers["lease.get"] = lambda request: {"owner": HOLDER, "mine": False, "waiting": 2}
+    text = "sorter.py (pid 77), uid 1000, has it for sorting; 2 waiting\n"
+    assert ctl("lease", "show") == (0, text, "")
+
+
+def test_a_lease_is_taken_and_given_back(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["lease.get"] = lambda request: {"owner": HOLDER, "mine": False, "waiting": 0}
+    text = "taken from sorter.py (pid 77): the gripper is free\n"
+    assert ctl("lease", "take", "it hangs") == (0, text, "")
+    assert daemon.methods()[-3:] == ["lease.get", "lease.take", "lease.release"]
+    assert daemon.requests[-2].params["why"] == "it hangs"
+    daemon.handlers["lease.take"] = lambda request: request.fail("not_permitted", -32028)
+    assert ctl("lease", "take", "me")[0] == 9
+
+
+class StopSocket:
+    """Listens where stops are taken; answers one with `answer`, or hangs up."""
+
+    def __init__(self, path: Path, answer: bytes) -> None:
+        self.received = b""
+        self._answer = answer
+        self._listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._listener.bind(str(path))
+        self._listener.listen()
+        self._thread = threading.Thread(target=self._serve)
+        self._thread.start()
+
+    def _serve(self) -> None:
+        peer, _ = self._listener.accept()
+        with peer:
+            while not self.received.endswith(b"\n"):
+                self.received += peer.recv(4096)
+            peer.sendall(self._answer)
+
+    @property
+    def request(self) -> dict[str, Any]:
+        self._thread.join()
+        request: dict[str, Any] = json.loads(self.received)
+        return request
+
+    def close(self) -> None:
+        self._listener.close()
+        self._thread.join()
+
+
+DONE = b'{"jsonrpc":"2.0","id":1,"result":{"level":"relax","generation":4}}\n'
+
+
+@pytest.fixture
+def stops(daemon: FakeDaemon) -> Iterator[StopSocket]:
+    listening = StopSocket(Path(stop_path(daemon.path)), DONE)
+    yield listening
+    listening.close()
+
+
+def test_a_stop_goes_by_the_socket_that_is_served_first(
+    daemon: FakeDaemon, stops: StopSocket, ctl: Ctl
+) -> None:
+    text = "stopped: relax, until: litegripctl clear\n"
+    assert ctl("stop", "--level", "relax", "--why", "a hand") == (0, text, "")
+    assert stops.request["params"] == {"level": "relax", "why": "a hand"}
+    assert daemon.methods() == []  # nothing waits behind other requests
+
+
+def test_a_daemon_without_that_socket_is_stopped_all_the_same(daemon: FakeDaemon, ctl: Ctl) -> None:
+    answer = {"level": "hold", "generation": 4, "state": STATE}
+    daemon.handlers["stop"] = lambda request: answer
+    assert ctl("stop")[0] == 0
+    assert daemon.methods() == ["hello", "stop"]
+
+
+@pytest.mark.parametrize(
+    ("answer", "error"),
+    [(b"", ProtocolError), (b"[]\n", ProtocolError), (b"{}\n", ProtocolError)],
+)
+def test_an_answer_that_is_none_is_told(
+    tmp_path: Path, answer: bytes, error: type[Exception]
+) -> None:
+    listening = StopSocket(tmp_path / "x.stop.sock", answer)
+    with pytest.raises(error):
+        stop_at(str(tmp_path / "x.sock"), "hold", None, 5.0)
+    listening.close()
+
+
+def test_an_answer_that_does_not_come_is_told(tmp_path: Path) -> None:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
+        listener.bind(str(tmp_path / "x.stop.sock"))
+        listener.listen()
+        with pytest.raises(ConnectError, match="its answer did not come"):
+            stop_at(str(tmp_path / "x.sock"), "hold", None, 0.01)
