@@ -161,7 +161,9 @@ class Link:
     ) -> dict[str, Any]:
         """Get the lease, or change what is wished of it; the purpose is the program by default."""
         numbers = given_numbers(ttl_s=ttl_s, wait_s=wait_s or None)
-        params = {"purpose": purpose or _program(), "on_lost": on_lost, **numbers}
+        params = {"on_lost": on_lost, **numbers}
+        if purpose is not None or not self.leased:
+            params["purpose"] = purpose or _program()
         return await self._get("lease.acquire", params, numbers.get("wait_s", 0.0))
 
     async def _get(self, method: str, params: dict[str, Any], wait_s: float) -> dict[str, Any]:

@@ -186,7 +186,8 @@ class Arbiter:
         if before is None and running is not None and running.owner.client != owner.client:
             return busy_refusal(running) or ENDING
         answer = self.lease.acquire(owner, wish, self.now_s)
-        return answer if answer is before else self._granted(answer)
+        is_new = isinstance(answer, Grant) and (before is None or answer.number != before.number)
+        return self._granted(answer) if is_new else answer
 
     def await_lease(
         self, owner: Owner, wish: Wish, wait_s: float, on_answer: OnAnswer

@@ -71,7 +71,10 @@ class Leasing:
         }
 
     def _acquire(self, call: Call) -> Answer:
-        wish, wait_s = _wish(call.params), call.params.get("wait_s", 0.0)
+        holder = self._engine.lease.holder
+        mine = holder is not None and holder.owner.client == call.owner.client
+        before = holder.wish if holder is not None and mine else Wish()
+        wish, wait_s = _wish(call.params, before), call.params.get("wait_s", 0.0)
         answer = self._engine.acquire(call.owner, wish)
         if isinstance(answer, Grant) or wait_s == 0.0:
             return self._granted(answer)
@@ -109,7 +112,7 @@ class Leasing:
             text = f"only an admin takes the lease from another user (uid {call.owner.uid} is none)"
             return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
         why = call.params["why"]
-        return self._granted(self._engine.take_over(call.owner, _wish(call.params), why))
+        return self._granted(self._engine.take_over(call.owner, _wish(call.params, Wish()), why))
 
     def _granted(self, answer: Grant | Refusal) -> Mapping[str, Any] | Refusal:
         if isinstance(answer, Refusal):
@@ -122,9 +125,10 @@ class Leasing:
         }
 
 
-def _wish(params: Mapping[str, Any]) -> Wish:
+def _wish(params: Mapping[str, Any], before: Wish) -> Wish:
+    """Return what is wished; what a holder does not name stays as it was."""
     return Wish(
-        purpose=params.get("purpose"),
-        ttl_s=params.get("ttl_s"),
-        on_lost=params.get("on_lost", "hold"),
+        purpose=params.get("purpose", before.purpose),
+        ttl_s=params.get("ttl_s", before.ttl_s),
+        on_lost=params.get("on_lost", before.on_lost),
     )

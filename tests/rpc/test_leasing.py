@@ -350,3 +350,13 @@ def test_the_queue_is_bounded() -> None:
     for _ in range(8):
         client.send("motion.open", wait=False, if_busy="queue")
     assert client.refusal("motion.open", wait=False, if_busy="queue") == "too_many_requests"
+
+
+def test_what_a_holder_does_not_name_anew_stays_as_it_was() -> None:
+    world, holder, _, _ = pair(purpose="sorting", ttl_s=30, on_lost="relax")
+    while world.service.take_events():
+        pass
+    holder.result("lease.acquire", on_lost="disable")
+    owner = holder.result("lease.get")["owner"]
+    assert (owner["purpose"], owner["ttl_s"], owner["on_lost"]) == ("sorting", 30, "disable")
+    assert not [event for event in world.service.take_events() if event.kind == "lease"]
