@@ -21,10 +21,10 @@ class Gains:
 DEFAULT_GAINS = Gains(kp_nm_rad=100.0, kd_nm_s_rad=2.0)
 
 
-def gains_of(calibration: Calibration) -> Gains:
-    """Return a calibration's gains; the default stands for one that it does not give."""
+def gains_of(calibration: Calibration, before: Gains) -> Gains:
+    """Return a calibration's gains; one that it does not give, as a template does not, stays."""
     kp, kd = calibration.kp_nm_rad, calibration.kd_nm_s_rad
     return Gains(
-        DEFAULT_GAINS.kp_nm_rad if kp is None else kp,
-        DEFAULT_GAINS.kd_nm_s_rad if kd is None else kd,
+        before.kp_nm_rad if kp is None else kp,
+        before.kd_nm_s_rad if kd is None else kd,
     )

@@ -32,7 +32,7 @@ class CalibrationInUse:
         """Take a calibration and its file, or the reason why there is none."""
         self.calibration, self.file = calibration, file
         self.problem = problem or NOT_CALIBRATED
-        self.gains = DEFAULT_GAINS if calibration is None else gains_of(calibration)
+        self.gains = DEFAULT_GAINS if calibration is None else gains_of(calibration, self.gains)
 
     def note_zero(self, zero: ZeroView) -> Calibration | None:
         """Give a calibration up as soon as positions may count from another zero.

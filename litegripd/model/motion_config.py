@@ -69,13 +69,6 @@ class MotionConfig:
                 f"stop_lead_mm is {self.stop_lead_mm:g}, it must be at most max_lead_mm,"
                 f" {self.max_lead_mm:g}: near the stop the jaws press less, not more",
             )
-        if self.calib_kp * self.calib_step_rad > self.calib_tau_limit:
-            raise MotionConfigError(
-                "calib_kp",
-                f"calib_kp {self.calib_kp:g} by calib_step_rad {self.calib_step_rad:g} is more"
-                f" torque than calib_tau_limit, {self.calib_tau_limit:g}: no probe could end by"
-                " standing still",
-            )
 
     def changed(self, values: Mapping[str, Any], period_s: float) -> "MotionConfig":
         """Return a copy with some fields changed, as a client asks for.

@@ -253,3 +253,14 @@ def test_loading_a_mount_does_not_rewrite_the_can_ids(site: Site, home: Path, mo
             gripper.load_template(template)
             assert (gripper.config.can_id, gripper.config.mst_id) == (0x08, 0x18)
         assert gripper.enable()
+
+
+@pytest.mark.parametrize("how", ["load_template", "mount="])
+def test_loading_a_mount_does_not_rewrite_tuned_gains(
+    site: Site, home: Path, mount: str, how: str
+) -> None:
+    own_file(home, "can0", mount, kp=60.0, kd=1.5)
+    site.add(Daemon(mount=mount, boots=True))
+    with LiteGrip("can0", mount=mount if how == "mount=" else None) as gripper:
+        gripper.load_template(mount)
+        assert (gripper.config.kp, gripper.config.kd) == (60.0, 1.5)

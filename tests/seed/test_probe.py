@@ -96,3 +96,13 @@ def test_the_probe_freezes_the_instant_the_torque_reaches_its_limit(
     frozen = [m for m in moments if hit_s - 0.001 < m.at_s - began_s < hit_s + 0.03]
     assert min(lead_mm(moment) for moment in frozen) < 2 * CODE_RAD * MM_RAD
     assert max(abs(moment.closing_torque_nm) for moment in moments) < 2.5
+
+
+def test_a_ceiling_below_the_probes_own_push_still_finds_both_stops(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.motion_config = MotionConfig(calib_tau_limit=0.8)
+    with site.recorded(daemon) as moments:
+        data = gripper.zero(progress=lambda _progress: None)
+    assert max(abs(moment.closing_torque_nm) for moment in moments) < 0.85
+    assert data.travel_range_rad == pytest.approx(1.605, rel=0.02)
