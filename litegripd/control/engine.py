@@ -5,6 +5,9 @@ Pure: `step(now_s, motor)` returns the order for this tick. Between ticks client
 motor but through `step`.
 """
 
+import math
+from dataclasses import replace
+
 from litegripd.control import announce
 from litegripd.control.admission import (
     NOT_ENABLED,
@@ -78,6 +81,7 @@ class Engine(Arbiter):
 
     def step(self, now_s: float, motor: MotorView) -> MotorOrder:
         """Decide. In this order: power, fault, stop, lost client, the action, the rest."""
+        motor = _finite(motor)
         self._note_phase(motor)
         self._note_zero(motor.zero)
         self.ticks += 1
@@ -171,3 +175,12 @@ class Engine(Arbiter):
         slack = before is MotorPhase.SILENT and isinstance(self.rest, Relax)
         if motor.phase is MotorPhase.ENABLED and motor.feedback is not None and not slack:
             self.rest = Hold(motor.feedback.position_rad, self.gains)
+
+
+def _finite(motor: MotorView) -> MotorView:
+    """Leave out a measurement that is no number: nothing may be derived from it."""
+    feedback = motor.feedback
+    if feedback is None:
+        return motor
+    total = feedback.position_rad + feedback.velocity_rad_s + feedback.torque_nm
+    return motor if math.isfinite(total) else replace(motor, feedback=None)

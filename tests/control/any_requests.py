@@ -28,19 +28,14 @@ def _field(name: str) -> st.SearchStrategy[tuple[str, float]]:
 def go_together(fields: Values) -> bool:
     """Whether fields that are in their ranges make a configuration."""
     all_fields = {**_DEFAULTS, **fields}
-    step_nm = all_fields["calib_kp"] * all_fields["calib_step_rad"]
-    pressing = all_fields["stop_lead_mm"] <= all_fields["max_lead_mm"]
-    return bool(pressing and step_nm <= all_fields["calib_tau_limit"])
+    return bool(all_fields["stop_lead_mm"] <= all_fields["max_lead_mm"])
 
 
 def repaired(fields: Values) -> Values:
     """Make the fields go together that must."""
     all_fields = {**_DEFAULTS, **fields}
     lead_mm = min(all_fields["stop_lead_mm"], all_fields["max_lead_mm"])
-    limit_nm = 0.999 * all_fields["calib_tau_limit"]
-    kp = max(min(all_fields["calib_kp"], limit_nm / all_fields["calib_step_rad"]), 2.0)
-    step_rad = min(all_fields["calib_step_rad"], limit_nm / kp)
-    return {**fields, "stop_lead_mm": lead_mm, "calib_kp": kp, "calib_step_rad": step_rad}
+    return {**fields, "stop_lead_mm": lead_mm}
 
 
 any_fields = st.lists(st.sampled_from(sorted(RANGES)).flatmap(_field), max_size=4).map(dict)

@@ -1,5 +1,9 @@
 """One motion at a time, whose it is, and how the daemon ends."""
 
+import math
+from dataclasses import replace
+from typing import Any
+
 import pytest
 
 from litegripd.model.motor import MotorPhase, Status
@@ -167,3 +171,23 @@ def test_the_job_book_forgets_the_oldest() -> None:
     numbers = [job.number for job in world.engine.jobs]
     assert numbers == list(range(numbers[-1] - 63, numbers[-1] + 1))
     assert client.refusal("job.get", job=1) == "unknown_job"
+
+
+@pytest.mark.parametrize("name", ["position_rad", "velocity_rad_s", "torque_nm"])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("method", ["motion.open", "motion.grasp", "motion.hold", "stream.set"])
+def test_a_measurement_that_is_no_number_leads_to_no_command(
+    method: str, name: str, value: float
+) -> None:
+    world = World()
+    client = world.enabled()
+    params = {"opening_mm": 80} if method == "stream.set" else {}
+    client.send(method, **params)
+    view = world.machine.motor.view()
+    assert view.feedback is not None
+    changed: dict[str, Any] = {name: value}
+    wrong = replace(view, feedback=replace(view.feedback, **changed))
+    order = world.engine.step(world.now_s + PERIOD_S, wrong)
+    assert order.command is None
+    world.run(0.2)
+    assert world.state.enabled

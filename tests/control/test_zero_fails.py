@@ -115,7 +115,7 @@ def test_it_is_refused_where_no_motion_may_begin() -> None:
     client.result("stop")
     assert client.refusal("calibration.zero") == "stopped"
     client.result("stop.clear")
-    config = {"calib_kp": 100.0, "calib_step_rad": 0.1}
+    config = {"calib_kp": 100.5}
     answer = client.call("calibration.zero", config=config)
     assert answer["error"]["data"]["reason"] == "invalid_params"
     assert answer["error"]["data"]["field"] == "calib_kp"
