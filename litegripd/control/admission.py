@@ -37,8 +37,11 @@ ZERO_MOVED = Refusal(
 
 def busy_refusal(running: Job | None) -> Refusal | None:
     """Say who is moving, if anybody is."""
-    if running is None:
-        return None
+    return None if running is None else busy_with(running)
+
+
+def busy_with(running: Job) -> Refusal:
+    """Say who is moving."""
     owner = running.owner
     return Refusal(
         "busy",

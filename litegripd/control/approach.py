@@ -10,6 +10,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.budget import budgeted
 from litegripd.control.gains import Gains
+from litegripd.control.lead import led
 from litegripd.control.stall import StallDetector
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -65,7 +66,6 @@ class Approach:
         self._arrived_s: float | None = None
         self._slow_since_s: float | None = None
         self._contact_since_s: float | None = None
-        self.command_rad = 0.0
 
     @property
     def ramp_s(self) -> float:
@@ -80,7 +80,6 @@ class Approach:
             self._anchor = (now_s, position_rad)
             self._ramp_s = max(self._short_rad(position_rad), 0.0) / self.speed_rad_s
         command, held_back = self._command(now_s, position_rad)
-        self.command_rad = command.position_rad
         return command, self._judge(now_s, feedback, held_back)
 
     def _short_rad(self, position_rad: float) -> float:
@@ -95,7 +94,7 @@ class Approach:
         lead_rad = self._arrived_lead_rad if arrived else self._lead_rad
         if arrived:
             wanted_rad = self.target_rad
-        command_rad = min(max(wanted_rad, position_rad - lead_rad), position_rad + lead_rad)
+        command_rad = led(wanted_rad, position_rad, lead_rad)
         held_back = (wanted_rad - command_rad) * self._sign > 0.0
         if arrived:
             if self._arrived_s is None:

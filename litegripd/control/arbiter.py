@@ -10,7 +10,7 @@ from typing import TypeAlias
 
 from litegripd.control import announce
 from litegripd.control.actions.base import Action
-from litegripd.control.admission import ENDING, busy_refusal
+from litegripd.control.admission import ENDING, busy_refusal, busy_with
 from litegripd.control.grip import Grip
 from litegripd.control.in_use import CalibrationInUse
 from litegripd.control.jobs import MOST_QUEUED, JobBook
@@ -184,7 +184,7 @@ class Arbiter:
         """Grant the lease, where it is free and nobody else's motion runs."""
         before, running = self.lease.holder, self.jobs.running
         if before is None and running is not None and running.owner.client != owner.client:
-            return busy_refusal(running) or ENDING
+            return busy_with(running)
         answer = self.lease.acquire(owner, wish, self.now_s)
         is_new = isinstance(answer, Grant) and (before is None or answer.number != before.number)
         return self._granted(answer) if is_new else answer

@@ -9,9 +9,9 @@ from typing import TypeAlias
 from litegripd.control.actions.by_hand import CalibrateByHand, Side
 from litegripd.control.actions.calibrate import Calibrate
 from litegripd.control.actions.set_zero import SetZero
-from litegripd.control.admission import NO_FEEDBACK, busy_refusal, motor_refusal
+from litegripd.control.admission import NO_FEEDBACK, busy_refusal, busy_with, motor_refusal
 from litegripd.control.engine import Engine
-from litegripd.control.saving import Saving, save_errand
+from litegripd.control.saving import Saving, content_of, save_errand
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
@@ -109,8 +109,8 @@ class Calibrating:
         calibration = engine.calibrated.calibration
         if calibration is None or not calibration.calibrated:
             return engine.calibrated.problem
-        errand = save_errand(calibration, engine.unit, engine.gains, engine.motor, on_saved)
-        engine.errands.append(errand)
+        content = content_of(calibration, engine.unit, engine.gains, engine.motor)
+        engine.errands.append(save_errand(engine.unit, content, on_saved))
         return None
 
     def _unready(self) -> Refusal | None:
@@ -122,7 +122,7 @@ class Calibrating:
         if not isinstance(action, CalibrateByHand) or running is None:
             return _NOT_BY_HAND
         if running.owner.client != owner.client:
-            return busy_refusal(running) or _NOT_BY_HAND
+            return busy_with(running)
         return action
 
 

@@ -20,7 +20,7 @@ from litegripd.control.grip import Grip
 from litegripd.control.inquiries import Inquiries
 from litegripd.control.output import Output
 from litegripd.control.rest import Hold, Relax
-from litegripd.control.saving import save_errand
+from litegripd.control.saving import content_of, save_errand
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
@@ -155,8 +155,8 @@ class Engine(Arbiter):
     def _note_zero(self, zero: ZeroView) -> None:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
-            errand = save_errand(useless, self.unit, self.gains, self.motor, self._saved)
-            self.errands.append(errand)
+            content = content_of(useless, self.unit, self.gains, self.motor)
+            self.errands.append(save_errand(self.unit, content, self._saved))
             self.events.append(announce.calibrated(useless, self.calibrated.file))
 
     def _saved(self, result: ErrandResult) -> None:

@@ -99,7 +99,7 @@ class Grip:
     def command(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
         self._ramp(now_s)
-        if self.watched and not self.is_lost:
+        if self.is_holding:
             self._watch(feedback)
         if self._settings.by == "gains":
             return self._around_reading(now_s, feedback)

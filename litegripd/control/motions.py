@@ -129,10 +129,11 @@ class Motions:
         if duration_s is not None and distance_mm > geometry.rad_to_mm * SMALLEST_MOVE_RAD:
             speed = distance_mm / duration_s
         conflict = fast_conflict(config, speed, engine.period_s)
+        refusal = conflict_refusal(conflict)
         if conflict is not None and duration_s is not None:
-            return duration_refusal(duration_s, distance_mm / conflict.limit, distance_mm)
-        if conflict is not None:
-            return conflict_refusal(conflict) or NOT_CALIBRATED
+            refusal = duration_refusal(duration_s, distance_mm / conflict.limit, distance_mm)
+        if refusal is not None:
+            return refusal
         action = MoveTo(
             target_rad,
             geometry.to_rad(speed),

@@ -1,6 +1,7 @@
 """The end of a calibration: judged, written to disk by the helper process, then in use."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 from litegripd.control.actions.base import Adopted, Step
@@ -38,6 +39,7 @@ class Saving:
         self._calibration: Calibration | None = None
         self._saved: ErrandResult | None = None
         self._began_s: float | None = None
+        self._content: dict[str, Any] = {}
 
     def begin(self, closed_rad: float, open_rad: float, *, plausible: bool) -> ZeroResult | None:
         """Take the stops; return how it ended already, where they cannot be right.
@@ -70,20 +72,20 @@ class Saving:
         calibration = self._calibration
         if calibration is None:
             return Step(outcome=failed("not_found", "no stops were measured"))
-        content = content_of(calibration, self._unit, self._gains, motor)
-        if not self._keep:
-            return _adopt(calibration, content, None)
         if self._began_s is None:
             self._began_s = now_s
-            errand = save_errand(calibration, self._unit, self._gains, motor, self._note)
-            return Step(errand=errand)
+            self._content = content_of(calibration, self._unit, self._gains, motor)
+            if self._keep:
+                return Step(errand=save_errand(self._unit, self._content, self._note))
+        if not self._keep:
+            return _adopt(calibration, self._content, None)
         if self._saved is None:
             if now_s - self._began_s < SAVE_WITHIN_S:
                 return Step()
             return Step(outcome=failed("not_saved", f"not written within {SAVE_WITHIN_S:g} s"))
         if self._saved.error is not None or not isinstance(self._saved.value, dict):
             return Step(outcome=failed("not_saved", f"not saved: {self._saved.error}"))
-        return _adopt(calibration, content, str(self._saved.value["path"]))
+        return _adopt(calibration, self._content, str(self._saved.value["path"]))
 
     def _note(self, result: ErrandResult) -> None:
         self._saved = result
@@ -103,14 +105,9 @@ def content_of(
 
 
 def save_errand(
-    calibration: Calibration,
-    unit: Unit,
-    gains: Gains,
-    motor: MotorView,
-    on_result: Callable[[ErrandResult], None],
+    unit: Unit, content: Mapping[str, Any], on_result: Callable[[ErrandResult], None]
 ) -> Errand:
     """Return the errand that writes the daemon's own calibration file."""
-    content = content_of(calibration, unit, gains, motor)
     return Errand("calibration.save", {"channel": unit.channel, "content": content}, on_result)
 
 
@@ -119,15 +116,9 @@ def failed(outcome: ZeroOutcome, message: str) -> ZeroResult:
     return ZeroResult(False, outcome, None, None, None, None, None, None, message)
 
 
-def _adopt(calibration: Calibration, content: dict[str, object], path: str | None) -> Step:
+def _adopt(calibration: Calibration, content: dict[str, Any], path: str | None) -> Step:
     geometry = calibration.geometry
-    in_use = Calibration(
-        geometry,
-        channel=str(content["channel"]),
-        kp_nm_rad=calibration.kp_nm_rad,
-        kd_nm_s_rad=calibration.kd_nm_s_rad,
-        content=content,
-    )
+    in_use = replace(calibration, channel=str(content["channel"]), content=content)
     result = ZeroResult(
         ok=True,
         outcome="measured",

@@ -10,6 +10,11 @@ from litegripd.model.motion_config import MotionConfig, MotionConfigError
 from litegripd.rpc.session import Session
 
 
+def is_detached(params: Mapping[str, Any]) -> bool:
+    """Whether a motion outlives its connection: asked for, or not waited for."""
+    return bool(params.get("detach", False)) or not params.get("wait", True)
+
+
 @dataclass(frozen=True, slots=True)
 class Call:
     """One request whose parameters have been checked."""
@@ -22,7 +27,7 @@ class Call:
     @property
     def detached(self) -> bool:
         """Whether the motion outlives its connection: asked for, or not waited for."""
-        return bool(self.params.get("detach", False)) or not self.params.get("wait", True)
+        return is_detached(self.params)
 
     def config(self, base: MotionConfig, period_s: float) -> MotionConfig | Refusal:
         """Return `base` with what the caller wants to be otherwise, or why that cannot be."""

@@ -9,7 +9,7 @@ from typing import Any, get_args
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, Owner
-from litegripd.rpc.calls import Answer, Later
+from litegripd.rpc.calls import Answer, Later, is_detached
 from litegripd.rpc.handlers import Handlers
 from litegripd.rpc.method import Method
 from litegripd.rpc.session import Session
@@ -46,7 +46,7 @@ class Dispatch:
         if running is not None and if_busy == "replace" and _is_own(running, owner):
             self._engine.end(Refusal("replaced", f"{method.name} of the same client replaced it"))
         if self._engine.jobs.running is not None and if_busy == "queue" and kind is not None:
-            detached = bool(params.get("detach", False)) or not params.get("wait", True)
+            detached = is_detached(params)
             queued = self._engine.queue(kind, owner, detached, lambda: _job_of(begin()))
             return self._named(queued, key)
         answer = begin()

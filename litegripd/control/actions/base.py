@@ -8,7 +8,7 @@ from litegripd.control.rest import Rest
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import MitCommand, MotorRequest, MotorView
+from litegripd.model.motor import Feedback, MitCommand, MotorRequest, MotorView
 from litegripd.model.results import Progress, Result
 
 
@@ -48,6 +48,15 @@ class Action(Protocol):
 
     def progress(self) -> Progress | None:
         """Tell where it is, None for an action that has nothing to tell."""
+
+
+def progress_of(
+    phase: str, step: int, total_steps: int, command_rad: float, feedback: Feedback
+) -> Progress:
+    """Tell where a motion is, with what was measured."""
+    return Progress(
+        phase, step, total_steps, command_rad, feedback.position_rad, feedback.torque_nm
+    )
 
 
 class PlainAction:

@@ -3,9 +3,10 @@
 The marks alone say which way closing runs.
 """
 
+from dataclasses import replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.filter import Bounds, probe_bounds
 from litegripd.control.rest import Relax
 from litegripd.control.saving import Saving
@@ -56,18 +57,12 @@ class CalibrateByHand(PlainAction):
         command = Relax().command(now_s, feedback)
         if self._saving is None:
             return Step(command)
-        step = self._saving.step(now_s, motor)
-        return Step(command, None, step.outcome, step.errand, step.adopted)
+        return replace(self._saving.step(now_s, motor), command=command)
 
     def progress(self) -> Progress | None:
         """Tell how many stops are marked, and where the jaws are."""
         if self._feedback is None:
             return None
-        return Progress(
-            phase="by_hand" if self._saving is None else "saving",
-            step=len(self.marks),
-            total_steps=2,
-            command_rad=self._feedback.position_rad,
-            position_rad=self._feedback.position_rad,
-            torque_nm=self._feedback.torque_nm,
-        )
+        phase = "by_hand" if self._saving is None else "saving"
+        here_rad = self._feedback.position_rad
+        return progress_of(phase, len(self.marks), 2, here_rad, self._feedback)

@@ -6,7 +6,7 @@ The direction is the one declared before: a stall cannot tell one stop from the 
 from dataclasses import replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.filter import Bounds, probe_bounds
 from litegripd.control.gains import Gains
 from litegripd.control.probe import Probe
@@ -51,9 +51,8 @@ class Calibrate(PlainAction):
 
     def _advance(self, now_s: float, motor: MotorView, feedback: Feedback) -> Step:
         if self._phase == "saving":
-            step = self._saving.step(now_s, motor)
             command = self._gains.at(self._held_rad)
-            return Step(command, None, step.outcome, step.errand, step.adopted)
+            return replace(self._saving.step(now_s, motor), command=command)
         if self._phase == "back_off":
             return self._back_off(now_s, feedback)
         return self._feel(now_s, feedback)
@@ -62,14 +61,8 @@ class Calibrate(PlainAction):
         """Tell the phase, the probe's iterations, and where command and jaws are."""
         if self._feedback is None:
             return None
-        return Progress(
-            phase=self._phase,
-            step=self._probe.iterations,
-            total_steps=0,
-            command_rad=self._command_rad,
-            position_rad=self._feedback.position_rad,
-            torque_nm=self._feedback.torque_nm,
-        )
+        iterations = self._probe.iterations
+        return progress_of(self._phase, iterations, 0, self._command_rad, self._feedback)
 
     def _feel(self, now_s: float, feedback: Feedback) -> Step:
         command, verdict = self._probe.step(now_s, feedback)

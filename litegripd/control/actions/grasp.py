@@ -7,7 +7,7 @@ action has ended: at the verdict or after `hold_s`, as the caller wanted.
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.approach import Approach, Verdict
 from litegripd.control.gains import Gains
 from litegripd.control.grip import Grip, GripSettings, HoldBy
@@ -92,16 +92,11 @@ class Grasp(PlainAction):
         """Tell the phase, the step of the approach, and where command and jaws are."""
         if self._feedback is None:
             return None
-        holding = self._grip is not None
+        if self._grip is not None:
+            return progress_of("hold", self._cycles(), 0, self._command_rad, self._feedback)
         total = max(round(self._approach.ramp_s / self._period_s), 1)
-        return Progress(
-            phase="hold" if holding else "approach",
-            step=self._cycles() if holding else min(self._steps, total),
-            total_steps=0 if holding else total,
-            command_rad=self._command_rad,
-            position_rad=self._feedback.position_rad,
-            torque_nm=self._feedback.torque_nm,
-        )
+        step = min(self._steps, total)
+        return progress_of("approach", step, total, self._command_rad, self._feedback)
 
     def _take(self, now_s: float, feedback: Feedback) -> Grip:
         """Go over from closing to holding, without a step in the torque."""

@@ -5,8 +5,9 @@ Moves may be slow. Static friction holds slow jaws for longer than a stall windo
 they count as stalled only while the ramp is ahead of them by more than friction can hold.
 """
 
-from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.gains import Gains
+from litegripd.control.lead import lead_cap_rad, led
 from litegripd.control.ramp import Ramp
 from litegripd.control.stall import StallDetector
 from litegripd.model.geometry import Geometry
@@ -57,7 +58,7 @@ class MoveTo(PlainAction):
         self._feedback = feedback
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
         lead_rad = self._lead_rad(position_rad, self._ramp)
-        self._command_rad = min(max(ramp_rad, position_rad - lead_rad), position_rad + lead_rad)
+        self._command_rad = led(ramp_rad, position_rad, lead_rad)
         if self._command_rad != ramp_rad:
             velocity_rad_s = 0.0  # kd·dq would add to the torque that the cap is to bound
         is_behind = self._is_behind(abs(ramp_rad - position_rad))
@@ -72,21 +73,14 @@ class MoveTo(PlainAction):
         if self._feedback is None or self._ramp is None:
             return None
         total_steps = max(round(self._ramp.duration_s / self._period_s), 1)
-        return Progress(
-            phase="ramp" if self._steps < total_steps else "settle",
-            step=min(self._steps, total_steps),
-            total_steps=total_steps,
-            command_rad=self._command_rad,
-            position_rad=self._feedback.position_rad,
-            torque_nm=self._feedback.torque_nm,
-        )
+        phase = "ramp" if self._steps < total_steps else "settle"
+        step = min(self._steps, total_steps)
+        return progress_of(phase, step, total_steps, self._command_rad, self._feedback)
 
     def _lead_rad(self, position_rad: float, ramp: Ramp) -> float:
         """Return how far the command may lead: less at the stop that lies ahead."""
         short_rad = abs(self._limit_rad(ramp) - position_rad)
-        at_stop = short_rad <= self._geometry.to_rad(self._config.press_zone_mm)
-        lead_mm = self._config.stop_lead_mm if at_stop else self._config.max_lead_mm
-        return self._geometry.to_rad(lead_mm)
+        return lead_cap_rad(short_rad, self._geometry, self._config)
 
     def _limit_rad(self, ramp: Ramp) -> float:
         """Return the calibrated stop that lies ahead."""

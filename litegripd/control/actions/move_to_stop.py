@@ -7,14 +7,16 @@ within `press_zone_mm` of the stop, so that the jaws press gently.
 
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.gains import Gains
 from litegripd.control.guard import TorqueGuard
+from litegripd.control.lead import is_in_press_zone, lead_cap_rad, led
 from litegripd.control.ramp import Ramp
+from litegripd.control.rest import Relax
 from litegripd.control.stall import StallDetector
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import Feedback, MitCommand, MotorView
+from litegripd.model.motor import Feedback, MotorView
 from litegripd.model.results import MoveOutcome, MoveResult, Progress
 
 Direction: TypeAlias = Literal["open", "close"]
@@ -79,7 +81,7 @@ class MoveToStop(PlainAction):
         outcome = self._judge(now_s, feedback, self._ramp)
         command = self._gains.at(self._command_rad, velocity_rad_s)
         if self._phase == "release":
-            command = MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
+            command = Relax().command(now_s, feedback)
         return Step(command, outcome=None if outcome is None else self._result(outcome))
 
     def progress(self) -> Progress | None:
@@ -87,14 +89,8 @@ class MoveToStop(PlainAction):
         if self._feedback is None or self._ramp is None:
             return None
         total_steps = max(round(self._ramp.duration_s / self._period_s), 1)
-        return Progress(
-            phase=self._phase,
-            step=min(self._steps, total_steps),
-            total_steps=total_steps,
-            command_rad=self._command_rad,
-            position_rad=self._feedback.position_rad,
-            torque_nm=self._feedback.torque_nm,
-        )
+        step = min(self._steps, total_steps)
+        return progress_of(self._phase, step, total_steps, self._command_rad, self._feedback)
 
     def _begin(self, now_s: float, position_rad: float) -> Ramp:
         """Start where the jaws are: no step, whatever was commanded before."""
@@ -105,14 +101,12 @@ class MoveToStop(PlainAction):
         return Ramp(now_s, start_rad, self._target_rad, self._speed_rad_s)
 
     def _capped(self, command_rad: float, position_rad: float) -> float:
-        in_press_zone = self._is_in_press_zone(position_rad)
-        lead_mm = self._config.stop_lead_mm if in_press_zone else self._config.max_lead_mm
-        lead_rad = self._geometry.to_rad(lead_mm)
-        return min(max(command_rad, position_rad - lead_rad), position_rad + lead_rad)
+        lead_rad = lead_cap_rad(self._short_rad(position_rad), self._geometry, self._config)
+        return led(command_rad, position_rad, lead_rad)
 
-    def _is_in_press_zone(self, position_rad: float) -> bool:
-        short_rad = (self._limit_rad - position_rad) * self._sign
-        return short_rad <= self._geometry.to_rad(self._config.press_zone_mm)
+    def _short_rad(self, position_rad: float) -> float:
+        """Return how far the jaws still are from the calibrated stop; negative beyond it."""
+        return (self._limit_rad - position_rad) * self._sign
 
     def _judge(self, now_s: float, feedback: Feedback, ramp: Ramp) -> MoveOutcome | None:
         """Go on to the next phase, or say how the move ended."""
@@ -142,7 +136,8 @@ class MoveToStop(PlainAction):
 
     def _is_jammed(self, now_s: float, feedback: Feedback) -> bool:
         """Whether something takes the torque where nothing should; at the stop, the stop does."""
-        if self._is_in_press_zone(feedback.position_rad):
+        short_rad = self._short_rad(feedback.position_rad)
+        if is_in_press_zone(short_rad, self._geometry, self._config):
             self._guard.rest()
             return False
         return self._guard.add(now_s, feedback.position_rad, feedback.torque_nm)
@@ -153,7 +148,7 @@ class MoveToStop(PlainAction):
 
     def _is_home(self, position_rad: float) -> bool:
         """Whether the jaws are at the calibrated stop; beyond it, they have nothing in the way."""
-        return (self._limit_rad - position_rad) * self._sign <= self._config.stop_tol
+        return self._short_rad(position_rad) <= self._config.stop_tol
 
     def _has_reached_target(self, position_rad: float) -> bool:
         """Whether the jaws have come as far past the stop as they were led, and met none."""

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from litegripd.control.actions.base import PlainAction, Step
 from litegripd.control.budget import budgeted
 from litegripd.control.gains import Gains
+from litegripd.control.lead import led
 from litegripd.control.rest import Hold, Rest
 from litegripd.model.motor import MotorView
 from litegripd.model.results import StreamResult
@@ -57,8 +58,7 @@ class Stream(PlainAction):
         elapsed_s = max(now_s - was_s, 0.0)
         step_rad = point.speed_rad_s * elapsed_s
         wanted_rad = was_rad + min(max(point.position_rad - was_rad, -step_rad), step_rad)
-        low_rad, high_rad = feedback.position_rad - lead_rad, feedback.position_rad + lead_rad
-        reference_rad = min(max(wanted_rad, low_rad), high_rad)
+        reference_rad = led(wanted_rad, feedback.position_rad, lead_rad)
         velocity_rad_s = (wanted_rad - was_rad) / elapsed_s if elapsed_s > 0.0 else 0.0
         self._reference = (now_s, reference_rad)
         self._rest = Hold(reference_rad, gains)
