@@ -52,9 +52,7 @@ class ControlThread(threading.Thread):
         self.bus.close()
 
     def state(self) -> bytes:
-        return json.dumps(
-            state_view(snapshot(self.machine.engine, self.now_s, PERIOD_S, True))
-        ).encode()
+        return json.dumps(state_view(snapshot(self.machine.engine, self.now_s, PERIOD_S))).encode()
 
 
 async def serve(path: str, control: ControlThread) -> int:

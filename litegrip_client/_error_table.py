@@ -31,6 +31,8 @@ REASONS: dict[str, tuple[str, int]] = {
     "bus_down": ("HardwareError", 5),
     "motor_unsuitable": ("HardwareError", 5),
     "not_confirmed": ("HardwareError", 5),
+    "second_master": ("HardwareError", 5),
+    "implausible_feedback": ("HardwareError", 5),
 }
 """Reason of an error: the name of its exception, the exit code of litegripctl."""
 
@@ -65,5 +67,7 @@ CODES: dict[int, str] = {
     -32033: "bus_down",
     -32034: "motor_unsuitable",
     -32035: "not_confirmed",
+    -32036: "second_master",
+    -32037: "implausible_feedback",
 }
 """JSON-RPC code of an error: its reason."""

@@ -29,6 +29,14 @@ class MotorActions(ActionBase):
         """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed."""
         return wait(self._core.disable())
 
+    def clear_fault(self) -> str | None:
+        """Clear the fault that the motor has latched; it stays disabled. Returns its name.
+
+        None means that there was no fault. Accepts a position that has jumped, too: look where
+        the jaws are first. Raises `HardwareError` with the fault that does not go.
+        """
+        return wait(self._core.clear_fault())
+
     def read_param(self, register: str | int) -> float:
         """Read a register of the motor, by name ("PMAX") or number (21); nothing is written.
 

@@ -12,6 +12,7 @@ from typing import Any
 
 from litegripd.app.machine import Machine
 from litegripd.io.calibration_files import load_operation, templates_operation
+from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.frame import CanFrame
@@ -151,7 +152,7 @@ class World:
         self.engine = self.machine.engine
         self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
         self.sent: list[Sent] = []
-        self.bus_error: str | None = None
+        self.bus = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
@@ -173,12 +174,12 @@ class World:
         self.now_s += PERIOD_S
         self.gripper.advance(self.now_s)
         received, self._in_flight = self._in_flight, []
-        for frame in self.machine.tick(self.now_s, received, self.bus_error):
+        for frame in self.machine.tick(self.now_s, received, self.bus):
             self.sent.append(Sent(self.now_s, frame))
             if not self.lose_to_motor(frame):
                 answers = self.gripper.receive(self.now_s + FRAME_TIME_S, frame)
                 self._in_flight += [f for f in answers if not self.lose_from_motor(f)]
-        self.service.after_tick(self.now_s, self.bus_error is None)
+        self.service.after_tick(self.now_s)
         self._run_errands()
         while self.service.pending:
             self.service.send_one()

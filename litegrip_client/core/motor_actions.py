@@ -48,6 +48,13 @@ class MotorActions(ActionBase):
             self._link.enabled_here = False
         return done
 
+    async def clear_fault(self) -> str | None:
+        """Clear the fault that the motor has latched; it stays disabled. Returns its name."""
+        answer = await self._link.wire.call("motor.clear_fault", None, ACTION_TIMEOUT_S)
+        self._link.enabled_here = False
+        cleared: str | None = answer["cleared"]
+        return cleared
+
     async def read_param(self, register: str | int) -> float:
         """Read a register of the motor, by name ("PMAX") or number (21); nothing is written."""
         name = register if isinstance(register, str) else str(integer("register", register))

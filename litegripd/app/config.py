@@ -32,11 +32,16 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class MotorConfig:
-    """The motor on the bus; `master_id` None is found by register MST_ID."""
+    """The motor on the bus; `master_id` None is found by register MST_ID.
+
+    `second_master` says what another sender of commands leads to: motions are refused, or only
+    told of.
+    """
 
     type: str = "DM4310"
     can_id: int = 0x08
     master_id: int | None = None
+    second_master: str = "refuse"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +93,7 @@ _RANGES: Mapping[tuple[str, str], tuple[float, float]] = {
 }
 _CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {
     ("motor", "type"): MOTOR_TYPES,
+    ("motor", "second_master"): ("refuse", "tolerate"),
     ("access", "default"): ROLES,
 }
 _TYPES: Mapping[tuple[str, str], type] = {
@@ -97,6 +103,7 @@ _TYPES: Mapping[tuple[str, str], type] = {
     ("motor", "type"): str,
     ("motor", "can_id"): int,
     ("motor", "master_id"): int,
+    ("motor", "second_master"): str,
     ("gripper", "mount"): str,
     ("gripper", "stroke_mm"): float,
     ("control", "rate_hz"): int,

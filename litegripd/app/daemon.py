@@ -31,7 +31,7 @@ from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)
 
-_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat"})
+_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
 
 END_WITHIN_S = 1.5
 """So long the end waits for the motor to confirm that it is disabled."""
@@ -83,6 +83,7 @@ class Daemon:
             config.channel, config.motor.can_id, config.gripper.stroke_mm, config.gripper.mount
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
+        self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
         self._facts = DaemonFacts(config, self._machine)
         self._service = RpcService(
             self._machine.engine,
@@ -158,7 +159,7 @@ class Daemon:
         try:
             self._work(now_s)
         except Exception:
-            self._service.reporter.tick(now_s, self._bus.is_up)  # the state must not look fresh
+            self._service.reporter.tick(now_s)  # the state must not look fresh
             raise
         finally:
             if self._is_over(now_s):
@@ -167,9 +168,9 @@ class Daemon:
     def _work(self, now_s: float) -> None:
         """Bus in, machine, bus out, and then what clients are owed."""
         received = self._bus.receive(now_s)
-        frames = self._machine.tick(now_s, received, self._bus.error)
+        frames = self._machine.tick(now_s, received, self._bus.condition)
         self._bus.send(frames, now_s)
-        self._service.after_tick(now_s, self._bus.is_up)
+        self._service.after_tick(now_s)
         self._helper.poll(now_s)
         self._run_errands()
         if self._parts is not None:

@@ -119,11 +119,15 @@ class DaemonFacts:
         """Return what keeps the gripper from being used, and what is merely not as it should."""
         view = self._machine.motor.view()
         down: list[str] = []
-        if not parts.bus.is_up:
-            down.append(f"CAN bus: {parts.bus.error}")
+        refusal = parts.bus.condition.refusal()
+        if refusal is not None:
+            down.append(refusal.message)
         elif view.phase in (MotorPhase.SILENT, MotorPhase.FAULT) or view.problem is not None:
-            refusal = view.fault or view.problem
-            down.append("the motor is silent" if refusal is None else refusal.message)
+            problem = view.fault or view.problem
+            down.append("the motor is silent" if problem is None else problem.message)
+        other = self._machine.engine.second_master
+        if other.is_active:
+            down.append(f"another program commands the motor ({other.count} frames so far)")
         degraded = [f"not granted: {refused}" for refused in parts.rights.refused]
         if not parts.helper.is_running:
             degraded.append("the helper process is not running")
@@ -224,8 +228,8 @@ class Parts:
                 "resident_mb": round(page_bytes(1) / 1e6, 1),
             },
             "bus": {
-                "state": "up" if self.bus.is_up else "down",
-                "error": self.bus.error,
+                "state": machine.engine.bus.state,
+                "error": machine.engine.bus.error,
                 "load": round(self.bus_load, 4),
                 **{name: getattr(counters, name) for name in _BUS_COUNTERS},
             },
@@ -248,7 +252,15 @@ class Parts:
         }
 
 
-_BUS_COUNTERS = ("sent", "received", "send_failures", "ignored", "errors", "reopened")
+_BUS_COUNTERS = (
+    "sent",
+    "received",
+    "send_failures",
+    "ignored",
+    "error_frames",
+    "errors",
+    "reopened",
+)
 
 
 def _heat(heat: HeatGuard) -> Mapping[str, object]:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from litegripd.control.engine import Engine
-from litegripd.model.errors import Refusal
+from litegripd.model.bus import UP, BusCondition
 from litegripd.model.frame import CanFrame
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
@@ -27,12 +27,11 @@ class Machine:
         """Whether the motor was being enabled and has not confirmed since that it is off."""
 
     def tick(
-        self, now_s: float, received: Sequence[CanFrame], bus_error: str | None = None
+        self, now_s: float, received: Sequence[CanFrame], bus: BusCondition = UP
     ) -> list[CanFrame]:
         """Take what the bus brought since the last tick; return what it is to be given.
 
-        `bus_error` says why the bus cannot be used, where that is so: it then explains why the
-        motor cannot be.
+        A bus that cannot be used explains why the motor cannot be.
         """
         self.motor.receive(now_s, received)
         view = self.motor.view()
@@ -40,9 +39,10 @@ class Machine:
             self.may_be_energised = True
         elif self.is_disabled:
             self.may_be_energised = False
-        if bus_error is not None:
-            text = f"the CAN bus cannot be used: {bus_error}"
-            view = replace(view, problem=Refusal("bus_down", text))
+        if view.phase is MotorPhase.SILENT and bus.is_usable and view.problem is not None:
+            bus = BusCondition("motor_silent", view.problem.message)
+        view = replace(view, problem=bus.refusal() or view.problem)
+        self.engine.note_bus(bus)
         order = self.engine.step(now_s, view)
         return self.motor.step(now_s, order)
 

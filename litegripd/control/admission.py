@@ -22,6 +22,10 @@ NOT_ENABLED = Refusal(
     "not_enabled", "the motor is not enabled: enable it first", {"hint": "motor.enable"}
 )
 
+FAULTLESS = Refusal(
+    "out_of_limits", "the motor is enabled, so it has no fault; clearing one would disarm it"
+)
+
 NOT_CALIBRATED = Refusal(
     "not_calibrated",
     "no calibration is loaded, so the closing direction would be a guess: configure"
@@ -61,9 +65,7 @@ def motor_refusal(motor: MotorView) -> Refusal | None:
         return None
     if motor.phase is MotorPhase.FAULT and motor.fault is not None:
         return motor.fault
-    if motor.phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN):
-        return motor.problem or NOT_ENABLED
-    return NOT_ENABLED
+    return motor.problem or NOT_ENABLED
 
 
 def conflict_refusal(conflict: Conflict | None) -> Refusal | None:

@@ -6,6 +6,7 @@ from dataclasses import fields
 
 from litegripd.control.heat import HeatChange
 from litegripd.control.lease import Grant, Loss
+from litegripd.model.bus import BUS_REMEDIES, BusCondition
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
@@ -138,3 +139,14 @@ def client_lost(on_lost: OnLost, *, later: bool) -> Event:
 def motor_changed(before: MotorPhase, now: MotorPhase) -> Event:
     """Tell that the motor is in another phase."""
     return Event("motor", f"motor: {before.value} -> {now.value}", {"phase": now.value})
+
+
+def bus_changed(before: BusCondition, now: BusCondition) -> Event:
+    """Tell that the bus is in another state, and what to do about it."""
+    text = f"CAN bus: {before.state} -> {now.state}"
+    remedy = BUS_REMEDIES.get(now.state)
+    if now.error is not None:
+        text += f": {now.error}"
+    if remedy is not None and remedy not in text:
+        text += f" ({remedy})"
+    return Event("bus", text, {"state": now.state, "error": now.error, "hint": remedy})

@@ -16,6 +16,7 @@ from litegripd.control.in_use import CalibrationInUse
 from litegripd.control.jobs import MOST_QUEUED, JobBook
 from litegripd.control.lease import Grant, Lease, Loss, LossCause, OnAnswer, Wish
 from litegripd.control.rest import Hold, Relax, Rest
+from litegripd.control.second_master import SecondMaster
 from litegripd.control.stop import StopLatch
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
@@ -40,6 +41,7 @@ class Arbiter:
         self.jobs = JobBook()
         self.lease = Lease()
         self.stop_latch = StopLatch()
+        self.second_master = SecondMaster()
         self.calibrated = CalibrationInUse()
         self.motor = MotorView(MotorPhase.UNKNOWN)
         self.now_s = 0.0
@@ -61,9 +63,10 @@ class Arbiter:
     # Jobs
 
     def unfree(self) -> Refusal | None:
-        """Say why no motion may be asked for: the daemon's end, a stop, or another motion."""
+        """Say why no motion may be asked for: the end, a stop, another master or a motion."""
         ending = ENDING if self._is_ending else None
-        return ending or self.stop_latch.refusal() or busy_refusal(self.jobs.running)
+        refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
+        return refused or busy_refusal(self.jobs.running)
 
     def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
         """Begin a job; the caller has made sure that it may."""

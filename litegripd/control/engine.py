@@ -21,6 +21,7 @@ from litegripd.control.inquiries import Inquiries
 from litegripd.control.output import Output
 from litegripd.control.rest import Hold, Relax
 from litegripd.control.saving import content_of, save_errand
+from litegripd.model.bus import NOT_OPENED, BusCondition
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
@@ -41,6 +42,9 @@ from litegripd.model.motor import (
 from litegripd.model.results import Progress
 from litegripd.model.unit import Unit
 
+_SAFE_JOBS = ("disable", "clear_fault")
+"""What goes on though another program commands the motor: it energises nothing."""
+
 
 class Engine(Arbiter):
     """Runs one gripper: what the arbiter lets run, step by step."""
@@ -52,6 +56,7 @@ class Engine(Arbiter):
         self.period_s = period_s
         self.unit = unit or Unit()
         self.ticks = 0
+        self.bus = NOT_OPENED
         self.output = Output()
         self.inquiries = Inquiries()
         self.errands: list[Errand] = []
@@ -77,6 +82,12 @@ class Engine(Arbiter):
         if calibration is not None:
             self.events.append(announce.calibrated(calibration, file))
 
+    def note_bus(self, bus: BusCondition) -> None:
+        """Take the state of the bus; a change of it is told once, whatever its errors say."""
+        if bus.state != self.bus.state:
+            self.events.append(announce.bus_changed(self.bus, bus))
+        self.bus = bus
+
     # The tick
 
     def step(self, now_s: float, motor: MotorView) -> MotorOrder:
@@ -87,6 +98,7 @@ class Engine(Arbiter):
         self.ticks += 1
         self.now_s = now_s
         self._step_authority(now_s)
+        self._note_second_master(now_s, motor.foreign_commands)
         inquiry = self.inquiries.step(motor.register)
         if self.must_disable:
             self.must_disable = False
@@ -162,6 +174,15 @@ class Engine(Arbiter):
     def _saved(self, result: ErrandResult) -> None:
         if result.error is not None:
             self.events.append(announce.not_saved(result.error))
+
+    def _note_second_master(self, now_s: float, count: int) -> None:
+        """End what runs when another commands the motor; the jaws go on holding."""
+        told = self.second_master.step(now_s, count)
+        if told is not None:
+            self.events.append(told)
+        refusal, running = self.second_master.refusal(), self.jobs.running
+        if refusal is not None and running is not None and running.kind not in _SAFE_JOBS:
+            self.end(refusal)
 
     def _note_phase(self, motor: MotorView) -> None:
         """Whenever the motor becomes enabled, or answers again, hold what is measured now.

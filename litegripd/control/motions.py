@@ -6,9 +6,10 @@ A motion's `config` is the caller's own; it counts for this motion only.
 from litegripd.control.actions.grasp import Grasp, GraspRequest
 from litegripd.control.actions.move_to import MoveTo
 from litegripd.control.actions.move_to_stop import Direction, MoveToStop
-from litegripd.control.actions.power import Disable, Enable
+from litegripd.control.actions.power import ClearFault, Disable, Enable
 from litegripd.control.actions.stream import SetPoint, Stream
 from litegripd.control.admission import (
+    FAULTLESS,
     NO_FEEDBACK,
     NOT_CALIBRATED,
     Target,
@@ -27,7 +28,7 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motion_limits import fast_conflict, move_conflict, slow_conflict
-from litegripd.model.motor import EnableMotor, Feedback
+from litegripd.model.motor import EnableMotor, Feedback, MotorPhase
 from litegripd.model.results import ForceResult, HoldResult, SlackResult
 
 SMALLEST_MOVE_RAD = 1e-4
@@ -58,6 +59,15 @@ class Motions:
         if refusal is not None:
             return refusal
         return engine.begin("disable", Disable(), owner, detached)
+
+    def clear_fault(self, owner: Owner, detached: bool) -> Job | Refusal:
+        """Begin to clear what the motor has latched; it stays disabled."""
+        engine = self._engine
+        enabled = engine.motor.phase in (MotorPhase.ENABLED, MotorPhase.ENABLING)
+        refusal = busy_refusal(engine.jobs.running) or (FAULTLESS if enabled else None)
+        if refusal is not None:
+            return refusal
+        return engine.begin("clear_fault", ClearFault(), owner, detached)
 
     def move_to_stop(
         self,

@@ -23,9 +23,9 @@ _MODES: dict[MotorPhase, Mode] = {
 }
 
 
-def snapshot(engine: Engine, now_s: float, period_s: float, bus_is_up: bool) -> GripperState:
+def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
     """Return the state at `now_s`; what is not known is None, what is too old is marked stale."""
-    motor = engine.motor
+    motor, bus = engine.motor, engine.bus
     feedback, geometry = motor.feedback, engine.geometry
     enabled = motor.phase is MotorPhase.ENABLED
     out_of_reach = motor.phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
@@ -38,8 +38,8 @@ def snapshot(engine: Engine, now_s: float, period_s: float, bus_is_up: bool) -> 
         monotonic_s=now_s,
         feedback_s=None if feedback is None else feedback.at_s,
         age_s=age_s,
-        stale=age_s is None or age_s > stale_after_s or not bus_is_up or out_of_reach,
-        bus="up" if bus_is_up else "down",
+        stale=age_s is None or age_s > stale_after_s or not bus.is_usable or out_of_reach,
+        bus=bus.state,
         motor=motor.phase.value,
         error_code=None if feedback is None else feedback.status,
         status=None if feedback is None else status_name(feedback.status),

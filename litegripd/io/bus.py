@@ -2,13 +2,14 @@
 
 Two kinds share one shape, `FrameBus`: an adapter that may be read in the control thread
 (`direct_bus`) and one that can block and is therefore driven by a process of its own
-(`pumped_bus`). Neither raises: what goes wrong becomes `error`, a sentence, and `is_up`.
+(`pumped_bus`). Neither raises: what goes wrong becomes its `condition`, a name and a sentence.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
+from litegripd.model.bus import BusCondition
 from litegripd.model.frame import CanFrame
 
 DIRECT_INTERFACES = ("socketcan", "virtual", "litegrip_sim")
@@ -39,7 +40,8 @@ class BusCounters:
     received: int = 0
     send_failures: int = 0
     ignored: int = 0
-    """Error, remote, extended and CAN FD frames, and lines of an adapter that are no frames."""
+    """Remote, extended and CAN FD frames, and lines of an adapter that are no frames."""
+    error_frames: int = 0
     errors: int = 0
     reopened: int = 0
     bits: float = 0.0
@@ -53,11 +55,7 @@ class FrameBus(Protocol):
     """A CAN bus seen from the control thread."""
 
     counters: BusCounters
-    error: str | None
-
-    @property
-    def is_up(self) -> bool:
-        """Whether frames can be sent as far as is known."""
+    condition: BusCondition
 
     def receive(self, now_s: float) -> list[CanFrame]:
         """Return what has come since the last call; opens the bus again when that is due."""

@@ -1,13 +1,14 @@
 """A bus that is read in the control thread: SocketCAN, python-can's virtual bus, the simulator."""
 
-import errno
 import logging
 from collections.abc import Sequence
 
 import can
 
 from litegripd.io.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
+from litegripd.io.bus_errors import condition_of, told_by
 from litegripd.io.messages import describe, open_bus, to_frame, to_message
+from litegripd.model.bus import NOT_OPENED, UP, BusCondition
 from litegripd.model.frame import CanFrame
 
 _log = logging.getLogger(__name__)
@@ -15,8 +16,6 @@ _log = logging.getLogger(__name__)
 _REOPEN_FIRST_S = 0.5
 _REOPEN_AT_MOST_S = 5.0
 _FULL_AT_MOST_S = 1.0  # a full transmit queue is transient unless it lasts
-_GONE = (errno.ENODEV, errno.ENXIO, errno.EBADF)
-_TRANSIENT = (errno.ENOBUFS, errno.EAGAIN)
 _BUS_ERRORS = (can.CanError, OSError, ValueError)
 
 
@@ -25,7 +24,7 @@ class DirectBus:
 
     def __init__(self, settings: BusSettings) -> None:
         self.counters = BusCounters()
-        self.error: str | None = "not opened yet"
+        self.condition = NOT_OPENED
         self._settings = settings
         self._bus: can.BusABC | None = None
         self._reopen_at_s = 0.0
@@ -33,11 +32,6 @@ class DirectBus:
         self._was_open = False
         self._sending_failed = False
         self._full_since_s: float | None = None
-
-    @property
-    def is_up(self) -> bool:
-        """Whether nothing is known to be wrong."""
-        return self.error is None
 
     def receive(self, now_s: float) -> list[CanFrame]:
         """Return the frames that wait, at most `MAX_FRAMES_PER_TICK`."""
@@ -92,6 +86,9 @@ class DirectBus:
             message = bus.recv(0)
             if message is None:
                 return
+            if message.is_error_frame:
+                self._take_error_frame(message)
+                continue
             frame = to_frame(message)
             if frame is None:
                 self.counters.ignored += 1
@@ -99,13 +96,23 @@ class DirectBus:
             self.counters.count(frame)
             frames.append(frame)
 
+    def _take_error_frame(self, message: can.Message) -> None:
+        """Note a bus-off, and its end; most error frames only tell what the controller mended."""
+        self.counters.error_frames += 1
+        state = told_by(message)
+        if state == "bus_off":
+            self.counters.errors += 1
+            self.condition = BusCondition("bus_off", "the controller has left the bus")
+        elif state == "up":
+            self._works()
+
     def _open(self, now_s: float) -> None:
         if now_s < self._reopen_at_s:
             return
         try:
             self._bus = open_bus(self._settings)
         except Exception as error:  # noqa: BLE001 - an interface may raise anything
-            self._down(f"cannot be opened: {describe(error)}")
+            self.condition = self._condition(error, f"cannot be opened: {describe(error)}")
             self._reopen_at_s = now_s + self._reopen_after_s
             self._reopen_after_s = min(2 * self._reopen_after_s, _REOPEN_AT_MOST_S)
             return
@@ -119,27 +126,23 @@ class DirectBus:
     def _failed(self, error: Exception, now_s: float, *, sending: bool = False) -> None:
         """Note what was raised; close the bus, to open it again, where nothing else helps."""
         self.counters.errors += 1
-        code = getattr(error, "error_code", None) or getattr(error, "errno", None)
-        if code in _TRANSIENT or "buffer full" in str(error):
+        condition = self._condition(error, describe(error))
+        if condition.state == "bus_stalled":
             if self._full_since_s is None:
                 self._full_since_s = now_s
             if now_s - self._full_since_s < _FULL_AT_MOST_S:
                 return
-            self._down("no frame can be sent, since nobody on the bus acknowledges any")
-        else:
-            self._down(describe(error))
+            text = "no frame can be sent, since nobody on the bus acknowledges any"
+            condition = BusCondition("bus_stalled", text)
+        self.condition = condition
         self._sending_failed = sending
-        if code in _GONE or isinstance(error, ValueError):
+        if condition.state == "adapter_gone" or isinstance(error, ValueError):
             self.close()
             self._reopen_at_s = now_s + self._reopen_after_s
 
-    def _down(self, reason: str) -> None:
-        if self.error != reason:
-            _log.error("CAN bus %s: %s", self._settings.channel, reason)
-        self.error = reason
+    def _condition(self, error: Exception, text: str) -> BusCondition:
+        return condition_of(error, text, self._settings.channel)
 
     def _works(self) -> None:
         self._sending_failed = False
-        if self.error is not None:
-            _log.info("CAN bus %s is up", self._settings.channel)
-            self.error = None
+        self.condition = UP

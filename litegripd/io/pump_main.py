@@ -16,12 +16,14 @@ from typing import NoReturn
 import can
 
 from litegripd.io.bus import BusSettings
+from litegripd.io.bus_errors import condition_of
 from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
 from litegripd.io.messages import describe, open_bus, to_frame, to_message
 from litegripd.io.pumped_bus import pack_frames, unpack_order
 
 _READ_TIMEOUT_S = 0.05
 _QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropped
+_LONGEST_TEXT = 4000
 _CORRUPT_AT_MOST = 50  # in a row; an adapter that gives nothing else is opened anew
 
 
@@ -33,9 +35,11 @@ def _tell(peer: socket.socket, packet: bytes) -> None:
         os._exit(0)
 
 
-def _fail(peer: socket.socket, what: str) -> NoReturn:
+def _fail(peer: socket.socket, error: Exception, doing: str) -> NoReturn:
     """Tell the daemon why the pump ends, and end it from any thread."""
-    _tell(peer, b"x" + what.encode()[: MAX_PACKET_BYTES // 2])
+    text = f"{doing}: {describe(error)}"[:_LONGEST_TEXT]
+    condition = condition_of(error, text, json.loads(sys.argv[1])[1])
+    _tell(peer, b"x" + json.dumps([condition.state, condition.error]).encode())
     os._exit(1)
 
 
@@ -47,11 +51,11 @@ def _read(bus: can.BusABC, peer: socket.socket) -> None:
         except (ValueError, IndexError) as error:  # a corrupt line of an SLCAN adapter
             corrupt += 1
             if corrupt > _CORRUPT_AT_MOST:
-                _fail(peer, f"reading: nothing but corrupt frames: {describe(error)}")
+                _fail(peer, error, "reading: nothing but corrupt frames")
             _tell(peer, b"i1")
             continue
         except Exception as error:  # noqa: BLE001 - an interface may raise anything
-            _fail(peer, f"reading: {describe(error)}")
+            _fail(peer, error, "reading")
         corrupt = 0
         if message is not None:
             frame = to_frame(message)
@@ -68,7 +72,7 @@ def _write(bus: can.BusABC, peer: socket.socket, orders: "SimpleQueue[bytes]") -
                     break
                 bus.send(to_message(frame))
         except Exception as error:  # noqa: BLE001 - an interface may raise anything
-            _fail(peer, f"sending: {describe(error)}")
+            _fail(peer, error, "sending")
 
 
 def main() -> None:
@@ -80,7 +84,7 @@ def main() -> None:
     try:
         bus = open_bus(BusSettings(interface, channel, bitrate, options))
     except Exception as error:  # noqa: BLE001 - an interface may raise anything; the daemon is told
-        _fail(peer, f"cannot be opened: {describe(error)}")
+        _fail(peer, error, "cannot be opened")
     _tell(peer, b"o")
     orders: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_read, args=(bus, peer), daemon=True).start()

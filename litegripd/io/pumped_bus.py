@@ -5,20 +5,20 @@ and a file that is being parsed must not hold up the frames.
 """
 
 import json
-import logging
 import struct
 from collections.abc import Callable, Sequence
 
 from litegripd.io.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
 from litegripd.io.child import Child
+from litegripd.model.bus import NOT_OPENED, UP, BusCondition
 from litegripd.model.frame import CanFrame
-
-_log = logging.getLogger(__name__)
 
 MODULE = "litegripd.io.pump_main"
 _RESTART_FIRST_S = 0.5
 _RESTART_AT_MOST_S = 5.0
 _END_WITHIN_S = 0.5
+_STALLED_AFTER_S = 1.0
+"""A pump that drops frames for so long, and brings none, has a blocked adapter."""
 _FRAME = struct.Struct("<IB3x8s")  # as the kernel's struct can_frame
 _DEADLINE = struct.Struct("<d")
 FRAME_LIFETIME_PERIODS = 2.0
@@ -59,18 +59,15 @@ class PumpedBus:
         start: Callable[[str, Sequence[str]], Child] = Child,
     ) -> None:
         self.counters = BusCounters()
-        self.error: str | None = "not opened yet"
+        self.condition = NOT_OPENED
         self._settings = settings
         self._lifetime_s = FRAME_LIFETIME_PERIODS * period_s
         self._start = start
         self._child: Child | None = None
+        self._is_open = False
+        self._dropping_since_s: float | None = None
         self._restart_at_s = 0.0
         self._restart_after_s = _RESTART_FIRST_S
-
-    @property
-    def is_up(self) -> bool:
-        """Whether the pump has opened the adapter and reads what it is given."""
-        return self.error is None
 
     @property
     def pid(self) -> int | None:
@@ -89,7 +86,11 @@ class PumpedBus:
                 if child.has_ended:
                     self._bury(child, frames, now_s)
                 break
-            self._take(packet, frames)
+            self._take(packet, frames, now_s)
+        since_s = self._dropping_since_s
+        if self._is_open and since_s is not None and now_s - since_s >= _STALLED_AFTER_S:
+            text = "the adapter takes no frame: it is blocked, or nobody on the bus acknowledges"
+            self.condition = BusCondition("bus_stalled", text)
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
@@ -97,7 +98,7 @@ class PumpedBus:
         if not frames:
             return
         deadline_s = now_s + self._lifetime_s
-        if self.error is None and self._child is not None:
+        if self._is_open and self._child is not None:
             if self._child.send(pack_order(frames, deadline_s)):
                 self.counters.sent += len(frames)
                 for frame in frames:
@@ -112,7 +113,7 @@ class PumpedBus:
             self._child.close(_END_WITHIN_S)
             self._child = None
 
-    def _take(self, packet: bytes, frames: list[CanFrame]) -> None:
+    def _take(self, packet: bytes, frames: list[CanFrame], now_s: float) -> None:
         kind, body = packet[:1], packet[1:]
         if kind == b"f":
             new = unpack_frames(body)
@@ -120,16 +121,24 @@ class PumpedBus:
             for frame in new:
                 self.counters.count(frame)
             frames.extend(new)
+            self._works()
         elif kind == b"i":
             self.counters.ignored += int(body)
         elif kind == b"d":
             self.counters.send_failures += int(body)
+            self._dropping_since_s = self._dropping_since_s or now_s
         elif kind == b"o":
-            _log.info("CAN bus %s is up", self._settings.channel)
-            self.error = None
+            self._works()
             self._restart_after_s = _RESTART_FIRST_S
         else:
-            self._down(body.decode(errors="replace"))
+            state, text = json.loads(body)
+            self._is_open = False
+            self.condition = BusCondition(state, text)
+
+    def _works(self) -> None:
+        self._is_open = True
+        self._dropping_since_s = None
+        self.condition = UP
 
     def _spawn(self, now_s: float) -> Child | None:
         if now_s < self._restart_at_s:
@@ -142,22 +151,19 @@ class PumpedBus:
         try:
             self._child = self._start(MODULE, (described,))
         except OSError as error:
-            self._down(f"the pump process cannot be started: {error}")
+            self.condition = BusCondition("down", f"the pump process cannot be started: {error}")
             self._restart_at_s = now_s + self._restart_after_s
         return self._child
 
     def _bury(self, child: Child, frames: list[CanFrame], now_s: float) -> None:
-        while packet := child.receive():
-            self._take(packet, frames)  # its last words came between the last look and its end
+        while packet := child.receive():  # its last words came between the last look and its end
+            self._take(packet, frames, now_s)
         child.close()
         self._child = None
         self.counters.reopened += 1
-        if self.error is None:
-            self._down("the pump process died")
+        if self._is_open:
+            self.condition = BusCondition("down", "the pump process died")
+        self._is_open = False
+        self._dropping_since_s = None
         self._restart_at_s = now_s + self._restart_after_s
         self._restart_after_s = min(2 * self._restart_after_s, _RESTART_AT_MOST_S)
-
-    def _down(self, reason: str) -> None:
-        if self.error != reason:
-            _log.error("CAN bus %s: %s", self._settings.channel, reason)
-        self.error = reason

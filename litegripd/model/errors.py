@@ -177,6 +177,22 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         True,
         "The motor did not confirm what it was told.",
     ),
+    ErrorKind(
+        "second_master",
+        -32036,
+        "HardwareError",
+        5,
+        True,
+        "Another program sends commands to the motor on the same bus.",
+    ),
+    ErrorKind(
+        "implausible_feedback",
+        -32037,
+        "HardwareError",
+        5,
+        False,
+        "The motor's position jumped as no jaw can; motor.clear_fault accepts the new one.",
+    ),
 )
 
 ERRORS: Mapping[str, ErrorKind] = MappingProxyType({kind.reason: kind for kind in ERROR_TABLE})

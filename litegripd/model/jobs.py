@@ -10,6 +10,7 @@ from litegripd.model.results import Result
 JobKind: TypeAlias = Literal[
     "enable",
     "disable",
+    "clear_fault",
     "open",
     "close",
     "grasp",

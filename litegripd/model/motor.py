@@ -143,7 +143,8 @@ class MotorView:
     `feedback` is the latest, whatever its age; `enable_tries` counts the attempts of the present
     or latest enable; `problem` says why the motor cannot be enabled now, if so; `failure` why
     the latest enable or disable did not succeed; `fault` what the motor reports; `register` is
-    the reply to the latest register request that was answered.
+    the reply to the latest register request that was answered; `foreign_commands` counts the
+    frames to the motor that somebody else sent.
     """
 
     phase: MotorPhase
@@ -155,6 +156,7 @@ class MotorView:
     fault: Refusal | None = None
     register: RegisterReply | None = None
     zero: ZeroView = ZeroView()
+    foreign_commands: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +180,12 @@ class SetZero:
     """
 
 
-MotorRequest: TypeAlias = EnableMotor | DisableMotor | SetZero
+@dataclass(frozen=True, slots=True)
+class ClearFault:
+    """Ask for a latched fault to be cleared, confirmed; it energises nothing."""
+
+
+MotorRequest: TypeAlias = EnableMotor | DisableMotor | SetZero | ClearFault
 
 
 @dataclass(frozen=True, slots=True)

@@ -61,6 +61,14 @@ class DisableResult:
 
 
 @dataclass(frozen=True, slots=True)
+class ClearFaultResult:
+    """That the motor has no fault; `cleared` names the one that it had, None without one."""
+
+    ok: bool
+    cleared: str | None
+
+
+@dataclass(frozen=True, slots=True)
 class HoldResult:
     """Where the jaws are held from now on."""
 
@@ -138,6 +146,7 @@ Result: TypeAlias = (
     MoveResult
     | EnableResult
     | DisableResult
+    | ClearFaultResult
     | HoldResult
     | GraspResult
     | ForceResult

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from litegripd.model.bus import BusState
 from litegripd.model.geometry import Mount
 
 Mode: TypeAlias = Literal[
@@ -49,7 +50,7 @@ class GripperState:
     feedback_s: float | None
     age_s: float | None
     stale: bool
-    bus: Literal["up", "down"]
+    bus: BusState
     motor: str
     error_code: int | None
     status: str | None

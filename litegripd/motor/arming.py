@@ -12,7 +12,14 @@ from litegripd.motor import codec
 from litegripd.motor.faults import SILENT, fault_refusal
 from litegripd.motor.look import ANSWER_WITHIN_S, LONGEST_WATCHDOG_S
 from litegripd.motor.phases import Phase
-from litegripd.motor.registers import TIMEOUT, TIMEOUT_UNIT_S, Answer, read_request, write_request
+from litegripd.motor.registers import (
+    TIMEOUT,
+    TIMEOUT_UNIT_S,
+    Answer,
+    read_request,
+    status_request,
+    write_request,
+)
 
 WATCHDOG_S = 0.1
 """Written (not saved) where the motor's own watchdog is off: it is the last line when the daemon
@@ -74,13 +81,19 @@ class Arming:
         self.is_prepared = 0 < self._watchdog_units <= _LONGEST_UNITS
         return True
 
-    def step(self, now_s: float, phase: Phase, feedback: Feedback | None) -> list[CanFrame]:
-        """Return the frames of this tick; `failure` is set when the attempts are used up."""
+    def step(
+        self, now_s: float, phase: Phase, feedback: Feedback | None, *, is_silent: bool
+    ) -> list[CanFrame]:
+        """Return the frames of this tick; `failure` is set when the attempts are used up.
+
+        A silent motor gets status requests alone: an enable frame that lay in a queue would arm
+        it when nobody expects that any more.
+        """
         if phase is Phase.PREPARING:
             return self._prepare(now_s)
-        if phase is Phase.CLEARING:
-            return self._clear(now_s, feedback)
-        return self._arm(now_s, feedback)
+        clearing = phase is Phase.CLEARING
+        frames = self._clear(now_s, feedback) if clearing else self._arm(now_s, feedback)
+        return self._probe() if is_silent and self.failure is None else frames
 
     def _prepare(self, now_s: float) -> list[CanFrame]:
         if now_s - self._began_s > _PREPARE_WITHIN_S:
@@ -94,11 +107,19 @@ class Arming:
             return [read_request(can_id, TIMEOUT)]
         return [write_request(can_id, TIMEOUT, _WATCHDOG_UNITS), read_request(can_id, TIMEOUT)]
 
+    def _probe(self) -> list[CanFrame]:
+        """Ask for the status; the answer is not one to a zero-gain frame."""
+        self._outstanding += 1
+        if self._until_zero is not None:
+            self._until_zero += 1
+        return [status_request(self._identity.can_id)]
+
     def _clear(self, now_s: float, feedback: Feedback | None) -> list[CanFrame]:
         """Clear a fault, where there is one; the frame's answer tells whether that worked."""
         faulty = feedback is not None and is_fault(feedback.status)
         if now_s - self._began_s > self._request.tries * self._request.interval_s:
-            self.failure = fault_refusal(feedback) if feedback and faulty else SILENT
+            silent = self._not_confirmed() if self.tries else SILENT
+            self.failure = fault_refusal(feedback) if feedback and faulty else silent
             return []
         if faulty:
             self._outstanding += 1
@@ -110,17 +131,20 @@ class Arming:
         frames = [self._zero_gains(feedback)]
         if now_s >= self._next_try_s:
             if self.tries >= self._request.tries:
-                self.failure = Refusal(
-                    "not_confirmed",
-                    f"the motor did not confirm that it is enabled, after {self.tries} tries:"
-                    " check the CAN wiring",
-                    {"tries": self.tries},
-                )
+                self.failure = self._not_confirmed()
                 return []
             self.tries += 1
             self._next_try_s = now_s + self._request.interval_s
             frames.append(CanFrame(self._identity.can_id, codec.ENABLE))
         return frames
+
+    def _not_confirmed(self) -> Refusal:
+        return Refusal(
+            "not_confirmed",
+            f"the motor did not confirm that it is enabled, after {self.tries} tries:"
+            " check the CAN wiring",
+            {"tries": self.tries},
+        )
 
     def _zero_gains(self, feedback: Feedback | None) -> CanFrame:
         if self._until_zero is None:

@@ -34,3 +34,14 @@ def fault_refusal(feedback: Feedback) -> Refusal:
         f"the motor reports {name.replace('_', ' ')}: {remedy}",
         {"status": name, "hint": remedy},
     )
+
+
+def implausible_refusal(jump_rad: float) -> Refusal:
+    """Say that the position is not to be believed, and what to do about it."""
+    return Refusal(
+        "implausible_feedback",
+        f"the motor's position jumped by {jump_rad:.3f} rad, as no jaw can move: the motor was"
+        " disabled. Look where the jaws are; if what is shown is right, motor.clear_fault accepts"
+        " it, else power-cycle the motor or calibrate anew",
+        {"jump_rad": jump_rad, "hint": "motor.clear_fault"},
+    )

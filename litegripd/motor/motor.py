@@ -12,8 +12,10 @@ from litegripd.model.motor import (
     DisableMotor,
     EnableMotor,
     Feedback,
+    MitCommand,
     MotorOrder,
     MotorPhase,
+    MotorRequest,
     MotorView,
     Ranges,
     SetZero,
@@ -25,11 +27,13 @@ from litegripd.motor import codec
 from litegripd.motor.arming import Arming
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identification import STILL_READ, Identification
-from litegripd.motor.phases import PUBLIC, TRANSITIONS, Event, Phase
+from litegripd.motor.phases import ARMING_PHASES, PUBLIC, TRANSITIONS, Event, Phase
+from litegripd.motor.plausibility import Plausibility
 from litegripd.motor.reading import READABLE, Reading
 from litegripd.motor.registers import Answer, parse_answer
-from litegripd.motor.silence import DISABLE_GIVES_UP_S, Silence
+from litegripd.motor.silence import DISABLE_GIVES_UP_S, REPEATED_COMMANDS, Silence
 from litegripd.motor.traffic import MotorCounters, Traffic
+from litegripd.motor.unfaulting import Unfaulting
 from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
 
 DISABLE_CONFIRM_AFTER_S = 0.01  # older answers may have been under way when disable was sent
@@ -47,6 +51,8 @@ class Motor:
         self._arming: Arming | None = None
         self._zeroing = Zeroing(can_id, Ranges(), 0.0)
         self._reading = Reading(can_id)
+        self._unfaulting: Unfaulting | None = None
+        self._plausibility = Plausibility()
         self._feedback: Feedback | None = None
         self._fresh = False
         self._asked_s = 0.0
@@ -59,6 +65,9 @@ class Motor:
         """Take what came over the bus since the last tick; call it once per tick, before `step`."""
         for frame in frames:
             self._receive(frame)
+        if self._plausibility.refusal is not None and self._phase is Phase.ENABLED:
+            self._fresh = False
+            self._go(Event.IMPLAUSIBLE, now_s)
         if self._fresh:
             self._fresh = False
             self._silence.unanswered = 0
@@ -79,28 +88,36 @@ class Motor:
             fault=self._fault(),
             register=self._reading.reply,
             zero=self._zeroing.view,
+            foreign_commands=self.counters.foreign_commands,
         )
 
     def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         """Do what the engine wants and return the frames to send, in their order."""
+        if order.request is not None:
+            self._begin(order.request, now_s)
         frames = self._step(now_s, order)
         if frames:
             self._asked_s = now_s
         return frames + self._reading.step(now_s, order.register, self._phase)
 
-    def _step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
-        if isinstance(order.request, EnableMotor):
-            self._begin_enable(order.request, now_s)
-        elif isinstance(order.request, DisableMotor):
+    def _begin(self, request: MotorRequest, now_s: float) -> None:
+        if isinstance(request, EnableMotor):
+            self._begin_enable(request, now_s)
+        elif isinstance(request, DisableMotor):
             self._failure = None
             self._go(Event.DISABLE, now_s)
-        elif isinstance(order.request, SetZero):
+        elif isinstance(request, SetZero):
             self._begin_zero(now_s)
+        else:
+            self._begin_clear(now_s)
+
+    def _step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         if self._phase is Phase.ENABLED and order.command is not None:
-            ranges = self._identification.ranges
-            return self._traffic.command(order.command, order.is_motion, ranges)
-        if self._phase in (Phase.PREPARING, Phase.CLEARING, Phase.ARMING):
+            return self._command(order.command, order.is_motion)
+        if self._phase in ARMING_PHASES:
             return self._arm(now_s)
+        if self._phase is Phase.UNFAULTING:
+            return self._unfault(now_s)
         if self._phase is Phase.DISABLING:
             return self._disable(now_s)
         if self._phase is Phase.LOST:
@@ -119,12 +136,20 @@ class Motor:
             self.counters.ignored_frames += not self._take_answer(answer, frame.can_id)
         elif self._is_feedback(frame):
             ranges = self._identification.ranges
-            self._feedback = codec.decode_feedback(frame.data, ranges, self._asked_s)
-            self._fresh = True
-            if self._arming is not None:
-                self._arming.note_answer()
+            self._take_feedback(codec.decode_feedback(frame.data, ranges, self._asked_s))
         else:
             self.counters.ignored_frames += 1
+
+    def _take_feedback(self, feedback: Feedback) -> None:
+        """Keep it, unless its position cannot be true: nothing is to be derived from that."""
+        if self._arming is not None:
+            self._arming.note_answer()
+        if self._phase is Phase.ENABLED and not self._plausibility.accepts(feedback):
+            self.counters.implausible_frames += 1
+            self._silence.unanswered = 0
+            return
+        self._feedback = feedback
+        self._fresh = True
 
     def _take_answer(self, answer: Answer, can_id: int) -> bool:
         """Give a register answer to whoever awaits it; one that nobody awaits is never feedback."""
@@ -171,11 +196,12 @@ class Motor:
             self._traffic.forget_command()
         self._phase = following
         self._entered_s = now_s
+        self._plausibility.begin()
         self._silence.begin_phase(event)
         if following is Phase.LOOKING:
             self._identification.begin()
             self._feedback = None
-        if following not in (Phase.PREPARING, Phase.CLEARING, Phase.ARMING):
+        if following not in ARMING_PHASES:
             self._arming = None
         self._zeroing.leave()
 
@@ -196,10 +222,12 @@ class Motor:
         """Say why the motor could not be enabled now."""
         if self._public_phase() is MotorPhase.SILENT:
             return SILENT
-        return STILL_READ if self._phase is Phase.LOOKING else self._identification.problem()
+        reading = STILL_READ if self._phase is Phase.LOOKING else None
+        return self._plausibility.refusal or reading or self._identification.problem()
 
     def _fault(self) -> Refusal | None:
-        feedback = self._feedback if self._phase is Phase.FAULT else None
+        is_faulty = self._phase in (Phase.FAULT, Phase.UNFAULTING)
+        feedback = self._feedback if is_faulty else None
         return None if feedback is None else fault_refusal(feedback)
 
     def _begin_enable(self, request: EnableMotor, now_s: float) -> None:
@@ -220,13 +248,37 @@ class Motor:
         view = ZeroView("pending" if refusal is None else "failed", failure=refusal)
         self._zeroing = Zeroing(self._can_id, self._identification.ranges, now_s, view)
 
+    def _begin_clear(self, now_s: float) -> None:
+        """Accept the position as it is, and clear what the motor has latched, if anything."""
+        self._failure = None
+        self._plausibility.reset()
+        self._unfaulting = Unfaulting(self._can_id, now_s)
+        self._go(Event.CLEAR, now_s)
+
+    def _unfault(self, now_s: float) -> list[CanFrame]:
+        if self._unfaulting is None or self._unfaulting.has_failed(now_s):
+            self._failure = self._fault()
+            self._go(Event.GAVE_UP, now_s)
+            return []
+        return self._unfaulting.step(now_s)
+
+    def _command(self, command: MitCommand, is_motion: bool) -> list[CanFrame]:
+        """Give the command; without stiffness and torque while the position is in doubt."""
+        if self._plausibility.in_a_row:
+            command = MitCommand(command.position_rad, 0.0, 0.0, 0.0, 0.0)
+            self._traffic.forget_command()
+        return self._traffic.command(command, is_motion, self._identification.ranges)
+
     def _arm(self, now_s: float) -> list[CanFrame]:
         arming = self._arming
         if arming is None:
             return []
         if self._phase is Phase.PREPARING and arming.is_prepared:
             self._go(Event.PREPARED, now_s)
-        frames = arming.step(now_s, self._phase, self._feedback)
+        if self._phase is not Phase.PREPARING:
+            self._silence.unanswered += 1
+        is_silent = self._silence.unanswered > REPEATED_COMMANDS
+        frames = arming.step(now_s, self._phase, self._feedback, is_silent=is_silent)
         self._tries = arming.tries
         if arming.failure is not None:
             self._failure = arming.failure

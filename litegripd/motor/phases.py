@@ -30,6 +30,8 @@ class Phase(Enum):
     """Was enabled and stopped answering: commands are withheld, so that none can queue up."""
     DISABLING = auto()
     FAULT = auto()
+    UNFAULTING = auto()
+    """Clearing a fault for its own sake, not in order to enable."""
 
 
 class Event(Enum):
@@ -43,6 +45,8 @@ class Event(Enum):
     DISABLE = auto()
     PREPARED = auto()
     GAVE_UP = auto()
+    IMPLAUSIBLE = auto()
+    CLEAR = auto()
 
 
 _P, _E = Phase, Event
@@ -62,6 +66,12 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.FAULT, _E.NO_ANSWER): _P.LOOKING,
         (_P.FAULT, _E.ENABLE): _P.PREPARING,
         (_P.FAULT, _E.DISABLE): _P.DISABLING,
+        (_P.FAULT, _E.CLEAR): _P.UNFAULTING,
+        (_P.UNFAULTING, _E.SAW_DISABLED): _P.DISABLED,
+        (_P.UNFAULTING, _E.SAW_ENABLED): _P.DISABLING,
+        (_P.UNFAULTING, _E.GAVE_UP): _P.FAULT,
+        (_P.UNFAULTING, _E.DISABLE): _P.DISABLING,
+        (_P.UNFAULTING, _E.NO_ANSWER): _P.LOOKING,
         (_P.PREPARING, _E.PREPARED): _P.CLEARING,
         (_P.PREPARING, _E.GAVE_UP): _P.DISABLING,
         (_P.PREPARING, _E.DISABLE): _P.DISABLING,
@@ -77,6 +87,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.ENABLED, _E.SAW_FAULT): _P.FAULT,
         (_P.ENABLED, _E.NO_ANSWER): _P.LOST,
         (_P.ENABLED, _E.DISABLE): _P.DISABLING,
+        (_P.ENABLED, _E.IMPLAUSIBLE): _P.DISABLING,
         (_P.LOST, _E.SAW_ENABLED): _P.ENABLED,
         (_P.LOST, _E.SAW_DISABLED): _P.LOOKING,
         (_P.LOST, _E.SAW_FAULT): _P.FAULT,
@@ -89,6 +100,8 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
 )
 """`DISABLE` while looking needs no row: a motor that is found enabled is disabled anyway."""
 
+ARMING_PHASES = (Phase.PREPARING, Phase.CLEARING, Phase.ARMING)
+
 PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
     {
         Phase.LOOKING: MotorPhase.UNKNOWN,
@@ -100,5 +113,6 @@ PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
         Phase.LOST: MotorPhase.SILENT,
         Phase.DISABLING: MotorPhase.DISABLING,
         Phase.FAULT: MotorPhase.FAULT,
+        Phase.UNFAULTING: MotorPhase.FAULT,
     }
 )

@@ -22,6 +22,8 @@ class MotorCounters:
     ignored_frames: int = 0
     foreign_commands: int = 0
     """Frames to our motor that somebody else on the bus sent."""
+    implausible_frames: int = 0
+    """Feedback of an enabled motor whose position no jaw can have got to."""
 
 
 class Traffic:

@@ -36,6 +36,9 @@ class Moving:
         return {
             "motor.enable": self._enable,
             "motor.disable": lambda call: later(self._motions.disable(call.owner, call.detached)),
+            "motor.clear_fault": lambda call: later(
+                self._motions.clear_fault(call.owner, call.detached)
+            ),
             "motion.open": lambda call: self._to_stop("open", call),
             "motion.close": lambda call: self._to_stop("close", call),
             "motion.grasp": self._grasp,

@@ -162,6 +162,16 @@ MOVING: tuple[Method, ...] = (
         waits=True,
     ),
     Method(
+        "motor.clear_fault",
+        "Clear the fault that the motor has latched, confirmed, and accept a position that has"
+        " jumped. It energises nothing: motor.enable does.",
+        "ok, cleared (the fault's name, null without one) and the state.",
+        (WAIT, DETACH),
+        role="operator",
+        needs_lease=True,
+        waits=True,
+    ),
+    Method(
         "motion.open",
         "Open until the mechanical stop ends the move, then hold.",
         "The move's result and the state.",

@@ -30,7 +30,6 @@ class Reporter:
         self._engine = engine
         self._period_s = period_s
         self._now_s = 0.0
-        self._bus_is_up = False
         self._state: GripperState | None = None
         self._line: bytes | None = None
         self._ends: dict[int, _End] = {}
@@ -40,10 +39,9 @@ class Reporter:
         """How often the state is new."""
         return round(1.0 / self._period_s, 6)
 
-    def tick(self, now_s: float, bus_is_up: bool) -> None:
+    def tick(self, now_s: float) -> None:
         """Begin a new period."""
         self._now_s = now_s
-        self._bus_is_up = bus_is_up
         self.refresh()
 
     def refresh(self) -> None:
@@ -54,7 +52,7 @@ class Reporter:
     def state(self) -> GripperState:
         """Return the present state."""
         if self._state is None:
-            self._state = snapshot(self._engine, self._now_s, self._period_s, self._bus_is_up)
+            self._state = snapshot(self._engine, self._now_s, self._period_s)
         return self._state
 
     def state_view(self) -> dict[str, Any]:

@@ -119,10 +119,10 @@ class RpcService:
 
     # The tick -------------------------------------------------------------------------------------
 
-    def after_tick(self, now_s: float, bus_is_up: bool) -> None:
+    def after_tick(self, now_s: float) -> None:
         """Answer whoever waits for a job that has ended; find what is to be sent."""
         self._collect_events(now_s)
-        self.reporter.tick(now_s, bus_is_up)
+        self.reporter.tick(now_s)
         self.reporter.keep_ends()
         self._answer_waiters()
         self._send_progress(now_s)

@@ -157,7 +157,7 @@ class Bench:
             self._now_s, order.command, self._feedback, self._spans, is_motion=order.is_motion
         )
         self._obey(order)
-        self._service.after_tick(self._now_s, True)
+        self._service.after_tick(self._now_s)
         for session in self._sessions:
             self._read(session)
         self._run_errands()

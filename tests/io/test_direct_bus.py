@@ -62,7 +62,7 @@ class Rig:
         return self.opened[-1]
 
     def is_up(self) -> bool:
-        return self.bus.is_up
+        return self.bus.condition.is_usable
 
     @property
     def fake(self) -> FakeBus:
@@ -101,7 +101,7 @@ def test_frames_pass_both_ways(rig: Rig) -> None:
 
 def test_what_is_no_classic_data_frame_is_ignored_and_counted(rig: Rig) -> None:
     rig.tick()
-    kinds = ("is_error_frame", "is_remote_frame", "is_extended_id", "is_fd")
+    kinds = ("is_remote_frame", "is_extended_id", "is_fd")
     for kind in kinds:
         flags = {"is_extended_id": False, kind: True}
         rig.fake.to_receive.append(can.Message(arbitration_id=0x18, **flags))
@@ -140,9 +140,9 @@ def test_a_bus_that_cannot_be_opened_is_tried_again_ever_less_often(
             attempts.append(rig.now_s)
             original = rig.bus._reopen_at_s
     assert not rig.is_up()
-    assert rig.bus.error is not None
-    assert rig.bus.error.startswith("cannot be opened")
-    assert str(error.args[-1]) in rig.bus.error
+    assert rig.bus.condition.error is not None
+    assert rig.bus.condition.error.startswith("cannot be opened")
+    assert str(error.args[-1]) in rig.bus.condition.error
     gaps = [later - earlier for earlier, later in pairwise(attempts)]
     assert gaps[:5] == pytest.approx([0.5, 1.0, 2.0, 4.0, 5.0], abs=0.01)
     assert rig.bus.counters.send_failures == 5000
@@ -156,7 +156,7 @@ def test_a_link_that_is_down_comes_back_on_the_same_socket(rig: Rig) -> None:
     rig.fake.to_receive.append(operation_error(errno.ENETDOWN, "Network is down"))
     rig.fake.send_error = operation_error(errno.ENETDOWN, "Network is down")
     rig.tick()
-    assert rig.bus.error == "Network is down [Error Code 100] (error 100)"
+    assert rig.bus.condition.error == "Network is down [Error Code 100] (error 100)"
     rig.tick()
     assert not rig.is_up()
     rig.fake.send_error = None
@@ -223,8 +223,8 @@ def test_a_full_queue_is_transient_unless_it_lasts(rig: Rig, error: Exception) -
     assert rig.bus.counters.send_failures == 150
     for _ in range(60):
         rig.tick()
-    assert rig.bus.error is not None
-    assert "acknowledges" in rig.bus.error
+    assert rig.bus.condition.error is not None
+    assert "acknowledges" in rig.bus.condition.error
     rig.fake.send_error = None
     rig.tick()
     assert rig.is_up()
@@ -234,16 +234,63 @@ def test_a_full_queue_is_transient_unless_it_lasts(rig: Rig, error: Exception) -
     assert len(rig.opened) == 1
 
 
-def test_what_changes_is_logged_once(rig: Rig, caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level("INFO")
+@pytest.mark.parametrize(
+    ("error", "state"),
+    [
+        (operation_error(errno.ENETDOWN, "Network is down"), "link_down"),
+        (operation_error(errno.ENODEV), "adapter_gone"),
+        (operation_error(errno.ENXIO), "adapter_gone"),
+        (operation_error(errno.EBADF), "adapter_gone"),
+        (operation_error(None, "something else"), "down"),
+        (ValueError("file descriptor cannot be a negative integer (-1)"), "down"),
+    ],
+)
+def test_what_is_raised_has_a_state_by_name(rig: Rig, error: Exception, state: str) -> None:
     rig.tick()
-    rig.fake.send_error = operation_error(errno.ENETDOWN, "Network is down")
-    for _ in range(100):
+    rig.fake.to_receive.append(error)
+    rig.tick()
+    assert rig.bus.condition.state == state
+    refusal = rig.bus.condition.refusal()
+    assert refusal is not None
+    assert refusal.data["bus"] == state
+
+
+@pytest.mark.parametrize(
+    ("error", "state"),
+    [(OSError(errno.ENODEV, "No such device"), "adapter_gone"), (OSError(97, "no CAN"), "down")],
+)
+def test_what_opening_raises_has_a_state_by_name(rig: Rig, error: Exception, state: str) -> None:
+    rig.open_error = error
+    rig.tick()
+    assert rig.bus.condition.state == state
+
+
+def error_frame(kind: int) -> can.Message:
+    return can.Message(
+        arbitration_id=kind, is_error_frame=True, is_extended_id=False, data=bytes(8)
+    )
+
+
+@pytest.mark.parametrize("over", [MESSAGE, error_frame(0x100)])
+def test_bus_off_lasts_until_something_comes_though_frames_can_be_sent(
+    rig: Rig, over: can.Message
+) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(error_frame(0x40))
+    for _ in range(10):
         rig.tick()
-    rig.fake.send_error = None
-    for _ in range(100):
-        rig.tick()
-    assert [record.levelname for record in caplog.records] == ["INFO", "ERROR", "INFO"]
+        assert rig.bus.condition.state == "bus_off"
+    rig.fake.to_receive.append(over)
+    rig.tick()
+    assert rig.bus.condition.state == "up"
+
+
+def test_an_error_frame_that_has_the_feedback_id_when_masked_is_no_feedback(rig: Rig) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(error_frame(0x18))
+    assert rig.tick() == []
+    assert rig.bus.condition.state == "up"
+    assert rig.bus.counters.error_frames == 1
 
 
 def test_closing_an_adapter_that_is_gone_does_not_matter(rig: Rig) -> None:

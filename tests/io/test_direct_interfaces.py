@@ -33,7 +33,7 @@ def simulated() -> Iterator[DirectBus]:
 
 def test_the_simulated_motor_answers(simulated: DirectBus) -> None:
     simulated.receive(0.0)
-    assert simulated.is_up
+    assert simulated.condition.is_usable
     simulated.send((status_request(0x08),), 0.0)
     got = receive(simulated)
     assert got[0].can_id == 0x18
@@ -43,8 +43,8 @@ def test_the_simulated_motor_answers(simulated: DirectBus) -> None:
 def test_a_wrong_option_is_named() -> None:
     bus = DirectBus(BusSettings("litegrip_sim", "x", 1_000_000, {"colour": "red"}))
     bus.receive(0.0)
-    assert bus.error is not None
-    assert "colour" in bus.error
+    assert bus.condition.error is not None
+    assert "colour" in bus.condition.error
 
 
 def test_the_virtual_interface_can_be_read_without_waiting() -> None:

@@ -251,7 +251,7 @@ def test_foreign_and_malformed_frames_are_ignored_and_counted() -> None:
     world.inject(CanFrame(CAN_ID, codec.ENABLE))
     world.run(0.05)
     assert counters.foreign_commands == 1
-    assert client.result("motion.open")["ok"]
+    assert client.refusal("motion.open") == "second_master"
 
 
 def test_one_lost_answer_is_counted_and_disturbs_nothing() -> None:

@@ -30,7 +30,7 @@ def test_a_channel_that_does_not_exist_is_told_and_refused(tmp_path: Path) -> No
         assert (state["bus"], state["stale"], state["mode"]) == ("down", True, "offline")
         health = client.result("health")
         assert health["verdict"] == "down"
-        assert health["reasons"][0].startswith("CAN bus: cannot be opened")
+        assert "cannot be opened" in health["reasons"][0]
         assert client.refusal("motor.enable") in ("bus_down", "motor_silent")
         assert client.refusal("motion.open") in ("bus_down", "motor_silent")
         assert client.result("hello")["channel"] == "nosuch0"

@@ -127,7 +127,7 @@ def test_a_row_that_was_not_taken_in_its_period_is_dropped_and_counted() -> None
     service = world.service
     for _ in range(3):  # three ticks in which the transport has no time for samples
         world.now_s += PERIOD_S
-        service.after_tick(world.now_s, True)
+        service.after_tick(world.now_s)
     service.send_one()
     world.tick()
     (batch,) = batches(client)
@@ -139,7 +139,7 @@ def test_a_whole_batch_that_was_not_sent_in_its_period_is_dropped_and_counted() 
     client = subscribed(world, hz=200, batch=2, fields=FIELDS)
     world.tick()
     world.now_s += PERIOD_S
-    world.service.after_tick(world.now_s, True)
+    world.service.after_tick(world.now_s)
     world.service.send_one()  # takes the second row; there is no time to send the batch
     world.run(2 * PERIOD_S)
     (batch,) = batches(client)

@@ -217,7 +217,7 @@ def test_events_and_samples_take_turns() -> None:
         client.result("state.subscribe", hz=200)
     raw = Raw(world)
     world.now_s += PERIOD_S
-    world.service.after_tick(world.now_s, True)
+    world.service.after_tick(world.now_s)
     for number in range(8):  # a refusal after each that is served: events never cease to wait
         raw.error(request("no such method", number))
         world.service.send_one()

@@ -87,7 +87,7 @@ def test_a_sample_that_was_not_sent_in_its_period_is_dropped_and_counted() -> No
     service = world.service
     for _ in range(3):  # three ticks in which the transport has no time for samples
         world.now_s += 0.005
-        service.after_tick(world.now_s, True)
+        service.after_tick(world.now_s)
     service.send_one()
     pending = service.pending
     assert not pending
@@ -101,7 +101,7 @@ def test_a_sample_that_waits_shows_a_stop_that_came_meanwhile() -> None:
     for watcher in (client, other):
         watcher.result("state.subscribe", hz=200, fields=["stop_generation"])
     world.now_s += 0.005
-    world.service.after_tick(world.now_s, True)
+    world.service.after_tick(world.now_s)
     world.service.send_one()
     world.client().send("stop")
     world.service.send_one()
@@ -155,7 +155,7 @@ def test_a_closed_connection_is_sent_nothing_more() -> None:
     client = world.client()
     client.result("state.subscribe", hz=200)
     world.now_s += 0.005
-    world.service.after_tick(world.now_s, True)
+    world.service.after_tick(world.now_s)
     client.leave()
     assert world.service.pending
     world.service.send_one()

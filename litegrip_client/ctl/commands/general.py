@@ -59,6 +59,15 @@ def disable(run: Run) -> int:
     return OK if data["ok"] else NOT_OK
 
 
+def clear_fault(run: Run) -> int:
+    """Clear what the motor has latched."""
+    data = run.connection.call("motor.clear_fault", {"detach": True}, ACTION_TIMEOUT_S)
+    cleared = data.get("cleared")
+    text = "the motor had no fault" if cleared is None else f"cleared: {cleared}"
+    run.output.result(data, render.plain(f"{text}; it is disabled"))
+    return OK
+
+
 def hold(run: Run) -> int:
     """Hold the measured position."""
     data = run.connection.run(run.connection.prepare_guarded("motion.hold", {}))
@@ -118,6 +127,7 @@ COMMANDS: Mapping[str, Command] = {
     "watch": watch,
     "enable": enable,
     "disable": disable,
+    "clear-fault": clear_fault,
     "hold": hold,
     "clear": clear,
     "jobs": jobs,

@@ -82,6 +82,7 @@ def _parser() -> argparse.ArgumentParser:
     add("watch", "show the state again and again", general.watch)
     add("enable", "enable the motor; it stays enabled", general.enable)
     add("disable", "disable the motor: no torque")
+    add("clear-fault", "clear a fault of the motor; it stays disabled")
     add("open", "open the jaws to the stop", motions.to_stop)
     add("close", "close the jaws to the stop", motions.to_stop)
     add("grasp", "close until something is held, and hold it with a force", motions.grasp)

@@ -2,10 +2,12 @@
 
 from litegripd.control.actions.base import PlainAction, Step
 from litegripd.model.errors import Refusal
+from litegripd.model.motor import ClearFault as ClearFaultRequest
 from litegripd.model.motor import DisableMotor, EnableMotor, MotorPhase, MotorView
-from litegripd.model.results import DisableResult, EnableResult
+from litegripd.model.results import ClearFaultResult, DisableResult, EnableResult
 
 _DISABLE_WITHIN_S = 1.0
+_CLEAR_WITHIN_S = 0.5
 
 
 class Enable(PlainAction):
@@ -58,6 +60,37 @@ class Disable(PlainAction):
         return Step(outcome=motor.failure or motor.problem or _NOT_CONFIRMED)
 
 
+class ClearFault(PlainAction):
+    """Clears what the motor has latched; ends when it says so, or with the fault that stays.
+
+    It never energises: a motor without a fault is left as it is.
+    """
+
+    needs_power = False
+
+    def __init__(self) -> None:
+        self._asked_s: float | None = None
+        self._cleared: str | None = None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Ask once, then watch."""
+        if self._asked_s is None:
+            self._asked_s = now_s
+            latched = motor.fault or motor.problem
+            self._cleared = None if latched is None else _name_of(latched)
+            return Step(request=ClearFaultRequest())
+        if motor.phase is MotorPhase.DISABLED:
+            return Step(outcome=motor.problem or ClearFaultResult(True, self._cleared))
+        if motor.failure is None and now_s - self._asked_s < _CLEAR_WITHIN_S:
+            return Step()
+        return Step(outcome=motor.failure or motor.fault or motor.problem or _NOT_CLEARED)
+
+
+def _name_of(refusal: Refusal) -> str:
+    return str(refusal.data.get("status", refusal.reason))
+
+
+_NOT_CLEARED = Refusal("not_confirmed", "the motor does not confirm that its fault is cleared")
 _STILL_DISABLING = Refusal("not_confirmed", "the motor is still being disabled: try again")
 
 _NOT_CONFIRMED = Refusal(

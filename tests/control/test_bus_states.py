@@ -1,0 +1,94 @@
+"""The bus's states by name, as clients see them: told once a change, and recovered from."""
+
+from typing import Any
+
+import pytest
+
+from litegripd.model.bus import UP, BusCondition, BusState
+from litegripd.model.motor import MotorPhase
+from litegripd.motor import codec
+from tests.world import CAN_ID, Client, World
+
+DOWN: tuple[BusState, ...] = ("link_down", "adapter_gone", "bus_off", "bus_stalled", "down")
+
+
+def bus_events(client: Client) -> list[dict[str, Any]]:
+    client.read()
+    told = [n["params"] for n in client.notifications if n["method"] == "event"]
+    return [event["data"] for event in told if event["kind"] == "bus"]
+
+
+def cut(world: World, state: BusState) -> None:
+    world.bus = BusCondition(state, "as the test wants it")
+    world.lose_to_motor = lambda _frame: True
+
+
+def mend(world: World) -> None:
+    world.bus = UP
+    world.lose_to_motor = lambda _frame: False
+
+
+@pytest.mark.parametrize("state", DOWN)
+def test_a_bus_that_fails_while_holding_is_told_refused_and_recovered_from(state: BusState) -> None:
+    world = World()
+    client = world.enabled()
+    client.result("motion.move", opening_mm=60)
+    client.result("events.subscribe")
+    before_mm = world.gripper.opening_mm
+    cut(world, state)
+    world.run(2.0)
+    assert (world.state.bus, world.state.stale, world.state.mode) == (state, True, "offline")
+    error = client.call("motion.open")["error"]
+    assert error["data"]["reason"] == "bus_down"
+    assert error["data"]["bus"] == state
+    mend(world)
+    world.run_until(lambda: world.machine.is_disabled, 2.0)
+    world.run(1.0)
+    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.2)
+    assert client.refusal("motion.open") in ("motor_fault", "not_enabled")
+    assert client.result("motor.enable")["ok"]
+    assert client.result("motion.open")["ok"]
+    states = [data["state"] for data in bus_events(client)]
+    assert states[0] == state
+    assert states[-1] == "up"
+    assert len(states) <= 3  # with motor_silent between
+
+
+def test_a_silent_motor_on_a_bus_that_works_is_a_state_of_its_own() -> None:
+    world = World().start()
+    client = world.client()
+    client.result("events.subscribe")
+    world.lose_to_motor = lambda _frame: True
+    world.run(2.0)
+    assert world.state.bus == "motor_silent"
+    assert client.refusal("motor.enable") == "motor_silent"
+    mend(world)
+    world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 2.0)
+    assert [data["state"] for data in bus_events(client)] == ["motor_silent", "up"]
+
+
+def test_errors_that_change_while_the_state_does_not_are_told_once() -> None:
+    world = World().start()
+    client = world.client()
+    client.result("events.subscribe")
+    for number in range(100):
+        world.bus = BusCondition("adapter_gone", f"error {number}")
+        world.tick()
+    assert len(bus_events(client)) == 1
+    assert "error 99" in str(world.engine.bus.error)
+
+
+def test_nothing_that_arms_is_sent_to_a_bus_that_does_not_answer() -> None:
+    """An enable frame that lies in a queue would arm the motor when the bus comes back."""
+    world = World().start()
+    client = world.client()
+    number = client.send("motor.enable", retries=20)
+    world.run_until(lambda: world.in_phase(MotorPhase.ENABLING), 1.0)
+    world.run_until(lambda: world.sent[-1].frame.data == codec.ENABLE, 1.0)
+    world.lose_to_motor = lambda _frame: True
+    world.lose_from_motor = lambda _frame: True
+    world.run(0.03)
+    since_s = world.now_s
+    world.run_until(lambda: client.has_answer(number), 10.0)
+    to_motor = [s for s in world.sent if s.frame.can_id == CAN_ID and s.at_s > since_s]
+    assert {s.frame.data for s in to_motor} <= {codec.DISABLE}

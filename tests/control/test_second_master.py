@@ -1,0 +1,84 @@
+"""Another program that commands our motor: told loudly, and a reason to refuse motions."""
+
+from typing import Any
+
+from litegripd.control.second_master import QUIET_AFTER_S, TOLD_EVERY_S, SecondMaster
+from litegripd.model.frame import CanFrame
+from litegripd.model.motor import MotorPhase
+from tests.world import CAN_ID, Client, World
+
+FOREIGN = CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF"))
+
+
+def events(client: Client) -> list[dict[str, Any]]:
+    """Return the second master's events that this client was sent."""
+    client.read()
+    told = [n["params"] for n in client.notifications if n["method"] == "event"]
+    return [event for event in told if event["kind"] == "second_master"]
+
+
+def listening(world: World) -> Client:
+    client = world.enabled()
+    client.result("events.subscribe")
+    return client
+
+
+def test_a_running_motion_ends_and_the_jaws_hold() -> None:
+    world = World()
+    client = listening(world)
+    number = client.send("motion.open")
+    world.run(0.2)
+    world.inject(FOREIGN)
+    world.run_until(lambda: client.has_answer(number), 0.1)
+    assert client.answers[number]["error"]["data"]["reason"] == "second_master"
+    assert world.in_phase(MotorPhase.ENABLED)
+    world.run(0.3)
+    held_mm = world.gripper.opening_mm
+    world.run(0.3)
+    assert abs(world.gripper.opening_mm - held_mm) < 0.1
+
+
+def test_motions_are_refused_until_it_is_quiet() -> None:
+    world = World()
+    client = listening(world)
+    world.inject(FOREIGN)
+    world.run(0.05)
+    for method in ("motion.open", "motor.enable", "motion.hold", "motion.zero_gravity"):
+        assert client.refusal(method) == "second_master"
+    assert client.result("stop")
+    client.result("stop.clear")
+    world.run(QUIET_AFTER_S)
+    assert client.result("motion.open")["ok"]
+    assert [event["data"]["active"] for event in events(client)] == [True, False]
+
+
+def test_a_motor_can_be_disabled_meanwhile() -> None:
+    world = World()
+    client = listening(world)
+    world.inject(FOREIGN)
+    world.run(0.05)
+    number = client.send("motor.disable")
+    world.inject(FOREIGN)
+    world.run_until(lambda: client.has_answer(number), 1.0)
+    assert client.answers[number]["result"]["ok"]
+
+
+def test_where_it_is_tolerated_it_is_only_told() -> None:
+    world = World()
+    world.engine.second_master.is_tolerated = True
+    client = listening(world)
+    world.inject(FOREIGN)
+    assert client.result("motion.open")["ok"]
+    assert events(client)
+
+
+def test_a_stream_of_frames_is_told_now_and_then_with_the_count() -> None:
+    master, now_s = SecondMaster(), 0.0
+    told: list[int] = []
+    for count in range(1, 3001):
+        now_s += 0.01
+        event = master.step(now_s, count)
+        if event is not None:
+            assert isinstance(event.data["frames"], int)
+            told.append(event.data["frames"])
+    assert [round(frames, -2) for frames in told] == [0, 100 * TOLD_EVERY_S, 200 * TOLD_EVERY_S]

@@ -1,0 +1,83 @@
+"""Clearing a fault by itself: confirmed, never energising, and honest about one that stays."""
+
+import pytest
+
+from litegripd.model.motor import MotorPhase
+from litegripd.motor import codec
+from tests.motor.test_silence import moving
+from tests.world import CAN_ID, World
+
+
+def faulty(world: World) -> None:
+    """Let the supply rise, which latches a fault, and fall again."""
+    world.gripper.set_supply(40.0)
+    world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 1.0)
+    world.gripper.set_supply(24.0)
+
+
+def test_a_fault_is_cleared_and_the_motor_stays_disabled() -> None:
+    world = World()
+    moving(world)
+    faulty(world)
+    client = world.client()
+    since_s = world.now_s
+    assert client.result("motor.clear_fault")["cleared"] == "over_voltage"
+    world.run(0.5)
+    assert world.in_phase(MotorPhase.DISABLED)
+    sent = {s.frame.data for s in world.sent if s.frame.can_id == CAN_ID and s.at_s > since_s}
+    assert sent == {codec.CLEAR_FAULT}
+    assert client.refusal("motion.open") == "not_enabled"
+    assert client.result("motor.enable")["ok"]
+
+
+def test_a_fault_that_stays_is_the_answer() -> None:
+    world = World()
+    moving(world)
+    world.gripper.set_supply(0.0)
+    world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 1.0)
+    error = world.client().call("motor.clear_fault")["error"]
+    assert error["data"]["reason"] == "motor_fault"
+    assert error["data"]["status"] == "under_voltage"
+    assert world.in_phase(MotorPhase.FAULT)
+
+
+@pytest.mark.parametrize("lost", [1, 3])
+def test_a_lost_frame_is_sent_again(lost: int) -> None:
+    world = World()
+    moving(world)
+    faulty(world)
+    left = lost
+
+    def loses(frame: object) -> bool:
+        nonlocal left
+        left -= 1
+        return left >= 0
+
+    world.lose_to_motor = loses
+    assert world.client().result("motor.clear_fault")["ok"]
+
+
+def test_without_a_fault_nothing_is_cleared() -> None:
+    world = World().start()
+    client = world.client()
+    assert client.result("motor.clear_fault")["cleared"] is None
+    assert client.result("motor.enable")["ok"]
+    assert client.refusal("motor.clear_fault") == "out_of_limits"
+    assert world.in_phase(MotorPhase.ENABLED)
+
+
+def test_a_silent_motor_cannot_confirm() -> None:
+    world = World().start()
+    world.lose_to_motor = lambda _frame: True
+    world.run_until(lambda: world.in_phase(MotorPhase.SILENT), 2.0)
+    assert world.client().refusal("motor.clear_fault") == "motor_silent"
+
+
+def test_a_stop_does_not_forbid_it() -> None:
+    world = World()
+    moving(world)
+    faulty(world)
+    client = world.client()
+    client.result("stop")
+    assert client.result("motor.clear_fault")["cleared"] == "over_voltage"
+    assert client.refusal("motor.enable") == "stopped"
