@@ -53,8 +53,7 @@ class BusFaults:
 
     def seed(self, seed: int) -> None:
         """Begin the chances of both directions anew."""
-        self.to_motor.seed(seed)
-        self.from_motor.seed(seed)
+        self._channel.wire.seed(seed)
 
     def inject(self, frame: CanFrame) -> None:
         """Let another node send a frame: all receive it, and the motor may answer it.

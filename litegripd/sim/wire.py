@@ -28,6 +28,11 @@ class MotorWire:
         self._late: list[tuple[float, int, bool, CanFrame]] = []
         self._number = 0  # keeps the order of frames that arrive at the same time
 
+    def seed(self, seed: int) -> None:
+        """Begin the chances of both directions anew."""
+        self.to_motor.seed(seed)
+        self.from_motor.seed(seed)
+
     @property
     def next_s(self) -> float:
         """When the next late frame arrives; infinite when none is under way."""
