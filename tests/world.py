@@ -147,12 +147,12 @@ class World:
         if parameters is None:
             parameters = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
         self.now_s = 1000.0
-        self.gripper = SimulatedGripper(parameters)
+        self.gripper = self.make_gripper(parameters)
         self.machine = Machine(Unit(), master_id, config or MotionConfig(), PERIOD_S)
         self.engine = self.machine.engine
         self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
         self.sent: list[Sent] = []
-        self.bus = UP
+        self.condition = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
@@ -173,16 +173,24 @@ class World:
         """Let one period pass."""
         self.now_s += PERIOD_S
         self.gripper.advance(self.now_s)
-        received, self._in_flight = self._in_flight, []
-        for frame in self.machine.tick(self.now_s, received, self.bus):
-            self.sent.append(Sent(self.now_s, frame))
-            if not self.lose_to_motor(frame):
-                answers = self.gripper.receive(self.now_s + FRAME_TIME_S, frame)
-                self._in_flight += [f for f in answers if not self.lose_from_motor(f)]
+        self.exchange()
         self.service.after_tick(self.now_s)
         self._run_errands()
         while self.service.pending:
             self.service.send_one()
+
+    def make_gripper(self, parameters: SimulatorParameters) -> SimulatedGripper:
+        """Make the gripper that is on the bus."""
+        return SimulatedGripper(parameters)
+
+    def exchange(self) -> None:
+        """Let the machine take what the bus brought, and the motor what the machine sends."""
+        received, self._in_flight = self._in_flight, []
+        for frame in self.machine.tick(self.now_s, received, self.condition):
+            self.sent.append(Sent(self.now_s, frame))
+            if not self.lose_to_motor(frame):
+                answers = self.gripper.receive(self.now_s + FRAME_TIME_S, frame)
+                self._in_flight += [f for f in answers if not self.lose_from_motor(f)]
 
     def _run_errands(self) -> None:
         """Do the slow work as the helper process would, with the result in the next tick."""

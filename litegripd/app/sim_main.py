@@ -16,9 +16,12 @@ from pathlib import Path
 
 import can
 
-from litegripd.sim.gripper import SimulatedGripper, build_gripper
+from litegripd.sim.commands import Simulator, help_text
+from litegripd.sim.console import Console
+from litegripd.sim.gripper import build_gripper
 from litegripd.sim.parameters import MOUNTS
-from litegripd.sim.server import PtyServer, StopSignal, serve_bus
+from litegripd.sim.server import BusServer, PtyServer, StopSignal
+from litegripd.sim.wire import MotorWire
 
 EXIT_OK, EXIT_BUS, EXIT_USAGE = 0, 1, 2
 
@@ -49,12 +52,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ValueError as error:
         print(f"litegrip-sim: {error}", file=sys.stderr)
         return EXIT_USAGE
+    wire = MotorWire(gripper)
+    if arguments.seed is not None:
+        wire.seed(arguments.seed)
     with _stop_on_signals() as stop:
         try:
             if arguments.pty:
-                _run_pty(gripper, arguments.link, stop)
+                _run_pty(wire, arguments.link, stop)
             else:
-                _run_bus(gripper, arguments, stop)
+                _run_bus(wire, arguments, stop)
         except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
             print(f"litegrip-sim: the bus cannot be used: {error}", file=sys.stderr)
             return EXIT_BUS
@@ -63,21 +69,27 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog="litegrip-sim", description="A simulated LiteGrip gripper on a CAN bus."
+        prog="litegrip-sim",
+        description="A simulated LiteGrip gripper on a CAN bus.",
+        epilog=f"commands, as lines on its standard input while it runs:\n{help_text()}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {version('litegripd')}")
     where = parser.add_mutually_exclusive_group(required=True)
     where.add_argument(
         "--pty",
         action="store_true",
-        help="serve as an SLCAN adapter on a pseudo-terminal; its path is the first line printed",
+        help="serve as an SLCAN adapter on a pseudo-terminal; its path is the first line printed, "
+        "and another with each 'plug'",
     )
     where.add_argument("--interface", metavar="NAME", help="serve on this python-can interface")
     parser.add_argument("--channel", metavar="CH", help="channel of --interface, such as vcan0")
     parser.add_argument("--bitrate", type=int, help="bit rate of --interface in bit/s")
     parser.add_argument("--link", type=Path, help="also make a symbolic link to the terminal")
     parser.add_argument("--mount", choices=MOUNTS, default="normal")
-    parser.add_argument("--seed", type=int, help="add reproducible noise to the reports")
+    parser.add_argument(
+        "--seed", type=int, help="add reproducible noise to the reports, and vary the faults"
+    )
     parser.add_argument("--object-mm", type=float, help="width of an object between the jaws")
     parser.add_argument(
         "--object-stiffness", type=float, default=250.0, metavar="NM_RAD", help="in N·m/rad"
@@ -97,32 +109,34 @@ def _check_link(link: Path) -> None:
         raise ValueError(f"--link {link} exists and is no symbolic link; choose another path")
 
 
-def _run_pty(gripper: SimulatedGripper, link: Path | None, stop: StopSignal) -> None:
-    server = PtyServer(gripper)
+def _run_pty(wire: MotorWire, link: Path | None, stop: StopSignal) -> None:
+    server = PtyServer(wire, link, lambda path: print(path, flush=True))
     try:
-        if link is not None:
-            link.unlink(missing_ok=True)
-            link.symlink_to(server.path)
-        print(server.path, flush=True)
-        server.run(stop)
+        server.run(stop, _console(server))
         if server.dropped:
-            print(
-                f"litegrip-sim: {server.dropped} answers dropped, the client did not read them",
-                file=sys.stderr,
-            )
+            _say(f"{server.dropped} answers dropped, the client did not read them")
     finally:
         server.close()
-        if link is not None and link.is_symlink() and str(link.readlink()) == server.path:
-            link.unlink()
 
 
-def _run_bus(gripper: SimulatedGripper, arguments: argparse.Namespace, stop: StopSignal) -> None:
+def _run_bus(wire: MotorWire, arguments: argparse.Namespace, stop: StopSignal) -> None:
     options = {} if arguments.bitrate is None else {"bitrate": arguments.bitrate}
     with can.Bus(
         interface=arguments.interface, channel=arguments.channel, ignore_config=True, **options
     ) as bus:
         print(f"serving on {arguments.interface} {arguments.channel}", flush=True)
-        serve_bus(gripper, bus, lambda: stop.is_set)
+        server = BusServer(wire, bus)
+        server.run(lambda: stop.is_set, _console(server))
+
+
+def _console(simulator: Simulator) -> Console:
+    """Take commands from the standard input, unless the process was started without one."""
+    fd = None if sys.__stdin__ is None else sys.__stdin__.fileno()
+    return Console(fd, simulator, _say)
+
+
+def _say(text: str) -> None:
+    print(f"litegrip-sim: {text}", file=sys.stderr, flush=True)
 
 
 @contextlib.contextmanager

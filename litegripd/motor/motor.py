@@ -28,7 +28,7 @@ from litegripd.motor.arming import Arming
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identification import STILL_READ, Identification
 from litegripd.motor.phases import ARMING_PHASES, PUBLIC, TRANSITIONS, Event, Phase
-from litegripd.motor.plausibility import Plausibility
+from litegripd.motor.plausibility import BRAKE_KD_NM_S_RAD, Plausibility
 from litegripd.motor.reading import READABLE, Reading
 from litegripd.motor.registers import Answer, parse_answer
 from litegripd.motor.silence import DISABLE_GIVES_UP_S, REPEATED_COMMANDS, Silence
@@ -66,7 +66,6 @@ class Motor:
         for frame in frames:
             self._receive(frame)
         if self._plausibility.refusal is not None and self._phase is Phase.ENABLED:
-            self._fresh = False
             self._go(Event.IMPLAUSIBLE, now_s)
         if self._fresh:
             self._fresh = False
@@ -258,14 +257,14 @@ class Motor:
     def _unfault(self, now_s: float) -> list[CanFrame]:
         if self._unfaulting is None or self._unfaulting.has_failed(now_s):
             self._failure = self._fault()
-            self._go(Event.GAVE_UP, now_s)
+            self._go(Event.STAYED, now_s)
             return []
         return self._unfaulting.step(now_s)
 
     def _command(self, command: MitCommand, is_motion: bool) -> list[CanFrame]:
-        """Give the command; without stiffness and torque while the position is in doubt."""
+        """Give the command; while the position is in doubt only brake, which needs none."""
         if self._plausibility.in_a_row:
-            command = MitCommand(command.position_rad, 0.0, 0.0, 0.0, 0.0)
+            command = MitCommand(command.position_rad, 0.0, 0.0, BRAKE_KD_NM_S_RAD, 0.0)
             self._traffic.forget_command()
         return self._traffic.command(command, is_motion, self._identification.ranges)
 

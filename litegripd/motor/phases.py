@@ -47,6 +47,7 @@ class Event(Enum):
     GAVE_UP = auto()
     IMPLAUSIBLE = auto()
     CLEAR = auto()
+    STAYED = auto()
 
 
 _P, _E = Phase, Event
@@ -69,7 +70,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.FAULT, _E.CLEAR): _P.UNFAULTING,
         (_P.UNFAULTING, _E.SAW_DISABLED): _P.DISABLED,
         (_P.UNFAULTING, _E.SAW_ENABLED): _P.DISABLING,
-        (_P.UNFAULTING, _E.GAVE_UP): _P.FAULT,
+        (_P.UNFAULTING, _E.STAYED): _P.FAULT,
         (_P.UNFAULTING, _E.DISABLE): _P.DISABLING,
         (_P.UNFAULTING, _E.NO_ANSWER): _P.LOOKING,
         (_P.PREPARING, _E.PREPARED): _P.CLEARING,

@@ -14,6 +14,9 @@ LARGEST_ACCELERATION_RAD_S2 = 6000.0
 TOLERANCE_RAD = 0.05
 """Impacts on a stop within one period, two frames in one, and the codes' own width."""
 
+BRAKE_KD_NM_S_RAD = 1.0
+"""At full speed, 7 N·m: by the first frame the motor may have followed its encoder for a while."""
+
 IMPLAUSIBLE_FRAMES = 3
 """So many in a row are no disturbed frame any more: the encoder has lost its count."""
 

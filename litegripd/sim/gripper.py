@@ -11,7 +11,7 @@ import threading
 from dataclasses import replace
 
 from litegripd.model.frame import CanFrame
-from litegripd.sim.motor import SimulatedMotor
+from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from litegripd.sim.plant import GrippedObject, Plant
 
@@ -127,10 +127,65 @@ class SimulatedGripper:
         with self._lock:
             self._motor.set_supply(volts)
 
+    def power_off(self) -> None:
+        """Switch the motor off altogether: it hears and answers nothing, and the jaws are slack."""
+        with self._lock:
+            self._motor.power_off()
+
+    def power_on(self, *, turns: int = 0) -> None:
+        """Switch the motor on; its position comes back off by `turns` turns.
+
+        It is disabled and without a fault, and its registers have their saved values.
+        """
+        with self._lock:
+            self._motor.power_on(turns=turns)
+
     def power_cycle(self, *, turns: int = 0) -> None:
         """Switch the motor off and on again; its position comes back off by `turns` turns."""
         with self._lock:
-            self._motor.power_cycle(turns=turns)
+            self._motor.power_on(turns=turns)
+
+    def latch_fault(self, status: int) -> None:
+        """Latch the fault of a status nibble, 0x8 to 0xE; clearing it ends it.
+
+        Raises `ValueError` for another number, and while the motor is switched off.
+        """
+        if status not in FAULTS:
+            raise ValueError(f"a fault's status must be 0x8 to 0xE, not {status!r}")
+        with self._lock:
+            if not self._motor.is_powered:
+                raise ValueError("the motor is switched off and latches nothing; switch it on")
+            self._motor.latch_fault(status)
+
+    def jam(self) -> None:
+        """Let the rotor be stuck where it is, whatever pushes it."""
+        with self._lock:
+            self._plant.jam(jammed=True)
+
+    def free(self) -> None:
+        """Let a stuck rotor turn again."""
+        with self._lock:
+            self._plant.jam(jammed=False)
+
+    def jump(self, angle_rad: float) -> None:
+        """Let the reported position jump by this angle, while the jaws stay where they are.
+
+        Raises `ValueError` for an angle that is not finite.
+        """
+        if not math.isfinite(angle_rad):
+            raise ValueError(f"angle_rad must be finite, not {angle_rad!r}")
+        with self._lock:
+            self._motor.jump(angle_rad)
+
+    def heat_coil(self, coil_c: float) -> None:
+        """Let the coil have this temperature now; it then cools as ever.
+
+        Raises `ValueError` for one outside -50 to 300 °C.
+        """
+        if not -50.0 <= coil_c <= 300.0:
+            raise ValueError(f"coil_c must be -50 to 300 °C, not {coil_c!r}")
+        with self._lock:
+            self._motor.set_coil(coil_c)
 
 
 def build_gripper(

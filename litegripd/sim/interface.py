@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import can
 
 from litegripd.sim.channel import Channel, Node
+from litegripd.sim.faults import BusFaults
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
 
 BITRATE = 1_000_000
@@ -71,7 +72,7 @@ class SimulatedBus(can.BusABC):
     - `bitrate`: 1 000 000 or left out, because the motor knows no other
 
     Raises `ValueError` for an unknown option, for a value out of range, and when the channel is
-    open already with other options.
+    open already with other options; `OSError` 19 while its adapter is unplugged by `faults`.
     """
 
     def __init__(
@@ -118,10 +119,16 @@ class SimulatedBus(can.BusABC):
         """The gripper on this bus."""
         return self._channel.gripper
 
+    @property
+    def faults(self) -> BusFaults:
+        """The faults that can be let happen to the whole channel."""
+        return self._channel.faults
+
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002
         """Send one classic frame; it never waits.
 
-        Raises `can.CanOperationError` after `shutdown`, and for an FD or an error frame.
+        Raises `can.CanOperationError` after `shutdown`, for an FD or an error frame, and as
+        `faults` has it.
         """
         if self._is_shutdown:
             raise can.CanOperationError(f"{self.channel_info} is shut down")
@@ -133,10 +140,14 @@ class SimulatedBus(can.BusABC):
         message = self._channel.receive(self._node, timeout)
         if message is None and self._is_shutdown:
             raise can.CanOperationError(f"{self.channel_info} is shut down")
-        return message, False
+        # Error frames pass by the filters for ids: the kernel has a filter of their own for them.
+        return message, message is not None and message.is_error_frame
 
     def shutdown(self) -> None:
-        """Leave the bus. The last node that leaves ends it, and the gripper with it."""
+        """Leave the bus. The last node that leaves ends it, and the gripper with it.
+
+        While its adapter is unplugged, the bus outlasts its nodes.
+        """
         if not self._is_shutdown:
             super().shutdown()
             _leave(self._name, self._node)
@@ -178,7 +189,8 @@ def _join(
 
 def _leave(name: str, node: Node) -> None:
     with _channels_lock:
-        if not _channels[name].channel.detach(node):
+        channel = _channels[name].channel
+        if not channel.detach(node) and not channel.faults.is_unplugged:
             del _channels[name]
 
 

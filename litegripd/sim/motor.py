@@ -30,8 +30,9 @@ ENABLE, DISABLE, ZERO, CLEAR = 0xFC, 0xFD, 0xFE, 0xFB
 
 # Status nibbles (motor's manual). 0 and 1 are states, the others latch as faults.
 DISABLED, ENABLED = 0x0, 0x1
-OVER_VOLTAGE, UNDER_VOLTAGE = 0x8, 0x9
-DRIVER_HOT, COIL_HOT, COMMUNICATION_LOST = 0xB, 0xC, 0xD
+OVER_VOLTAGE, UNDER_VOLTAGE, OVER_CURRENT = 0x8, 0x9, 0xA
+DRIVER_HOT, COIL_HOT, COMMUNICATION_LOST, OVERLOAD = 0xB, 0xC, 0xD, 0xE
+FAULTS = range(OVER_VOLTAGE, OVERLOAD + 1)
 
 _SPECIAL = b"\xff" * 7
 _FREE = MitCommand(0.0, 0.0, 0.0, 0.0, 0.0)
@@ -63,6 +64,7 @@ class SimulatedMotor:
         self._offset_rad = 0.0  # reported position minus mechanical position
         self._stored = _FREE
         self._enabled = False
+        self._powered = True
         self._fault = 0
         self._origin_s: float | None = None
         self._step = 0
@@ -78,6 +80,11 @@ class SimulatedMotor:
     def registers(self) -> reg.Registers:
         """The motor's registers."""
         return self._registers
+
+    @property
+    def is_powered(self) -> bool:
+        """Whether it is switched on; else it hears and answers nothing."""
+        return self._powered
 
     @property
     def coil_c(self) -> float:
@@ -119,6 +126,8 @@ class SimulatedMotor:
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         """Take one frame off the bus at `now_s` and return the motor's immediate answers."""
         self.advance(now_s)
+        if not self._powered:
+            return []
         if frame.can_id == self._registers.can_id:
             return self._receive_own(now_s, frame.data)
         if frame.can_id == REGISTER_CAN_ID:
@@ -131,11 +140,36 @@ class SimulatedMotor:
         self._plant.set_supply(volts)
         self._check_limits()
 
-    def power_cycle(self, *, turns: int = 0) -> None:
-        """Switch off and on: disabled, no fault, unsaved registers and the turn count lost.
+    def latch_fault(self, status: int) -> None:
+        """Latch a fault as if its cause had been there for a moment; it disarms."""
+        self._trip(status)
 
-        The position comes back within one turn, [-π, π), plus `turns` whole turns.
+    def jump(self, angle_rad: float) -> None:
+        """Let the encoder count on by this angle without any motion; an armed motor follows it."""
+        self._offset_rad += angle_rad
+        if self._enabled:
+            self._apply()
+
+    def set_coil(self, coil_c: float) -> None:
+        """Let the coil have this temperature from now on; a limit trips at once."""
+        self._thermal.set_coil(coil_c)
+        self._check_limits()
+
+    def power_off(self) -> None:
+        """Switch off, logic and power stage: no answers, and nothing that drives or brakes."""
+        self._powered = False
+        self._fault = 0
+        self._stored = _FREE
+        self._disarm()
+        self._apply()
+
+    def power_on(self, *, turns: int = 0) -> None:
+        """Switch on: disabled, no fault, unsaved registers and the turn count lost.
+
+        The position comes back within one turn, [-π, π), plus `turns` whole turns. A motor that
+        was on has been switched off for no time.
         """
+        self._powered = True
         self._registers.power_cycle()
         self._ranges = self._registers.ranges
         reported = self.reported_position_rad
@@ -227,7 +261,7 @@ class SimulatedMotor:
 
     def _check_limits(self) -> None:
         """Latch the first limit that is exceeded; a latched fault stays until it is cleared."""
-        if self._fault:
+        if self._fault or not self._powered:
             return
         if self._supply_v < self._registers[reg.UV_VALUE]:
             self._trip(UNDER_VOLTAGE)

@@ -75,8 +75,8 @@ class Plant:
         self._s = -p.initial_opening_mm / p.rad_to_mm
         self._v = self._torque = self._measured = self._hand = 0.0
         self._energy_nm2_s = 0.0
-        self._yielding = False
-        self._free_from = self._open_at
+        self._object_at = math.inf
+        self.jam(jammed=False)
         self.put(None)
         self.brake()
         self.set_supply(p.rated_supply_v)
@@ -146,11 +146,19 @@ class Plant:
         """Let a hand push with this torque (motor's direction) until told otherwise; 0 lets go."""
         self._hand = self._sign * torque_nm
 
+    def jam(self, *, jammed: bool) -> None:
+        """Let something block the rotor where it is, whatever the torque; or let go of it."""
+        self._jammed = jammed
+        self._yielding = False
+        friction = (math.inf, math.inf) if jammed else (self._p.coulomb_nm, self._p.breakaway_nm)
+        self._drags = (self._gain * friction[0], self._gain * friction[1])
+        self._bound_free_travel()
+
     def put(self, item: GrippedObject | None) -> None:
         """Put an object between the jaws in place of the present one; None takes it away."""
         self._object = item
         self._object_at = math.inf if item is None else -item.width_mm / self._p.rad_to_mm
-        self._free_to = min(self._zone_at, self._object_at)
+        self._bound_free_travel()
 
     def set_supply(self, volts: float) -> None:
         """Set what the supply allows: the no-load speed and the torque on the way there.
@@ -178,8 +186,7 @@ class Plant:
         feed_forward, hand, free_damping = self._feed_forward, self._hand, self._free_damping
         limit, knee, free_from, free_until = self._limit, self._knee, self._free_from, self._free_to
         gain, current_decay, filter_decay = self._gain, self._current_decay, self._filter_decay
-        moving_drag = gain * self._p.coulomb_nm
-        still_drag = gain * self._p.breakaway_nm
+        moving_drag, still_drag = self._drags
         heat = 0.0
         done = 0
         for done in range(1, steps + 1):  # noqa: B007 - read after an early end
@@ -215,6 +222,11 @@ class Plant:
             heat += torque * torque
         self._s, self._v, self._torque, self._measured = s, v, torque, measured
         self._energy_nm2_s += heat * STEP_S
+
+    def _bound_free_travel(self) -> None:
+        """Note between where nothing but friction resists; a blocked rotor meets nothing else."""
+        self._free_from = -math.inf if self._jammed else self._open_at
+        self._free_to = math.inf if self._jammed else min(self._zone_at, self._object_at)
 
     def _attainable(self, wanted: float, v: float) -> float:
         """Return the torque nearest to `wanted` that current limit and supply allow at a speed."""
@@ -260,4 +272,4 @@ class Plant:
         if item.yield_mm_s > 0.0 and press_nm > item.yield_torque_nm:
             self._yielding = True
             self._object_at += item.yield_mm_s / self._p.rad_to_mm * STEP_S
-            self._free_to = min(self._zone_at, self._object_at)
+            self._bound_free_travel()

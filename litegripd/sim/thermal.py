@@ -33,6 +33,10 @@ class Thermal:
         """Temperature of the driver's transistors."""
         return self._ambient_c + self._driver
 
+    def set_coil(self, coil_c: float) -> None:
+        """Let the coil have this temperature now, by the winding alone; the housing keeps its."""
+        self._winding = coil_c - self._ambient_c - self._housing
+
     def step(self, mean_square_torque_nm2: float) -> None:
         """Advance by one step over which the squared torque had this mean."""
         watts = self._watts_per_nm2 * mean_square_torque_nm2

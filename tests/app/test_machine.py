@@ -35,7 +35,7 @@ def test_a_motor_that_confirmed_that_it_is_off_and_then_fell_silent_is_not_in_do
 def test_a_bus_that_is_down_is_the_reason_that_clients_are_told() -> None:
     world = World().start()
     client = world.client()
-    world.bus = BusCondition("link_down", "Network is down")
+    world.condition = BusCondition("link_down", "Network is down")
     world.lose_to_motor = lambda _frame: True
     world.tick()
     assert client.refusal("motor.enable") == "bus_down"

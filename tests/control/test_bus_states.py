@@ -19,12 +19,12 @@ def bus_events(client: Client) -> list[dict[str, Any]]:
 
 
 def cut(world: World, state: BusState) -> None:
-    world.bus = BusCondition(state, "as the test wants it")
+    world.condition = BusCondition(state, "as the test wants it")
     world.lose_to_motor = lambda _frame: True
 
 
 def mend(world: World) -> None:
-    world.bus = UP
+    world.condition = UP
     world.lose_to_motor = lambda _frame: False
 
 
@@ -72,7 +72,7 @@ def test_errors_that_change_while_the_state_does_not_are_told_once() -> None:
     client = world.client()
     client.result("events.subscribe")
     for number in range(100):
-        world.bus = BusCondition("adapter_gone", f"error {number}")
+        world.condition = BusCondition("adapter_gone", f"error {number}")
         world.tick()
     assert len(bus_events(client)) == 1
     assert "error 99" in str(world.engine.bus.error)

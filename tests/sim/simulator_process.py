@@ -18,12 +18,24 @@ class SimulatorProcess:
     def __init__(self, *arguments: str) -> None:
         self._process = subprocess.Popen(
             [sys.executable, "-m", "litegripd.app.sim_main", *arguments],
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
         )
 
-    def read_first_line(self) -> str:
-        """Wait for the first line of output; an empty one means that the process has ended."""
+    def write(self, *lines: str) -> None:
+        """Give it commands."""
+        assert self._process.stdin is not None
+        self._process.stdin.write("".join(f"{line}\n" for line in lines).encode())
+        self._process.stdin.flush()
+
+    def end_input(self) -> None:
+        """Let its standard input end."""
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+
+    def read_line(self) -> str:
+        """Wait for a line of output; an empty one means that the process has ended."""
         assert self._process.stdout is not None
         readable, _, _ = select.select([self._process.stdout], [], [], DEADLINE_S)
         assert readable, "the simulator printed nothing"
@@ -39,7 +51,7 @@ class SimulatorProcess:
         """End it for certain, whatever state the test left it in."""
         if self._process.poll() is None:
             self._process.kill()
-        for stream in (self._process.stdout, self._process.stderr):
+        for stream in (self._process.stdin, self._process.stdout, self._process.stderr):
             if stream is not None:
                 stream.close()
         self._process.wait(timeout=DEADLINE_S)
@@ -50,7 +62,7 @@ def simulator(*arguments: str) -> Iterator[SimulatorProcess]:
     """Run the simulator, and leave no process behind."""
     process = SimulatorProcess(*arguments)
     try:
-        process.first_line = process.read_first_line()
+        process.first_line = process.read_line()
         assert process.first_line, process.end()
         yield process
     finally:

@@ -17,8 +17,10 @@ import pytest
 
 from litegripd.app.sim_main import main
 from litegripd.model.frame import CanFrame
+from litegripd.sim.console import Console
 from litegripd.sim.gripper import build_gripper
-from litegripd.sim.server import serve_bus
+from litegripd.sim.server import BusServer
+from litegripd.sim.wire import MotorWire
 from tests.sim.driving import (
     DISABLE,
     ENABLE,
@@ -124,9 +126,9 @@ def test_it_serves_on_a_bus_of_python_can() -> None:
         can.Bus(interface="virtual", channel="serve", ignore_config=True) as bus,
     ):
         stopped = threading.Event()
-        thread = threading.Thread(
-            target=serve_bus, args=(build_gripper(), motor_side, stopped.is_set)
-        )
+        server = BusServer(MotorWire(build_gripper()), motor_side)
+        console = Console(None, server, print)
+        thread = threading.Thread(target=server.run, args=(stopped.is_set, console))
         thread.start()
         try:
             bus.send(can.Message(arbitration_id=0x08, is_extended_id=True, data=ENABLE.data))

@@ -1,0 +1,205 @@
+"""Faults of a simulated bus as a robot meets them: what python-can then raises and receives.
+
+The nodes of a channel are sockets on one adapter, so a link that goes down or an adapter that is
+unplugged concerns them all; the motor is at the other end of the wire. Types and numbers are those
+of python-can on SocketCAN. This room switches faults and says what a node meets; frames are moved
+by `channel`.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import copy
+import errno
+import os
+from collections import deque
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import can
+
+from litegripd.model.frame import CanFrame
+
+if TYPE_CHECKING:
+    from litegripd.sim.channel import Channel, Node
+
+TX_QUEUE_FRAMES = 10
+"""Frames that an adapter queues while nobody acknowledges any (Linux: `txqueuelen` of CAN)."""
+BUS_OFF_ID = 0x40
+"""Id of the error frame that says bus-off (Linux: CAN_ERR_BUSOFF, masked to 11 bits)."""
+
+_ID_MASK = 0x7FF
+
+
+class BusFaults:
+    """The faults of one channel, all off at first; any thread may switch them at any time.
+
+    Each is a switch of its own. `to_motor` and `from_motor` are the faults of single frames.
+    """
+
+    def __init__(self, channel: Channel) -> None:
+        self.to_motor = channel.wire.to_motor
+        self.from_motor = channel.wire.from_motor
+        self.is_whole = True
+        """Whether frames go out and come in, as they do without any fault of the link."""
+        self._channel = channel
+        self._is_down = self._is_unplugged = self._is_off = self._is_stalled = False
+        self._queue: deque[tuple[Node, can.Message]] = deque()
+
+    @property
+    def is_unplugged(self) -> bool:
+        """Whether the adapter is gone, and with it the interface."""
+        return self._is_unplugged
+
+    def seed(self, seed: int) -> None:
+        """Begin the chances of both directions anew."""
+        self._channel.wire.seed(seed)
+
+    def inject(self, frame: CanFrame) -> None:
+        """Let another node send a frame: all receive it, and the motor may answer it.
+
+        The faults on the way to the motor spare it.
+        """
+        with self._channel.arrival:
+            message = can.Message(
+                arbitration_id=frame.can_id, is_extended_id=False, data=frame.data
+            )
+            self._channel.transmit(None, message)
+            self._channel.arrival.notify_all()
+
+    def inject_error(self, arbitration_id: int, data: bytes = bytes(8)) -> None:
+        """Let the adapter report an error frame; its id is masked to 11 bits, as python-can does.
+
+        0x08 | 0x10, a problem of the protocol and one of the controller, is 0x18.
+        """
+        with self._channel.arrival:
+            self._report(arbitration_id, data)
+            self._channel.arrival.notify_all()
+
+    def link_down(self) -> None:
+        """Take the interface down: receiving raises code 100 once, sending each time.
+
+        What waits to be sent or is under way is lost.
+        """
+        with self._switching():
+            if not self._is_down:
+                self._is_down = True
+                self._lose_under_way()
+                for node in self._channel.nodes:
+                    if not node.is_gone:
+                        node.error_code = errno.ENETDOWN
+
+    def link_up(self) -> None:
+        """Bring the interface up: every bus object works again, and nothing is replayed."""
+        with self._switching():
+            self._is_down = False
+
+    def unplug(self) -> None:
+        """Take the adapter away: receiving raises code 19 once, sending code 6 each time.
+
+        A bus object that was open stays dead, and no new one can be opened.
+        """
+        with self._switching():
+            if not self._is_unplugged:
+                self._is_unplugged = True
+                self._lose_under_way()
+                for node in self._channel.nodes:
+                    if not node.is_gone:
+                        node.is_gone = True
+                        node.error_code = errno.ENODEV
+                        node.queue.clear()
+
+    def replug(self) -> None:
+        """Put the adapter back: a new bus object works, those of before stay dead."""
+        with self._switching():
+            self._is_unplugged = False
+
+    def bus_off(self) -> None:
+        """Let the controller go bus-off: one error frame, and then what is sent vanishes."""
+        with self._switching():
+            if not self._is_off:
+                self._is_off = True
+                self._lose_under_way()
+                self._report(BUS_OFF_ID, bytes(8))
+
+    def recover(self) -> None:
+        """Let the controller take part again, as `restart-ms` does."""
+        with self._switching():
+            self._is_off = False
+
+    def stall(self) -> None:
+        """Let nobody acknowledge: frames wait to be sent, and beyond ten sending raises code 105.
+
+        As when the motor, the only other node, has no power or the cable is off.
+        """
+        with self._switching():
+            if not self._is_stalled:
+                self._is_stalled = True
+                self._channel.forget_unarrived()
+
+    def unstall(self) -> None:
+        """Let frames be acknowledged again: what has waited is sent now, however old it is."""
+        with self._switching():
+            self._is_stalled = False
+            self._note_wholeness()
+            while self._queue:
+                self._channel.transmit(*self._queue.popleft())
+
+    def check_present(self) -> None:
+        """Raise `OSError` 19, as opening a socket does, while the adapter is unplugged."""
+        if self._is_unplugged:
+            raise OSError(errno.ENODEV, os.strerror(errno.ENODEV))
+
+    def meet(self, node: Node) -> None:
+        """Let a new node find the link as it is; the caller holds the channel's lock."""
+        if self._is_down:
+            node.error_code = errno.ENETDOWN
+
+    def admit(self, node: Node, message: can.Message) -> bool:
+        """Tell whether a node's frame goes out now; else it is lost, or waits.
+
+        The caller holds the channel's lock. Raises `can.CanOperationError`.
+        """
+        if node.is_gone:
+            raise failure("Failed to transmit", errno.ENXIO)
+        if self._is_down:
+            raise failure("Failed to transmit", errno.ENETDOWN)
+        if self._is_off:
+            return False
+        if self._is_stalled:
+            if len(self._queue) >= TX_QUEUE_FRAMES:
+                raise failure("Failed to transmit", errno.ENOBUFS)
+            self._queue.append((node, copy.copy(message)))
+            return False
+        return True
+
+    @contextlib.contextmanager
+    def _switching(self) -> Iterator[None]:
+        """Hold the lock, let arrive what had its time, and wake who waits afterwards."""
+        with self._channel.arrival:
+            self._channel.let_late_arrive()
+            yield
+            self._note_wholeness()
+            self._channel.arrival.notify_all()
+
+    def _note_wholeness(self) -> None:
+        broken = self._is_down or self._is_unplugged or self._is_off or self._is_stalled
+        self.is_whole = not broken
+
+    def _lose_under_way(self) -> None:
+        self._queue.clear()
+        self._channel.forget_unarrived()
+
+    def _report(self, arbitration_id: int, data: bytes) -> None:
+        message = can.Message(
+            arbitration_id=arbitration_id & _ID_MASK,
+            is_extended_id=False,
+            is_error_frame=True,
+            data=data,
+        )
+        self._channel.report(message)
+
+
+def failure(what: str, code: int) -> can.CanOperationError:
+    """Return what python-can's SocketCAN interface raises for a system error."""
+    return can.CanOperationError(f"{what}: {os.strerror(code)}", error_code=code)
