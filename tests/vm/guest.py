@@ -89,7 +89,7 @@ class Rpc:
         return answer
 
     def bus_is(self, state: str) -> bool:
-        """Whether the bus is up or down now."""
+        """Whether the bus is in this state now."""
         return bool(self.call("health")["bus"]["state"] == state)
 
     def close(self) -> None:
