@@ -187,14 +187,20 @@ class Engine(Arbiter):
     def _note_phase(self, motor: MotorView) -> None:
         """Whenever the motor becomes enabled, or answers again, hold what is measured now.
 
-        Jaws that were slack before a silence stay slack: a hand may be in them.
+        Jaws that were slack before a silence stay slack: a hand may be in them. Those that held
+        by force go on, or they would drop what they hold: a motor that says that it is still
+        enabled has gone on squeezing meanwhile.
         """
         before, self.motor = self.motor.phase, motor
         if motor.phase is before:
             return
         self.events.append(announce.motor_changed(before, motor.phase))
-        slack = before is MotorPhase.SILENT and isinstance(self.rest, Relax)
-        if motor.phase is MotorPhase.ENABLED and motor.feedback is not None and not slack:
+        if motor.phase is not MotorPhase.ENABLED or motor.feedback is None:
+            return
+        was_silent = before is MotorPhase.SILENT
+        if was_silent and isinstance(self.rest, Grip):
+            self.rest.resume()
+        elif not (was_silent and isinstance(self.rest, Relax)):
             self.rest = Hold(motor.feedback.position_rad, self.gains)
 
 

@@ -96,6 +96,12 @@ class Grip:
         """Let the force rise no further: what is in flight is what is held."""
         self.force_n = min(self.force_n, self.applied_n)
 
+    def resume(self) -> None:
+        """Go on after a silence, in which the motor kept its last command: from what is now."""
+        self._ramped_at_s = None
+        self._slice_rad = None
+        self._fast_ticks = 0
+
     def command(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
         self._ramp(now_s)

@@ -1,0 +1,73 @@
+"""A hold by force survives what can be survived: lost frames, a short silence, a lost client."""
+
+import pytest
+
+from litegripd.model.motor import MotorPhase
+from tests.world import PERIOD_S, Client, World
+
+
+def gripping(force_n: float = 20.0) -> tuple[World, Client]:
+    """Return a gripper that holds an object of 40 mm by force, and its client."""
+    world = World()
+    client = world.enabled()
+    world.gripper.put_object(width_mm=40.0)
+    assert client.result("motion.grasp", force_n=force_n, until="verdict")["ok"]
+    world.run(1.5)
+    return world, client
+
+
+def squeezed_n(world: World) -> float:
+    return abs(world.gripper.motor_torque_nm) * 10.0
+
+
+@pytest.mark.parametrize("silence_s", [PERIOD_S, 3 * PERIOD_S, 0.03, 0.06])
+def test_an_object_is_held_through_a_silence_that_the_motor_survives(silence_s: float) -> None:
+    world, client = gripping()
+    world.lose_from_motor = lambda _frame: True
+    least_n = squeezed_n(world)
+    for _ in range(round(silence_s / PERIOD_S)):
+        world.tick()
+        least_n = min(least_n, squeezed_n(world))
+    world.lose_from_motor = lambda _frame: False
+    for _ in range(100):
+        world.tick()
+        least_n = min(least_n, squeezed_n(world))
+    assert world.in_phase(MotorPhase.ENABLED)
+    assert least_n > 15.0
+    assert squeezed_n(world) == pytest.approx(20.0, abs=1.0)
+    assert world.state.is_grasped
+    assert client.result("motion.open")["ok"]
+
+
+def test_an_object_that_vanishes_in_a_silence_is_noticed_after_it() -> None:
+    world, _ = gripping()
+    watcher = world.client()
+    watcher.result("events.subscribe")
+    world.lose_from_motor = lambda _frame: True
+    world.run(0.04)
+    world.gripper.remove_object()
+    world.run(0.02)
+    world.lose_from_motor = lambda _frame: False
+    world.run(1.0)
+    assert not world.state.is_grasped
+    watcher.read()
+    told = [n["params"]["kind"] for n in watcher.notifications if n["method"] == "event"]
+    assert "object_lost" in told
+
+
+def test_a_silence_that_the_motor_does_not_survive_ends_in_a_disabled_motor() -> None:
+    world, client = gripping()
+    world.lose_to_motor = lambda _frame: True
+    world.run(0.5)
+    world.lose_to_motor = lambda _frame: False
+    world.run_until(lambda: world.machine.is_disabled, 2.0)
+    assert client.refusal("motion.open") in ("motor_fault", "not_enabled")
+
+
+def test_the_force_is_held_though_the_configuration_changes_and_the_client_dies() -> None:
+    world, client = gripping()
+    client.leave()
+    admin = world.client()
+    assert "error" not in admin.call("config.set", config={"force_n": 5})
+    world.run(1.0)
+    assert squeezed_n(world) == pytest.approx(20.0, abs=1.0)
