@@ -150,6 +150,11 @@ class Connection(Exchange):
         return self._multiplexer.is_own
 
     @property
+    def daemon_pid(self) -> int:
+        """The process at the other end, 0 where that cannot be known."""
+        return self._multiplexer.daemon_pid
+
+    @property
     def is_waiting_here(self) -> bool:
         """Whether this very thread waits for an answer: so in a signal handler during a call."""
         return self._multiplexer.is_waiting_here

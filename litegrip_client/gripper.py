@@ -10,7 +10,6 @@ from types import TracebackType
 
 from litegrip_client.actions import GripperActions
 from litegrip_client.blocking import wait
-from litegrip_client.connection import Connection
 from litegrip_client.link import Link
 
 TYPE_CHECKING = False
@@ -145,17 +144,11 @@ class LiteGrip(GripperActions):
         """Stop the gripper, whoever moves it, until `clear_stop`.
 
         `level` is "hold", "relax" or "disable". May be called by any thread, and by a signal
-        handler while its thread waits for a motion. A software stop: no replacement for the
-        switch that cuts the power.
+        handler while its thread waits for a motion. It goes by the daemon's socket for stops,
+        which no flood of requests delays, else as any other request; a reason is cut to 80
+        characters there. A software stop: no replacement for the switch that cuts the power.
         """
-        connection = self._link.connection
-        if not connection.is_waiting_here:
-            return wait(self._core.stop(level, why))
-        from litegrip_client.core.base import state_of  # noqa: PLC0415 - see above
-        from litegrip_client.core.gripper import stop_params  # noqa: PLC0415
-
-        with Connection(connection.path) as another:
-            return state_of(another.call("stop", stop_params(level, why)))
+        return wait(self._core.stop(level, why))
 
     def clear_stop(self) -> GripperState:
         """Clear a stop, so that the motor may be enabled and moved again. Moves nothing."""

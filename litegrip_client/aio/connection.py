@@ -124,6 +124,11 @@ class Connection(Exchange):
         return self._router.ending is not None or self._loop.is_closed() or not self.is_own
 
     @property
+    def daemon_pid(self) -> int:
+        """The process at the other end, 0 where that cannot be known."""
+        return self._stream.peer_pid
+
+    @property
     def is_own(self) -> bool:
         """Whether this process made the connection, and not the parent that it was forked from."""
         return os.getpid() == self._pid

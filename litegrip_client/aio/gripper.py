@@ -28,6 +28,10 @@ class Link(core.Link):
     async def _connect(self) -> Connection:
         return await reach(self.channel, self.socket_path, Connection.open)
 
+    async def reach(self, path: str, timeout_s: float) -> Connection:
+        """Connect to another socket of the same daemon; raises `OSError`."""
+        return await Connection.open(path, timeout_s)
+
     async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Return what `function` does, in a thread of its own."""
         loop = asyncio.get_running_loop()

@@ -83,7 +83,7 @@ class Daemon:
             config.channel, config.motor.can_id, config.gripper.stroke_mm, config.gripper.mount
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
-        self._facts = DaemonFacts(config, self._machine)
+        self._facts = DaemonFacts(config, self._machine, self._stop_path)
         self._service = RpcService(
             self._machine.engine,
             self._facts,
