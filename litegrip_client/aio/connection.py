@@ -83,7 +83,7 @@ class Connection(Exchange):
 
     async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
         """Await something to its end, even when the awaiting task is cancelled again."""
-        task = self._loop.create_task(coroutine)
+        task = asyncio.get_running_loop().create_task(coroutine)
         cancelled: asyncio.CancelledError | None = None
         while not task.done():
             try:

@@ -26,18 +26,20 @@ async def stop(link: Link, params: dict[str, str]) -> dict[str, Any]:
     when both ways fail, or when the stop is in force and the state cannot be had.
     """
     wire = link.wire
-    stopped = await _by_stop_socket(link, wire, params)
-    if stopped is None:
-        result = await link.ask("stop", params)
+    result: dict[str, Any] = {}
+
+    async def give() -> None:
+        result.update(await _by_stop_socket(link, wire, params) or await link.ask("stop", params))
         wire.note_stops(result)
-        return result
-    wire.note_stops(stopped)
-    try:
-        state = await link.ask("state.get")
-    except LiteGripError as error:
-        error.message = f"stopped ({stopped.get('level')}), but no state came: {error.message}"
-        raise
-    return {**stopped, "state": state}
+
+    await wire.finish(give())  # who cancels a stop on its way has stopped all the same
+    if "state" not in result:
+        try:
+            result["state"] = await link.ask("state.get")
+        except LiteGripError as error:
+            error.message = f"stopped ({result.get('level')}), but no state came: {error.message}"
+            raise
+    return result
 
 
 async def _by_stop_socket(link: Link, wire: Wire, params: dict[str, str]) -> dict[str, Any] | None:
