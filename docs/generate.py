@@ -18,6 +18,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from litegripd.io.stop_listener import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.model.state import GripperState  # noqa: E402
 from litegripd.rpc.method import Method  # noqa: E402
@@ -170,6 +171,11 @@ user who may not write there.
   with an error. [errors.md](errors.md) lists all reasons.
 - Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a
   motion that was sent before a stop never runs after it.
+- `hello` names in `stop_socket` a socket that is served before everything else. Any line there is a
+  stop: a level's name, a request `stop` of at most {MAX_STOP_LINE_BYTES} bytes, else a `hold`. The
+  answer has the latched `level` and the `generation`.
+- A stop makes an event when it is latched or raised. Every other one takes effect, too, but is only
+  counted, in the state's `stop` as `repeats`, which the event `stop_cleared` tells.
 - Subscriptions to the state send `state.sample` notifications: `subscription`, `seq`, `dropped`,
   `monotonic_s`, `state`. The latest wins: a client that does not read loses samples and is told
   how many. `seq` counts the samples that were due, `dropped` those of them that were not sent.

@@ -36,6 +36,7 @@ class BlockingWire:
         self.prepare = connection.prepare
         self.prepare_guarded = connection.prepare_guarded
         self.accept = connection.accept
+        self.note_stops = connection.note_stops
         self.forget = connection.forget
         self.abandon = connection.abandon
 
@@ -43,6 +44,16 @@ class BlockingWire:
     def client(self) -> int | None:
         """The daemon's number for the connection."""
         return self.connection.client
+
+    @property
+    def stop_socket(self) -> str | None:
+        """Where the daemon takes stops before everything else, as far as it has told."""
+        return self.connection.stop_socket
+
+    @property
+    def daemon_pid(self) -> int:
+        """The process at the other end, 0 where that cannot be known."""
+        return self.connection.daemon_pid
 
     @property
     def closed(self) -> bool:

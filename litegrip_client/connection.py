@@ -95,12 +95,15 @@ class Connection(Exchange):
         return hello
 
     def subscribe_state(
-        self, hz: float = 20.0, fields: Sequence[str] | None = None
+        self, hz: float = 20.0, fields: Sequence[str] | None = None, batch: int = 1
     ) -> Subscription[StateSample]:
-        """Get the state `hz` times a second (0.1 to 200), or only some `fields` of it."""
-        from litegrip_client.feeds import StateFeed  # noqa: PLC0415 - see above
+        """Get the state `hz` times a second (0.1 to 200), or only some `fields` of it.
 
-        return self.subscribe(StateFeed(hz, fields, lambda sample: sample))
+        Up to 50 samples may come as a `batch`; each is a `StateSample` all the same.
+        """
+        from litegrip_client.samples import StateFeed  # noqa: PLC0415 - see above
+
+        return self.subscribe(StateFeed(hz, fields, lambda sample: sample, batch=batch))
 
     def subscribe_events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Get what happens in the gripper, or only some `kinds` of it."""
@@ -148,6 +151,11 @@ class Connection(Exchange):
     def is_own(self) -> bool:
         """Whether this process made the connection, and not the parent that it was forked from."""
         return self._multiplexer.is_own
+
+    @property
+    def daemon_pid(self) -> int:
+        """The process at the other end, 0 where that cannot be known."""
+        return self._multiplexer.daemon_pid
 
     @property
     def is_waiting_here(self) -> bool:

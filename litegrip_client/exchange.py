@@ -32,7 +32,8 @@ Undo: TypeAlias = "Callable[[Message], tuple[str, dict[str, Any]] | None]"
 class Exchange:
     """The base of connections. `stop_generation` is the newest that an answer told.
 
-    It is None when that is not known, and so is `client`, the daemon's number for the connection.
+    It is None when that is not known, and so is `client`, the daemon's number for the connection;
+    and `stop_socket`, where it takes stops before everything else.
     """
 
     def __init__(self, path: str, timeout_s: float) -> None:
@@ -41,6 +42,7 @@ class Exchange:
         self.timeout_s = timeout_s
         self.stop_generation: int | None = None
         self.client: int | None = None
+        self.stop_socket: str | None = None
         self._router = Router(self._end_orphan)
         self._ids = itertools.count(1)
 
@@ -109,6 +111,14 @@ class Exchange:
             )
         client = hello.get("client")
         self.client = client if isinstance(client, int) else None
+        stop_socket = hello.get("stop_socket")
+        self.stop_socket = stop_socket if isinstance(stop_socket, str) else None
+
+    def note_stops(self, result: Mapping[str, Any]) -> None:
+        """Take note of the stops that a result tells of, wherever it came from."""
+        generation = generation_of(result)
+        if generation is not None and generation > (self.stop_generation or -1):
+            self.stop_generation = generation
 
     def _take(self, call: Call) -> dict[str, Any] | None:
         """Take what came first for `call`: its result, or None for a report of its progress."""
@@ -125,9 +135,7 @@ class Exchange:
         result = answer.get("result")
         if not isinstance(result, dict):
             raise ProtocolError(f"the daemon answered {method} with no object: {result!r:.80}")
-        generation = generation_of(result)
-        if generation is not None and generation > (self.stop_generation or -1):
-            self.stop_generation = generation
+        self.note_stops(result)
         return result
 
     def _error(self, error_object: Any) -> LiteGripError:

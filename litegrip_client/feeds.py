@@ -1,38 +1,22 @@
-"""What subscriptions bring: samples of the state, and events. Values and inboxes, no I/O."""
+"""What subscriptions bring, and what events are. Values and inboxes, no I/O.
+
+The samples of the state have a module of their own.
+"""
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from litegrip_client.calls import Message
-from litegrip_client.checks import number
 from litegrip_client.errors import CommandError, ConnectError
 from litegrip_client.router import Key, unsubscribing
-from litegrip_client.state import GripperState
 
 _Item = TypeVar("_Item")
 
-_INBOX_SAMPLES = 256
-"""More than a second at 200 Hz. Only fills while others read the connection, and not this one."""
-
 _INBOX_EVENTS = 4096
 """Hours of work: who lets so many wait reads no more."""
-
-
-@dataclass(frozen=True, slots=True)
-class StateSample:
-    """One sample: `state` holds the subscribed fields. `seq` is None for the first one.
-
-    `seq` and `monotonic_s` (CLOCK_MONOTONIC seconds) are as the daemon sent them; `dropped` counts
-    the samples that were lost since the begin, because this program read too slowly.
-    """
-
-    seq: int | None
-    dropped: int
-    monotonic_s: float | None
-    state: dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,58 +88,6 @@ class Feed(Generic[_Item]):
         self.inbox.append(None)
 
 
-class StateFeed(Feed[_Item]):
-    """The state `hz` times a second, made into something else by `convert`; the newest count.
-
-    Of what is not taken out of the inbox only the newest `keep_s` seconds are kept.
-    """
-
-    notification = "state.sample"
-    method = "state.subscribe"
-    what = "state sample"
-
-    def __init__(
-        self,
-        hz: float,
-        fields: Sequence[str] | None,
-        convert: Callable[[StateSample], _Item],
-        keep_s: float = math.inf,
-    ) -> None:
-        """Raise `CommandError` for what cannot be a rate, or fields."""
-        hz = number("hz", hz)
-        params: dict[str, Any] = {"hz": hz}
-        if fields is not None:
-            params["fields"] = _names("fields", fields)
-        period_s = 1.0 / hz if hz > 0.0 else 0.0  # what is no rate is refused by the daemon
-        super().__init__(params, 2.0 * period_s, max(2, int(min(keep_s * hz, _INBOX_SAMPLES))))
-        self._convert = convert
-        self._newest_seq: int | None = None
-        self._lost = 0
-
-    def begin(self, result: Message) -> None:
-        """Take the subscription's number and the present state, which is the first sample."""
-        if self.identity < 0:
-            state = result["state"]
-            self.inbox.append(StateSample(None, 0, state.get("monotonic_s"), state))
-            self.identity = result["subscription"]
-
-    def deliver(self, message: Message) -> None:
-        """Take one sample."""
-        seq = message["seq"]
-        if self._newest_seq is None or seq > self._newest_seq:
-            if len(self.inbox) == self.inbox.maxlen:
-                self._lost += 1
-            dropped = message.get("dropped", 0) + self._lost
-            monotonic_s, state = message.get("monotonic_s"), message["state"]
-            self.inbox.append(StateSample(seq, dropped, monotonic_s, state))
-            self._newest_seq = seq
-
-    def take(self) -> _Item | None:
-        """Take the oldest sample, converted; raises what `convert` does."""
-        sample: StateSample | None = self.inbox.popleft()
-        return None if sample is None else self._convert(sample)
-
-
 class EventFeed(Feed[Event]):
     """All events of some `kinds`; `recent` are those from before, the oldest first.
 
@@ -168,7 +100,7 @@ class EventFeed(Feed[Event]):
 
     def __init__(self, kinds: Sequence[str] | None) -> None:
         """Raise `CommandError` for what cannot be kinds."""
-        params = {} if kinds is None else {"kinds": _names("kinds", kinds)}
+        params = {} if kinds is None else {"kinds": names("kinds", kinds)}
         super().__init__(params, math.inf, None)
         self.recent: tuple[Event, ...] = ()
         self._newest_seq = -1
@@ -203,21 +135,12 @@ class EventFeed(Feed[Event]):
         return item
 
 
-def whole_state(sample: StateSample) -> GripperState:
-    """Make a sample of all fields into a state; raises `ProtocolError`."""
-    return GripperState.from_wire(sample.state)
-
-
-def some_fields(sample: StateSample) -> dict[str, Any]:
-    """Take only the fields out of a sample."""
-    return sample.state
-
-
-def _names(what: str, names: Sequence[str]) -> list[str]:
-    if isinstance(names, str):
+def names(what: str, given: Sequence[str]) -> list[str]:
+    """Return a list of names; raises `CommandError` for a text, which holds but letters."""
+    if isinstance(given, str):
         raise CommandError(
-            f"{what} is the text {names!r:.60}, it must be a list of names",
+            f"{what} is the text {given!r:.60}, it must be a list of names",
             reason="invalid_params",
             data={"parameter": what},
         )
-    return list(names)
+    return list(given)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from litegrip_client.blocking import BlockingWire
 from litegrip_client.connection import Connection
@@ -26,6 +26,18 @@ class Link(core.Link):
 
     async def _connect(self) -> Wire:
         return BlockingWire(connect(self.channel, self.socket_path))
+
+    async def reach(self, path: str, timeout_s: float) -> Wire:
+        """Connect to another socket of the same daemon; raises `OSError`."""
+        return BlockingWire(Connection(path, timeout_s))
+
+    async def ask(self, method: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Make a call, even from a signal handler whose thread waits for an answer."""
+        connection = self.connection
+        if not connection.is_waiting_here:
+            return connection.call(method, params)
+        with Connection(connection.path) as another:
+            return another.call(method, params)
 
     async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Return what `function` does."""

@@ -45,6 +45,11 @@ class Multiplexer:
         return os.getpid() == self._pid
 
     @property
+    def daemon_pid(self) -> int:
+        """The process at the other end, 0 where that cannot be known."""
+        return self._stream.peer_pid
+
+    @property
     def closed(self) -> bool:
         """Whether no further call can succeed."""
         return self._router.ending is not None or not self.is_own or self._stream.hung_up

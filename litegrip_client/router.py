@@ -27,7 +27,11 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 Key: TypeAlias = "tuple[str, int]"
 """The notification's method and the subscription's number."""
 
-_UNSUBSCRIBING = {"state.sample": "state.unsubscribe", "event": "events.unsubscribe"}
+_UNSUBSCRIBING = {
+    "state.sample": "state.unsubscribe",
+    "state.batch": "state.unsubscribe",
+    "event": "events.unsubscribe",
+}
 """The notifications of subscriptions, and what ends them."""
 
 _raw_decode = json.JSONDecoder().raw_decode

@@ -61,7 +61,7 @@ class GripperState:
     @classmethod
     def from_wire(cls, data: Mapping[str, Any]) -> "GripperState":
         """Read the wire's form; raises `ProtocolError`."""
-        values = pick(data, _STATE_FIELDS, "state")
+        values = pick(data, STATE_FIELDS, "state")
         values["limited"] = tuple(values["limited"] or ())
         return cls(**values)
 
@@ -71,4 +71,4 @@ class GripperState:
         return None if self.feedback_s is None else time.monotonic() - self.feedback_s
 
 
-_STATE_FIELDS = tuple(field.name for field in fields(GripperState))
+STATE_FIELDS = tuple(field.name for field in fields(GripperState))

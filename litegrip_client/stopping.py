@@ -7,19 +7,31 @@ from __future__ import annotations
 
 import json
 import socket
+from collections.abc import Mapping
 
+from litegrip_client.calls import request_line
 from litegrip_client.errors import ConnectError, ProtocolError, from_error_object
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
 
+_LEVELS = ("hold", "relax", "disable")
 _MAX_ANSWER_BYTES = 65_536
+_MAX_REQUEST_BYTES = 1024
 
 
 def stop_path(path: str) -> str:
     """Return the socket for stops that belongs to the socket at `path`."""
     return f"{path.removesuffix('.sock')}.stop.sock"
+
+
+def is_taken_as_meant(params: Mapping[str, Any]) -> bool:
+    """Whether the socket for stops understands these parameters; any others it takes for a hold."""
+    why = params.get("why")
+    if params.get("level") not in _LEVELS or not (why is None or isinstance(why, str)):
+        return False
+    return len(request_line(1, "stop", params)) <= _MAX_REQUEST_BYTES
 
 
 def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[str, Any]:
@@ -29,13 +41,13 @@ def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[st
     come in time: the stop may be in force then all the same.
     """
     params = {"level": level} if why is None else {"level": level, "why": why}
-    request = {"jsonrpc": "2.0", "id": 1, "method": "stop", "params": params}
+    request = request_line(1, "stop", params)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
         connected.settimeout(timeout_s)
         connected.connect(stop_path(path))
         received = b""
         try:
-            connected.sendall(json.dumps(request).encode() + b"\n")
+            connected.sendall(request)
             while not received.endswith(b"\n") and len(received) < _MAX_ANSWER_BYTES:
                 piece = connected.recv(_MAX_ANSWER_BYTES)
                 if not piece:

@@ -14,6 +14,7 @@ import time
 SLICE_S = 0.5
 """The longest that one `receive` waits."""
 
+_CREDENTIALS = struct.Struct("3i")
 _READ_BYTES = (32_768,)
 _BLOCKING = (0,)
 _NOT_BLOCKING = (socket.MSG_DONTWAIT,)
@@ -26,11 +27,12 @@ class StreamEndedError(Exception):
 class LineStream:
     """A connected socket. Sending is for any thread; one thread at a time may receive."""
 
-    __slots__ = ("_chunks", "_cut", "_send_lock", "_socket")
+    __slots__ = ("_chunks", "_cut", "_send_lock", "_socket", "peer_pid")
 
     def __init__(self, path: str, timeout_s: float) -> None:
         """Connect to `path`; raises `OSError` when that fails or takes over `timeout_s`."""
         self._socket = _connected(path, timeout_s)
+        self.peer_pid = peer_pid(self._socket)
         self._chunks: list[bytes] = []
         self._send_lock = threading.RLock()
         self._cut = False
@@ -115,6 +117,13 @@ class LineStream:
             except OSError:
                 self._chunks.clear()  # was closed already, by the daemon or by us
         self._socket.close()
+
+
+def peer_pid(connected: socket.socket) -> int:
+    """Return the process that listens at the other end; 0 where the kernel hides it from here."""
+    credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    pid: int = _CREDENTIALS.unpack(credentials)[0]
+    return pid
 
 
 def _connected(path: str, timeout_s: float) -> socket.socket:

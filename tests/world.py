@@ -36,7 +36,7 @@ class FixedFacts:
     """Facts that need no daemon."""
 
     def hello(self) -> dict[str, object]:
-        return {"daemon": "litegripd"}
+        return {"daemon": "litegripd", "stop_socket": None}
 
     def health(self, now_s: float) -> dict[str, object]:
         return {"verdict": "ok", "at_s": now_s}

@@ -83,7 +83,7 @@ class Connection(Exchange):
 
     async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
         """Await something to its end, even when the awaiting task is cancelled again."""
-        task = self._loop.create_task(coroutine)
+        task = asyncio.get_running_loop().create_task(coroutine)
         cancelled: asyncio.CancelledError | None = None
         while not task.done():
             try:
@@ -122,6 +122,11 @@ class Connection(Exchange):
     def closed(self) -> bool:
         """Whether no further call can succeed."""
         return self._router.ending is not None or self._loop.is_closed() or not self.is_own
+
+    @property
+    def daemon_pid(self) -> int:
+        """The process at the other end, 0 where that cannot be known."""
+        return self._stream.peer_pid
 
     @property
     def is_own(self) -> bool:

@@ -12,9 +12,10 @@ from litegrip_client.aio.subscription import EventSubscription, Subscription
 from litegrip_client.core import link as core
 from litegrip_client.core.gripper import Gripper, GripperActions
 from litegrip_client.discovery import reach
-from litegrip_client.feeds import EventFeed, StateFeed, some_fields, whole_state
+from litegrip_client.feeds import EventFeed
 from litegrip_client.motion_config import MotionConfig
 from litegrip_client.results import GripperState
+from litegrip_client.samples import StateFeed, some_fields, whole_state
 
 _Result = TypeVar("_Result")
 
@@ -27,6 +28,10 @@ class Link(core.Link):
 
     async def _connect(self) -> Connection:
         return await reach(self.channel, self.socket_path, Connection.open)
+
+    async def reach(self, path: str, timeout_s: float) -> Connection:
+        """Connect to another socket of the same daemon; raises `OSError`."""
+        return await Connection.open(path, timeout_s)
 
     async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Return what `function` does, in a thread of its own."""
@@ -75,21 +80,26 @@ class LiteGrip(Gripper):
         return self
 
     @overload
-    def states(self, hz: float = 20.0, fields: None = None) -> Subscription[GripperState]: ...
+    def states(
+        self, hz: float = 20.0, fields: None = None, batch: int = 1
+    ) -> Subscription[GripperState]: ...
 
     @overload
-    def states(self, hz: float, fields: Sequence[str]) -> Subscription[dict[str, Any]]: ...
+    def states(
+        self, hz: float, fields: Sequence[str], batch: int = 1
+    ) -> Subscription[dict[str, Any]]: ...
 
-    def states(self, hz: float = 20.0, fields: Sequence[str] | None = None) -> Any:
+    def states(self, hz: float = 20.0, fields: Sequence[str] | None = None, batch: int = 1) -> Any:
         """Iterate over states, `hz` times a second (0.1 to 200).
 
         With `fields`, each is a dictionary of these only. A slow task misses states, but what it
-        gets is new.
+        gets is new. A `batch` of up to 50 spares both sides the work of single messages: the
+        states come one by one all the same, but as late as the last of a batch.
         """
         connection = self._link.connection
         if fields is None:
-            return Subscription(connection, StateFeed(hz, None, whole_state, _KEPT_S))
-        return Subscription(connection, StateFeed(hz, fields, some_fields, _KEPT_S))
+            return Subscription(connection, StateFeed(hz, None, whole_state, _KEPT_S, batch))
+        return Subscription(connection, StateFeed(hz, fields, some_fields, _KEPT_S, batch))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over what happens from the begin of the iteration on, or only some `kinds`."""

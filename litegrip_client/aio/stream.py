@@ -9,6 +9,8 @@ import os
 import socket
 from collections.abc import Callable
 
+from litegrip_client.stream import peer_pid
+
 _RETRY_S = 0.01
 _READ_BYTES = 65_536
 
@@ -17,6 +19,7 @@ class LineStream(asyncio.Protocol):
     """A connected socket. `on_lines` is called with the complete lines that came together.
 
     `on_change` is called when `ended` or `is_full` (of what the daemon does not read) changes.
+    `peer_pid` is the process at the other end, once connected.
     """
 
     def __init__(
@@ -25,6 +28,7 @@ class LineStream(asyncio.Protocol):
         """Nothing is connected yet."""
         self.ended = False
         self.is_full = False
+        self.peer_pid = 0
         self._on_lines = on_lines
         self._on_change = on_change
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
@@ -44,6 +48,7 @@ class LineStream(asyncio.Protocol):
                 await asyncio.sleep(_RETRY_S)
             if number != 0:
                 raise OSError(number, os.strerror(number))
+            self.peer_pid = peer_pid(self._socket)
             await loop.create_unix_connection(lambda: self, sock=self._socket)
         except BaseException:
             self._socket.close()

@@ -13,6 +13,7 @@ from litegrip_client.core.link import ACTION_TIMEOUT_S, Link
 from litegrip_client.core.motion_actions import MotionActions
 from litegrip_client.core.motor_actions import MotorActions
 from litegrip_client.core.setpoints import SetpointActions
+from litegrip_client.core.stopping import stop
 from litegrip_client.results import GripperState
 from litegrip_client.warn import leave
 
@@ -111,7 +112,8 @@ class Gripper(GripperActions):
 
     async def stop(self, level: str = "hold", why: str | None = None) -> GripperState:
         """Stop the gripper, whoever moves it, until `clear_stop`: "hold", "relax" or "disable"."""
-        return state_of(await self._link.wire.call("stop", stop_params(level, why)))
+        params = {"level": level} if why is None else {"level": level, "why": why}
+        return state_of(await stop(self._link, params))
 
     async def clear_stop(self) -> GripperState:
         """Clear a stop, so that the motor may be enabled and moved again. Moves nothing."""
@@ -139,8 +141,3 @@ class Gripper(GripperActions):
     async def mount(self) -> str | None:
         """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated."""
         return (await self.get_state()).mount
-
-
-def stop_params(level: str, why: str | None) -> dict[str, str]:
-    """Give the parameters of a stop."""
-    return {"level": level} if why is None else {"level": level, "why": why}

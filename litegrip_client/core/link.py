@@ -61,6 +61,14 @@ class Link:
         """Connect to the daemon; raises `ConnectError`."""
         raise NotImplementedError
 
+    async def reach(self, path: str, timeout_s: float) -> Wire:
+        """Connect to another socket of the same daemon; raises `OSError`."""
+        raise NotImplementedError
+
+    async def ask(self, method: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Make a call, even from a signal handler whose thread waits for an answer."""
+        return await self.wire.call(method, params)
+
     async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Return what `function` does, which works with files and so may take its time."""
         raise NotImplementedError

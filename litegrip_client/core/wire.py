@@ -22,6 +22,14 @@ class Wire(Protocol):
         """The daemon's number for the connection."""
 
     @property
+    def stop_socket(self) -> str | None:
+        """Where the daemon takes stops before everything else, as far as it has told."""
+
+    @property
+    def daemon_pid(self) -> int:
+        """The process at the other end, 0 where that cannot be known."""
+
+    @property
     def closed(self) -> bool:
         """Whether no further call can succeed."""
 
@@ -39,6 +47,9 @@ class Wire(Protocol):
 
     def accept(self, hello: Mapping[str, Any]) -> None:
         """Take note of what the daemon says of itself."""
+
+    def note_stops(self, result: Mapping[str, Any]) -> None:
+        """Take note of the stops that a result tells of, wherever it came from."""
 
     def forget(self, call: Call) -> None:
         """Drop what still comes for a call."""

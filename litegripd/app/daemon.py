@@ -84,7 +84,7 @@ class Daemon:
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
-        self._facts = DaemonFacts(config, self._machine)
+        self._facts = DaemonFacts(config, self._machine, self._stop_path)
         self._service = RpcService(
             self._machine.engine,
             self._facts,

@@ -46,8 +46,9 @@ def page_bytes(field: int) -> int:
 class DaemonFacts:
     """Implements `Facts` from the daemon's parts."""
 
-    def __init__(self, config: Config, machine: Machine) -> None:
+    def __init__(self, config: Config, machine: Machine, stop_socket: Path | None = None) -> None:
         self._config = config
+        self._stop_socket = None if stop_socket is None else str(stop_socket.absolute())
         self._machine = machine
         self._epoch = secrets.token_hex(8)
         self._version = daemon_version()
@@ -74,6 +75,7 @@ class DaemonFacts:
             "pid": os.getpid(),
             "epoch": self._epoch,
             "simulated": self.simulated,
+            "stop_socket": self._stop_socket,
             "motor": self._motor(),
             "gripper": self._gripper(),
             "limits": {

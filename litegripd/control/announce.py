@@ -79,9 +79,12 @@ def _finite(torque_nm: float) -> float | None:
     return torque_nm if math.isfinite(torque_nm) else None
 
 
-def stop_cleared(by: Owner) -> Event:
-    """Tell who allowed motions again."""
-    return Event("stop_cleared", f"stop cleared by {by.program} (pid {by.pid})")
+def stop_cleared(by: Owner, repeats: int) -> Event:
+    """Tell who allowed motions again, and how many stops came that were told nowhere else."""
+    text = f"stop cleared by {by.program} (pid {by.pid})"
+    if repeats:
+        text += f"; stops that raised nothing meanwhile: {repeats}"
+    return Event("stop_cleared", text, {"repeats": repeats})
 
 
 def stopped(level: StopLevel, refusal: Refusal) -> Event:

@@ -155,7 +155,12 @@ class Arbiter:
     # Stop
 
     def stop(self, level: StopLevel, by: Owner | None, why: str | None, now_s: float) -> None:
-        """Stop, in force with the next command that is sent, and latched."""
+        """Stop, in force with the next command that is sent, and latched.
+
+        One that raises nothing takes effect all the same, but is only counted: a flood of stops
+        is no flood of events.
+        """
+        before = self.stop_latch.latched
         stop = self.stop_latch.raise_to(level, by, why, now_s)
         refusal = self.stop_latch.refusal()
         if refusal is not None:
@@ -163,7 +168,8 @@ class Arbiter:
             if running is not None and running.kind != "disable":
                 self.end(refusal)
             self._drop_queued(refusal, lambda _job: True)
-            self.events.append(announce.stopped(stop.level, refusal))
+            if stop is not before:
+                self.events.append(announce.stopped(stop.level, refusal))
         self._settle_into(stop.level)
         if isinstance(self.rest, Grip):
             self.rest.freeze()  # no more torque than there is now, but not a dropped object either
@@ -171,8 +177,7 @@ class Arbiter:
     def clear_stop(self, by: Owner) -> None:
         """Allow motions again; the jaws stay as they are."""
         if self.stop_latch.latched is not None:
-            self.stop_latch.clear()
-            self.events.append(announce.stop_cleared(by))
+            self.events.append(announce.stop_cleared(by, self.stop_latch.clear()))
 
     def shut_down(self) -> None:
         """Begin the daemon's end: what runs is cancelled, the motor disabled, all else refused."""

@@ -109,4 +109,4 @@ def _stop(engine: Engine) -> StopSummary | None:
     if stop is None:
         return None
     by = None if stop.by is None else stop.by.program
-    return StopSummary(stop.level, by, stop.since_s, stop.why)
+    return StopSummary(stop.level, by, stop.since_s, stop.why, engine.stop_latch.repeats)

@@ -8,27 +8,33 @@ class StopLatch:
     """Keeps the latched stop and counts the stops in `generation`.
 
     A request tells the generation that its sender knew; one from before the latest stop never
-    runs, though it lay unread in the kernel when the stop came.
+    runs, though it lay unread in the kernel when the stop came. `repeats` counts the stops that
+    raised nothing since the first one that is latched.
     """
 
     def __init__(self) -> None:
         self.latched: Stop | None = None
         self.generation = 0
+        self.repeats = 0
         self._latest_s = float("-inf")
 
     def raise_to(self, level: StopLevel, by: Owner | None, why: str | None, now_s: float) -> Stop:
-        """Latch a stop; a milder one than is latched already changes nothing but the count."""
+        """Latch a stop; one no stronger than is latched already changes nothing but the counts."""
         self.generation += 1
         self._latest_s = now_s
         latched = self.latched
         if latched is None or STOP_LEVELS.index(level) > STOP_LEVELS.index(latched.level):
             latched = Stop(level, by, now_s, why)
             self.latched = latched
+        else:
+            self.repeats += 1
         return latched
 
-    def clear(self) -> None:
-        """Let motions be asked for again."""
+    def clear(self) -> int:
+        """Let motions be asked for again; return the repeats that there were."""
+        repeats, self.repeats = self.repeats, 0
         self.latched = None
+        return repeats
 
     def refusal(self) -> Refusal | None:
         """Say why nothing may move, if so."""

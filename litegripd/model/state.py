@@ -24,12 +24,16 @@ class JobSummary:
 
 @dataclass(frozen=True, slots=True)
 class StopSummary:
-    """The latched stop, in brief; `by` names the program, None for the daemon itself."""
+    """The latched stop, in brief; `by` names the program, None for the daemon itself.
+
+    `repeats` counts the stops since it was latched that raised nothing: they make no events.
+    """
 
     level: str
     by: str | None
     since_s: float
     why: str | None
+    repeats: int
 
 
 @dataclass(frozen=True, slots=True)

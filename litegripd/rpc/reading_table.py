@@ -17,7 +17,8 @@ READING: tuple[Method, ...] = (
     Method(
         "hello",
         "Tell who is there: versions, channel, motor, limits, stop generation.",
-        "The daemon's description, and the number of this connection (client).",
+        "The daemon's description, the number of this connection (client), and where stops are"
+        " taken before everything else (stop_socket; null where there is no such socket).",
         (Param("client", "string", "The program's name, for the log and for other clients."),),
     ),
     Method("rpc.discover", "Describe the methods.", "An OpenRPC document."),

@@ -116,6 +116,17 @@ def test_a_daemon_without_that_socket_is_stopped_all_the_same(daemon: FakeDaemon
     assert daemon.methods() == ["hello", "stop"]
 
 
+def test_a_reason_that_would_be_cut_with_its_level_goes_the_other_way(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    answer = {"level": "disable", "generation": 4, "state": STATE}
+    daemon.handlers["stop"] = lambda request: answer
+    with FakeDaemon(Path(stop_path(daemon.path))) as stops:
+        assert ctl("stop", "--level", "disable", "--why", "x" * 2000)[0] == 0
+        assert stops.methods() == []
+    assert daemon.requests[-1].params == {"level": "disable", "why": "x" * 2000}
+
+
 @pytest.mark.parametrize(
     ("answer", "error"),
     [(b"", ProtocolError), (b"[]\n", ProtocolError), (b"{}\n", ProtocolError)],

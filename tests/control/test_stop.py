@@ -2,6 +2,9 @@
 
 import pytest
 
+from litegripd.control.grip import Grip
+from litegripd.control.rest import Hold
+from litegripd.model.events import Event
 from litegripd.model.motor import Status
 from tests.control.states import (
     LEVELS,
@@ -114,3 +117,75 @@ def test_requests_that_were_sent_before_a_stop_never_run() -> None:
     assert client.refusal("motion.open", sent_s=world.now_s - 0.1) == "sent_before_stop"
     assert client.refusal("motor.enable", sent_s=world.now_s - 0.1) == "sent_before_stop"
     assert client.result("motion.open", stop_generation=generation + 1, sent_s=world.now_s)["ok"]
+
+
+def stop_events(world: World) -> list[Event]:
+    """Return what there is to be told about stops since the last call."""
+    found: list[Event] = []
+    while events := world.service.take_events():
+        found += events
+    return [one for one in found if one.kind in ("stop", "stop_cleared")]
+
+
+def test_a_flood_of_stops_is_one_event_until_the_stop_is_raised_and_is_told_when_cleared() -> None:
+    world = World()
+    client = world.enabled()
+    stop_events(world)
+    for level in ("relax",) * 50 + ("hold",) * 50:
+        client.result("stop", level=level)
+    (event,) = stop_events(world)
+    assert event.data == {"level": "relax"}
+    assert (client.result("state.get")["stop"] or {})["repeats"] == 99
+    client.result("stop", level="disable")
+    (event,) = stop_events(world)
+    assert event.data == {"level": "disable"}
+    client.result("stop", level="disable")
+    assert client.result("stop.clear")["generation"] == 102
+    (event,) = stop_events(world)
+    assert event.kind == "stop_cleared"
+    assert event.data == {"repeats": 100}
+    assert event.message.endswith("stops that raised nothing meanwhile: 100")
+    client.result("stop")
+    assert client.result("stop.clear")["generation"] == 103
+    first, second = stop_events(world)
+    assert (first.kind, second.data) == ("stop", {"repeats": 0})
+    assert "meanwhile" not in second.message
+
+
+def test_a_repeated_stop_freezes_what_holds_by_force_again() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("motion.close")
+    client.result("motion.set_force", force_n=5)
+    client.result("stop")
+    rest = world.engine.rest
+    assert isinstance(rest, Grip)
+    rest.force_n = 50.0  # as if something had raised it behind the latch
+    client.result("stop")
+    assert rest.force_n == rest.applied_n < 50.0
+
+
+@pytest.mark.parametrize("again", LEVELS)
+def test_a_repeated_stop_goes_by_the_level_that_is_latched(again: str) -> None:
+    world = World()
+    client = world.enabled()
+    client.result("stop", level="relax")
+    world.tick()
+    world.engine.rest = Hold(world.gripper.position_rad, world.engine.gains)
+    world.tick()
+    assert not is_slack(world)
+    client.result("stop", level=again)
+    world.tick()
+    assert sends_disable(world) if again == "disable" else is_slack(world)
+
+
+def test_a_stop_makes_void_what_was_sent_before_it_however_often_it_is_repeated() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("stop")
+    between_s, known = world.now_s, client.result("state.get")["stop_generation"]
+    world.tick()
+    client.result("stop")
+    client.result("stop.clear")
+    assert client.refusal("motion.open", stop_generation=known) == "sent_before_stop"
+    assert client.refusal("motion.open", sent_s=between_s) == "sent_before_stop"

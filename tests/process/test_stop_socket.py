@@ -158,6 +158,12 @@ def test_who_stopped_and_why_is_told_to_everybody_whom_the_stop_refuses(
         assert f"(pid {os.getpid()}) is latched: a finger" in error["message"]
 
 
+def test_hello_names_the_socket(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
+        for method in ("hello", "info.get"):
+            assert client.result(method)["stop_socket"] == str(stop_path(simulated).absolute())
+
+
 def test_sigusr1_holds(simulated: DaemonProcess) -> None:
     with simulated.connect() as mover, simulated.connect() as second:
         motion = moving(mover)
@@ -261,3 +267,10 @@ def test_a_flood_of_stops_delays_no_tick_and_no_stronger_stop(simulated: DaemonP
         client.until(lambda state: bool(state["motor"] == "disabled"))
         health = client.result("health")
         assert health["control"]["tick_errors"] == 0
+        client.result("stop.clear")
+        told = client.result("events.subscribe", kinds=["stop", "stop_cleared"])["events"]
+        levels = [event["data"]["level"] for event in told if event["kind"] == "stop"]
+        assert levels[:2] == ["hold", "disable"]
+        cleared = next(event for event in told if event["kind"] == "stop_cleared")
+        assert cleared["data"]["repeats"] > 1000
+    assert simulated.log.count("is latched") < 10  # the flood goes on after the clearing

@@ -8,7 +8,7 @@ from contextlib import suppress
 from litegrip_client.ctl import render
 from litegrip_client.ctl.run import OK, Command, Run
 from litegrip_client.discovery import socket_paths
-from litegrip_client.stopping import stop_at
+from litegrip_client.stopping import is_taken_as_meant, stop_at
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -48,8 +48,10 @@ def _take(run: Run) -> int:
 def stop_first(options: Namespace, output: Output) -> bool:
     """Stop by the socket that is served first; tell whether there was one.
 
-    A daemon that serves none is stopped as by any other request.
+    A daemon that serves none is stopped as by any other request, and so for too long a reason.
     """
+    if not is_taken_as_meant(_params(options)):
+        return False
     for path in socket_paths(options.channel, options.socket):
         with suppress(FileNotFoundError, ConnectionRefusedError):
             data = stop_at(path, options.level, options.why, _STOP_WITHIN_S)
@@ -60,12 +62,13 @@ def stop_first(options: Namespace, output: Output) -> bool:
 
 def stop(run: Run) -> int:
     """Latch a stop by the socket of all requests."""
-    params = {"level": run.options.level}
-    if run.options.why is not None:
-        params["why"] = run.options.why
-    data = run.connection.call("stop", params)
+    data = run.connection.call("stop", _params(run.options))
     run.output.result(data, stopped(data))
     return OK
+
+
+def _params(options: Namespace) -> dict[str, str]:
+    return {"level": options.level} | ({} if options.why is None else {"why": options.why})
 
 
 def stopped(data: Mapping[str, Any]) -> str:
