@@ -185,7 +185,9 @@ def _integer(text: str) -> int:
 
 _ENTRIES = (
     Entry(
-        "drop P [to|from]", "lose frames with this probability", _with_direction(FrameFaults.drop)
+        "drop P [to|from]",
+        "lose frames with this probability, 0 to 1",
+        _with_direction(FrameFaults.drop),
     ),
     Entry(
         "delay S [to|from]", "let frames arrive S seconds late", _with_direction(FrameFaults.delay)

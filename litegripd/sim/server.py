@@ -108,12 +108,12 @@ class PtyServer:
         """Close the terminal, where there is one."""
         if self._fd is None:
             return
-        os.close(self._fd)
-        self._fd = None
-        self._forget_client()
         link = self._link
         if link is not None and link.is_symlink() and str(link.readlink()) == self._path:
             link.unlink()
+        os.close(self._fd)
+        self._fd = None
+        self._forget_client()
 
     def run(self, stop: StopSignal, console: Console) -> None:
         """Serve until `stop` is set."""

@@ -18,6 +18,7 @@ class SimulatorProcess:
     def __init__(self, *arguments: str) -> None:
         self._process = subprocess.Popen(
             [sys.executable, "-m", "litegripd.app.sim_main", *arguments],
+            bufsize=0,  # so that a line that waits to be read can be seen by select
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -27,12 +28,12 @@ class SimulatorProcess:
         """Give it commands."""
         assert self._process.stdin is not None
         self._process.stdin.write("".join(f"{line}\n" for line in lines).encode())
-        self._process.stdin.flush()
 
     def end_input(self) -> None:
         """Let its standard input end."""
         assert self._process.stdin is not None
         self._process.stdin.close()
+        self._process.stdin = None
 
     def read_line(self) -> str:
         """Wait for a line of output; an empty one means that the process has ended."""
