@@ -32,6 +32,18 @@ STOP = {"level": "relax", "generation": 4, "state": STATE}
 SHOWN: list[tuple[list[str], str, Any, str]] = [
     (["enable"], "motor.enable", {"ok": True, "tries": 1, "state": STATE}, "enabled\n"),
     (["disable"], "motor.disable", {"ok": True, "state": STATE}, "disabled\n"),
+    (
+        ["clear-fault"],
+        "motor.clear_fault",
+        {"ok": True, "cleared": "over_voltage", "state": STATE},
+        "cleared: over_voltage; it is disabled\n",
+    ),
+    (
+        ["clear-fault"],
+        "motor.clear_fault",
+        {"ok": True, "cleared": None, "state": STATE},
+        "the motor had no fault; it is disabled\n",
+    ),
     (["open"], "motion.open", MOVE, "open: pressed, at 35.25 mm\n"),
     (["close"], "motion.close", MOVE, "close: pressed, at 35.25 mm\n"),
     (["open", "--no-wait"], "motion.open", {"job": 6}, "open: job 6 started\n"),

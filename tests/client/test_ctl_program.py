@@ -190,7 +190,8 @@ def test_every_command_is_there_and_helps(
         return text
 
     names = listed(help_of())
-    assert len(names) == len(set(names)) == 25
+    assert len(names) == len(set(names))
+    assert len(names) >= 25  # a help text that lists nothing would pass all the rest
     for name in names:
         assert callable(find(name))
         text = help_of(name)

@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
+from litegripd.control.second_master import QUIET_AFTER_S
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MotorPhase
 from litegripd.motor import codec
@@ -149,7 +150,7 @@ def test_the_state_says_that_the_link_is_down_and_that_it_is_up_again() -> None:
     with BusWorld() as world:
         client = world.enabled()
         world.faults.link_down()
-        world.run_until(lambda: world.state.bus == "down", 0.01)
+        world.run_until(lambda: world.state.bus == "link_down", 0.01)
         world.run(1.0)
         assert client.refusal("motor.enable") == "bus_down"
         world.faults.link_up()
@@ -162,7 +163,7 @@ def test_an_adapter_that_comes_back_is_opened_again() -> None:
         client = world.enabled()
         world.faults.unplug()
         world.run(20.0)
-        assert world.bus.error == "cannot be opened: [Errno 19] No such device"
+        assert world.bus.condition.error == "cannot be opened: [Errno 19] No such device"
         assert client.refusal("motor.enable") == "bus_down"
         world.faults.replug()
         check_recovered(world, client)
@@ -173,8 +174,8 @@ def test_where_nobody_acknowledges_the_bus_says_so_within_two_seconds() -> None:
     with BusWorld() as world:
         client = world.enabled()
         world.faults.stall()
-        world.run_until(lambda: world.state.bus == "down", 2.5)
-        assert "acknowledges" in str(world.bus.error)
+        world.run_until(lambda: world.state.bus == "bus_stalled", 2.5)
+        assert "acknowledges" in str(world.bus.condition.error)
         world.faults.unstall()
         check_recovered(world, client)
 
@@ -190,7 +191,7 @@ def test_error_frames_with_the_id_of_the_feedback_are_no_feedback() -> None:
             world.tick()
         counters = world.machine.motor.counters
         assert (counters.ignored_frames, counters.missed_replies) == (ignored, missed)
-        assert world.bus.counters.ignored == 50
+        assert world.bus.counters.error_frames == 50
         assert world.in_phase(MotorPhase.ENABLED)
         assert client.result("motion.open")["outcome"] == "pressed_home"
 
@@ -202,6 +203,9 @@ def test_a_second_master_is_counted_and_cannot_keep_the_motor_enabled() -> None:
         world.inject(ENABLE)
         world.run(0.5)
         assert world.machine.motor.counters.foreign_commands == 2
+        assert world.machine.is_disabled
+        assert client.refusal("motor.enable") == "second_master"
+        world.run(QUIET_AFTER_S)
         check_recovered(world, client)
 
 
