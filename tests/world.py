@@ -5,13 +5,18 @@ result every time.
 """
 
 import json
+import shutil
+import tempfile
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from litegripd.app.machine import Machine
 from litegripd.io.calibration_files import load_operation, templates_operation
+from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
@@ -117,6 +122,15 @@ class Disk:
         self.saved: dict[str, Any] = {}
         self.error: str | None = None
         self.found: dict[str, Any] | None = None
+        self._folder: Path | None = None
+        self._store = TrajectoryStore(self.trajectories, clock=lambda: 1e9)
+
+    def trajectories(self) -> Path:
+        """Return where trajectories are kept: they alone are real files, gone with this world."""
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp())
+            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        return self._folder / "trajectories"
 
     def do(self, errand: Errand) -> ErrandResult:
         """Carry out one errand."""
@@ -127,7 +141,10 @@ class Disk:
             return ErrandResult(load_operation(parameters) if self.found is None else self.found)
         if operation == "calibration.templates":
             return ErrandResult(templates_operation(parameters))
-        json.dumps(parameters)  # as it goes to the helper
+        packed = json.dumps(parameters)  # as it goes to the helper
+        if operation.startswith("trajectory."):
+            answer = self._store.operations()[operation](json.loads(packed))
+            return ErrandResult(json.loads(json.dumps(answer)))
         self.saved[operation] = parameters
         return ErrandResult({"path": f"/state/{operation}", "previous": None})
 

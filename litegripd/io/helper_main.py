@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
+from litegripd.io.trajectory_store import TrajectoryStore
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]
@@ -37,6 +38,7 @@ OPERATIONS: dict[str, Operation] = {
     "calibration.save": save_calibration,
     "motion.load": load_motion,
     "motion.save": save_motion,
+    **TrajectoryStore().operations(),
 }
 
 
