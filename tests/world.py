@@ -144,7 +144,8 @@ class Disk:
         packed = json.dumps(parameters)  # as it goes to the helper
         if operation.startswith("trajectory."):
             answer = self._store.operations()[operation](json.loads(packed))
-            return ErrandResult(json.loads(json.dumps(answer)))
+            shown = json.dumps(answer).replace(str(self.trajectories().parent), "/state")
+            return ErrandResult(json.loads(shown))
         self.saved[operation] = parameters
         return ErrandResult({"path": f"/state/{operation}", "previous": None})
 
