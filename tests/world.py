@@ -121,6 +121,7 @@ class Disk:
     def __init__(self) -> None:
         self.saved: dict[str, Any] = {}
         self.error: str | None = None
+        self.silent = False
         self.found: dict[str, Any] | None = None
         self._folder: Path | None = None
         self._store = TrajectoryStore(self.trajectories, clock=lambda: 1e9)
@@ -216,7 +217,8 @@ class World:
         finished, self._finished = self._finished, []
         for errand, result in finished:
             errand.on_result(result)
-        self._finished = [(errand, self.disk.do(errand)) for errand in errands]
+        if not self.disk.silent:
+            self._finished = [(errand, self.disk.do(errand)) for errand in errands]
 
     def inject(self, frame: CanFrame) -> None:
         """Let a frame arrive that the motor did not send."""

@@ -44,12 +44,13 @@ class Capture:
     is_over: bool = False
     pieces: list[bytearray] = field(default_factory=list)
     _first_s: float | None = None
-    _last_s: float = -math.inf
+    _sampled_s: float = 0.0
+    _measured_s: float = -math.inf
 
     @property
     def duration_s(self) -> float:
         """The time between the first and the last sample."""
-        return 0.0 if self._first_s is None else self._last_s - self._first_s
+        return 0.0 if self._first_s is None else self._sampled_s - self._first_s
 
     @property
     def loop_hz(self) -> float | None:
@@ -80,9 +81,9 @@ class Capture:
             self._watch(now_s, motor.feedback)
 
     def _watch(self, now_s: float, feedback: Feedback | None) -> None:
-        if feedback is not None and feedback.at_s > max(self._last_s, self.began_s):
+        if feedback is not None and feedback.at_s > max(self._measured_s, self.began_s):
             self._take(feedback)
-        if now_s - max(self._last_s, self.began_s) > LONGEST_GAP_S + self.period_s:
+        if now_s - max(self._measured_s, self.began_s) > LONGEST_GAP_S + self.period_s:
             self.fail(f"nothing was measured for more than {LONGEST_GAP_S:g} s")
 
     def _take(self, feedback: Feedback) -> None:
@@ -99,7 +100,7 @@ class Capture:
             self._append(t_s, feedback)
             if slot + 1 == self.max_samples:
                 self.finish()
-        self._last_s = feedback.at_s
+        self._measured_s = feedback.at_s
 
     def _append(self, t_s: float, feedback: Feedback) -> None:
         offset = self.samples * SAMPLE.size % PIECE_BYTES
@@ -116,6 +117,7 @@ class Capture:
             feedback.torque_nm,
         )
         self.samples += 1
+        self._sampled_s = feedback.at_s
 
     @property
     def size(self) -> int:
