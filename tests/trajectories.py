@@ -5,13 +5,19 @@ import hashlib
 import math
 import struct
 from collections.abc import Callable, Iterable
-from typing import Any
-
-from tests.world import Client
+from typing import Any, Protocol
 
 HEADER_BYTES = 66
 SAMPLE_BYTES = 40
 PIECE_BYTES = 8192
+
+
+class Caller(Protocol):
+    """A client of a daemon, whatever is between them."""
+
+    def result(self, method: str, **params: Any) -> dict[str, Any]:
+        """Call a method that is expected to succeed."""
+
 
 Point = tuple[float, float]
 """Seconds, and the openness then."""
@@ -76,7 +82,7 @@ def pieces(content: bytes, **more: Any) -> list[dict[str, Any]]:
     ]
 
 
-def send(client: Client, content: bytes, **more: Any) -> dict[str, Any]:
+def send(client: Caller, content: bytes, **more: Any) -> dict[str, Any]:
     """Send a whole file; return the last answer."""
     answer: dict[str, Any] = {}
     for piece in pieces(content, **more):
@@ -84,13 +90,13 @@ def send(client: Client, content: bytes, **more: Any) -> dict[str, Any]:
     return answer
 
 
-def uploaded(client: Client, points: Iterable[Point], **more: Any) -> int:
+def uploaded(client: Caller, points: Iterable[Point], **more: Any) -> int:
     """Send a trajectory for this connection; return its number."""
     number: int = send(client, lgt(points, **more))["upload"]
     return number
 
 
-def fetched(client: Client, **source: Any) -> bytes:
+def fetched(client: Caller, **source: Any) -> bytes:
     """Fetch a whole file, and check it by what is told of it."""
     whole, total, sha256 = b"", 1, ""
     while len(whole) < total:

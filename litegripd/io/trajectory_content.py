@@ -70,14 +70,13 @@ def open_file(path: Path) -> BinaryIO:
     Raises `OSError`, or `StoreError` for a file that cannot be one.
     """
     # No link, which could lead anywhere; and no waiting for a pipe's other end.
-    flags = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
-    file = os.fdopen(os.open(path, flags), "rb")
+    descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
-        _check_file(path, os.fstat(file.fileno()))
-    except StoreError:
-        file.close()
+        _check_file(path, os.fstat(descriptor))
+        return os.fdopen(descriptor, "rb")
+    except BaseException:
+        os.close(descriptor)
         raise
-    return file
 
 
 def content_of(path: Path, whole: bytes) -> Content:
