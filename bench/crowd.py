@@ -1,0 +1,151 @@
+"""A crowd at one daemon: 50 processes that move, wait, hang, die and come back at random.
+
+python -m bench.crowd [SECONDS, default 300] [SEED, default 1]
+
+Each client is a process (`bench.crowd_client`). They are stopped (SIGSTOP) and go on, are killed
+and come back as new ones; mostly whoever has the lease or moves is killed. All that the daemon
+tells is audited (`bench.crowd_audit`). For each loss two times count from just before `kill`: to
+the daemon's own stamp of its event, and to the begin of the tick whose frame does what `on_lost`
+says; the second has the resolution of a tick, 5 ms. The dying process must be given a processor
+before the kernel can close its socket: that time is in both, and `process over` tells when the
+kernel was done with it. `machine` is a bare loop.
+"""
+
+import contextlib
+import signal
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+from bench.__main__ import output_of, run_module, wait_for
+from bench.crowd_audit import Loss, Tenure
+from bench.crowd_driver import Outcome, survive
+
+CLIENTS = 50
+LIMIT_S = 0.010
+WARM_UP_S = 20.0
+CONFIG = '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n'
+
+
+def measure(seconds: float, seed: int) -> tuple[Outcome, dict[str, float], str]:
+    """Run a daemon and its crowd; return the outcome, the machine's noise and the daemon's log."""
+    with tempfile.TemporaryDirectory() as name, contextlib.ExitStack() as stack:
+        folder = Path(name)
+        path, config, log = folder / "crowd.sock", folder / "config.toml", folder / "log.txt"
+        config.write_text(CONFIG, encoding="utf-8")
+        command = [sys.executable, "-m", "litegripd.app.main", "crowd"]
+        command += ["--config", str(config), "--socket", str(path)]
+        with log.open("wb") as file:
+            daemon = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=file, stderr=file)
+        stack.callback(daemon.kill)
+        wait_for(path)
+        machine = run_module("bench.reference", seconds)
+        stack.callback(machine.kill)
+        outcome = survive(path, daemon.pid, CLIENTS, seconds, seed)
+        noise = output_of(machine)
+        daemon.send_signal(signal.SIGTERM)
+        if daemon.wait(10.0):
+            outcome.complaints.append(f"the daemon ended with {daemon.returncode}")
+        text = log.read_text(encoding="utf-8")
+    if "Traceback" in text:
+        outcome.complaints.append("the daemon's log has a traceback")
+    return outcome, noise, text
+
+
+def spread_ms(seconds: list[float]) -> str:
+    """Return p50, p99 and the worst."""
+    ordered = sorted(seconds)
+    if not ordered:
+        return f"{'-':>8}{'-':>8}{'-':>8}"
+    return "".join(f"{ordered[int(q * (len(ordered) - 1))] * 1e3:>8.2f}" for q in (0.5, 0.99, 1.0))
+
+
+def loss_rows(losses: list[Loss]) -> list[str]:
+    """Return the table of the losses, by what was wished; milliseconds from the kill."""
+    over = f"> {LIMIT_S * 1e3:g} ms"
+    times = ("event", "in force", "process over")
+    rows = [f"{'on_lost':<8}{'losses':>7}" + "".join(f"{name:>24}" for name in times)]
+    rows[0] += f"{over:>9}{'deferred':>10}   (p50, p99, worst)"
+    for name in ("hold", "relax", "disable", "all"):
+        some = [loss for loss in losses if name in ("all", loss.on_lost)]
+        in_force = [loss.in_force_s for loss in some if loss.in_force_s is not None]
+        spreads = [spread_ms([loss.told_s for loss in some]), spread_ms(in_force)]
+        spreads.append(spread_ms([loss.over_s for loss in some]))
+        late = sum(one > LIMIT_S for one in in_force)
+        counts = f"{late:>9}{len(some) - len(in_force):>10}"
+        rows.append(f"{name:<8}{len(some):>7}{''.join(spreads)}{counts}")
+    return rows + [_late_row(loss) for loss in losses if (loss.in_force_s or 0.0) > LIMIT_S]
+
+
+def _late_row(loss: Loss) -> str:
+    in_force_s = loss.in_force_s or 0.0
+    return (
+        f"  late: {loss.on_lost} in force after {in_force_s * 1e3:.2f} ms, event after"
+        f" {loss.told_s * 1e3:.2f} ms, process over after {loss.over_s * 1e3:.2f} ms"
+    )
+
+
+def slope_mb_min(points: list[tuple[float, float]]) -> float:
+    """Return by how much memory grows, by least squares."""
+    mean_s = sum(at_s for at_s, _ in points) / len(points)
+    mean_mb = sum(mb for _, mb in points) / len(points)
+    spread = sum((at_s - mean_s) ** 2 for at_s, _ in points)
+    return 60.0 * sum((at_s - mean_s) * (mb - mean_mb) for at_s, mb in points) / spread
+
+
+def report(outcome: Outcome, noise: dict[str, float]) -> list[str]:
+    """Return the figures, a line each."""
+    motions, health, memory = outcome.audit.motions, outcome.health, outcome.memory
+    control, lateness = health["control"], health["control"]["lateness"]
+    ends = Counter(motion.reason or str(motion.state) for motion in motions.values())
+    warm = [point for point in memory[:-1] if point[0] >= min(WARM_UP_S, outcome.seconds / 3)]
+    noisy = f"machine: lost {noise['lost']:.0f}, p99 {noise['p99_us']:.0f} µs"
+    ticks = f"ticks: {control['ticks']}, lost {control['lost_ticks']}"
+    ticks += f", late p99 {lateness['p99_us']:.0f} µs, worst {lateness['worst_us']:.0f} µs"
+    requests = f"requests: {health['rpc']['requests']}"
+    requests += f", refused connections: {health['rpc']['refused_connections']}"
+    requests += f", log lines dropped: {health['log']['dropped']}"
+    requests += f", samples not sent to the watcher: {outcome.dropped_samples}"
+    resident = f"resident MB: {memory[0][1]:.1f} at the begin, {warm[0][1]:.1f} warmed up"
+    resident += f" at {warm[0][0]:.0f} s, {memory[-2][1]:.1f} at the end, {memory[-1][1]:.1f}"
+    resident += f" when all have left; slope {slope_mb_min(warm):+.2f} MB a minute"
+    tenures = outcome.audit.tenures
+    return [
+        f"{len(motions)} motions, {len(tenures)} leases; they ended: {_counts(_causes(tenures))}",
+        f"{outcome.deaths} processes killed, {outcome.stops} stopped for a while",
+        f"motions ended: {_counts(ends)}",
+        f"refused: {_counts(Counter(outcome.audit.refused))}",
+        *loss_rows(outcome.losses),
+        f"{ticks}; {noisy}, worst {noise['worst_us']:.0f} µs",
+        requests,
+        f"descriptors: {outcome.descriptors[0]} before, {outcome.descriptors[1]} after",
+        resident,
+        f"health: {health['verdict']} {health['reasons']}",
+    ]
+
+
+def _causes(tenures: list[Tenure]) -> Counter[str]:
+    return Counter(str(tenure.cause) for tenure in tenures)
+
+
+def _counts(counter: Counter[str]) -> str:
+    return ", ".join(f"{name} {count}" for name, count in counter.most_common())
+
+
+def main() -> int:
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 300.0
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    print(f"{CLIENTS} clients for {seconds:g} s, seed {seed}", flush=True)
+    outcome, noise, log = measure(seconds, seed)
+    print("\n".join(report(outcome, noise)))
+    for complaint in outcome.complaints[:20]:
+        print(f"COMPLAINT: {complaint}")
+    if outcome.complaints:
+        print(f"{len(outcome.complaints)} complaints; the end of the daemon's log:\n{log[-3000:]}")
+    return 1 if outcome.complaints else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
