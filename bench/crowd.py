@@ -4,11 +4,12 @@ python -m bench.crowd [SECONDS, default 300] [SEED, default 1]
 
 Each client is a process (`bench.crowd_client`). They are stopped (SIGSTOP) and go on, are killed
 and come back as new ones; mostly whoever has the lease or moves is killed. All that the daemon
-tells is audited (`bench.crowd_audit`). For each loss two times count from just before `kill`: to
-the daemon's own stamp of its event, and to the begin of the tick whose frame does what `on_lost`
-says; the second has the resolution of a tick, 5 ms. The dying process must be given a processor
-before the kernel can close its socket: that time is in both, and `process over` tells when the
-kernel was done with it. `machine` is a bare loop.
+tells is audited (`bench.crowd_audit`). For each loss three times count from just before `kill`: to
+the daemon's own stamp of its event (`event`); to the begin of the tick whose frame does what
+`on_lost` says (`in force`), which has the resolution of a tick, 5 ms; and to the process's end in
+the kernel (`over`): its socket is closed shortly before, and the daemon cannot know earlier.
+`untimed` are those where a motion had to end first, or the tick was not seen. `machine` is a bare
+loop.
 """
 
 import contextlib
@@ -21,7 +22,9 @@ from pathlib import Path
 
 from bench.__main__ import output_of, run_module, wait_for
 from bench.crowd_audit import Loss, Tenure
-from bench.crowd_driver import Outcome, survive
+from bench.crowd_driver import PRIORITY
+from bench.crowd_run import Outcome, survive
+from litegripd.io.realtime import acquire
 
 CLIENTS = 50
 LIMIT_S = 0.010
@@ -63,28 +66,30 @@ def spread_ms(seconds: list[float]) -> str:
 
 
 def loss_rows(losses: list[Loss]) -> list[str]:
-    """Return the table of the losses, by what was wished; milliseconds from the kill."""
+    """Return the table of the losses, by what was wished, and those that came late."""
     over = f"> {LIMIT_S * 1e3:g} ms"
-    times = ("event", "in force", "process over")
-    rows = [f"{'on_lost':<8}{'losses':>7}" + "".join(f"{name:>24}" for name in times)]
-    rows[0] += f"{over:>9}{'deferred':>10}   (p50, p99, worst)"
+    rows = [f"{'ms from kill (p50, p99, worst)':<39}{'event':>17}{'in force':>24}{'over':>24}"]
+    rows[0] += f"{over:>9}{'untimed':>9}"
     for name in ("hold", "relax", "disable", "all"):
         some = [loss for loss in losses if name in ("all", loss.on_lost)]
-        in_force = [loss.in_force_s for loss in some if loss.in_force_s is not None]
-        spreads = [spread_ms([loss.told_s for loss in some]), spread_ms(in_force)]
-        spreads.append(spread_ms([loss.over_s for loss in some]))
+        ends = [(loss.in_force_s, loss.death.at_s) for loss in some]
+        in_force = [ends_s - at_s for ends_s, at_s in ends if ends_s is not None]
+        spreads = spread_ms([loss.told_s - loss.death.at_s for loss in some])
+        spreads += spread_ms(in_force)
+        spreads += spread_ms([loss.death.over_s - loss.death.at_s for loss in some])
         late = sum(one > LIMIT_S for one in in_force)
-        counts = f"{late:>9}{len(some) - len(in_force):>10}"
-        rows.append(f"{name:<8}{len(some):>7}{''.join(spreads)}{counts}")
-    return rows + [_late_row(loss) for loss in losses if (loss.in_force_s or 0.0) > LIMIT_S]
+        label = f"on_lost {name}, {len(some)} losses"
+        rows.append(f"{label:<32}{spreads}{late:>9}{len(some) - len(in_force):>9}")
+    return rows + [row for loss in losses for row in _late_row(loss)]
 
 
-def _late_row(loss: Loss) -> str:
-    in_force_s = loss.in_force_s or 0.0
-    return (
-        f"  late: {loss.on_lost} in force after {in_force_s * 1e3:.2f} ms, event after"
-        f" {loss.told_s * 1e3:.2f} ms, process over after {loss.over_s * 1e3:.2f} ms"
-    )
+def _late_row(loss: Loss) -> list[str]:
+    at_s, in_force_s = loss.death.at_s, loss.in_force_s
+    if in_force_s is None or in_force_s - at_s <= LIMIT_S:
+        return []
+    times = (loss.told_s, in_force_s, loss.death.over_s)
+    told, in_force, over = (f"{(time_s - at_s) * 1e3:.2f} ms" for time_s in times)
+    return [f"  late: told after {told}, {loss.on_lost} after {in_force}, over after {over}"]
 
 
 def slope_mb_min(points: list[tuple[float, float]]) -> float:
@@ -108,6 +113,7 @@ def report(outcome: Outcome, noise: dict[str, float]) -> list[str]:
     requests += f", refused connections: {health['rpc']['refused_connections']}"
     requests += f", log lines dropped: {health['log']['dropped']}"
     requests += f", samples not sent to the watcher: {outcome.dropped_samples}"
+    requests += f" (losses not seen by that: {outcome.audit.unseen})"
     resident = f"resident MB: {memory[0][1]:.1f} at the begin, {warm[0][1]:.1f} warmed up"
     resident += f" at {warm[0][0]:.0f} s, {memory[-2][1]:.1f} at the end, {memory[-1][1]:.1f}"
     resident += f" when all have left; slope {slope_mb_min(warm):+.2f} MB a minute"
@@ -137,13 +143,15 @@ def _counts(counter: Counter[str]) -> str:
 def main() -> int:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 300.0
     seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    refused = acquire(PRIORITY, ()).refused
+    print("".join(f"the driver was not granted {right}\n" for right in refused), end="")
     print(f"{CLIENTS} clients for {seconds:g} s, seed {seed}", flush=True)
     outcome, noise, log = measure(seconds, seed)
     print("\n".join(report(outcome, noise)))
     for complaint in outcome.complaints[:20]:
         print(f"COMPLAINT: {complaint}")
     if outcome.complaints:
-        print(f"{len(outcome.complaints)} complaints; the end of the daemon's log:\n{log[-3000:]}")
+        print(f"{len(outcome.complaints)} complaints; the end of the daemon's log:\n{log[-8000:]}")
     return 1 if outcome.complaints else 0
 
 

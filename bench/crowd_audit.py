@@ -7,6 +7,7 @@ dies has, the lease or a motion, is lost with it, and the jaws do what was wishe
 from bisect import bisect_left
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from operator import attrgetter
 from typing import Any, TypeAlias
 
@@ -22,8 +23,9 @@ TICKS_TO_SHOW = 2
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """The state in one tick; `commanded`: the motor was told a position or torque."""
+    """The state in tick `seq`; `commanded`: the motor was told a position or torque."""
 
+    seq: int
     at_s: float
     mode: str
     job: int | None
@@ -74,16 +76,14 @@ class Tenure:
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """What a death did: seconds from it to the daemon's event and to the first tick in force.
-
-    `in_force_s` is None where somebody else's motion, or a detached one, had to end first.
-    `over_s` is how long the kernel took to end the process.
+    """What a death did, by CLOCK_MONOTONIC: when the daemon told of it, and the first tick in
+    force, None where a motion that goes on had to end first, or where that tick was not seen.
     """
 
+    death: Death
     on_lost: str
     told_s: float
     in_force_s: float | None
-    over_s: float
 
 
 @dataclass(slots=True)
@@ -94,10 +94,12 @@ class Audit:
     tenures: list[Tenure] = field(default_factory=list)
     refused: dict[str, int] = field(default_factory=dict)
     complaints: list[str] = field(default_factory=list)
+    unseen: int = 0
     running: Motion | None = None
     holder: Tenure | None = None
     _seq: int | None = None
     _lost: Tenure | None = None
+    _settled_s: list[float] = field(default_factory=list)
 
     def take(self, event: Event) -> None:
         """Take the next event."""
@@ -131,8 +133,10 @@ class Audit:
         number, reason = data["job"], data["reason"]
         self._judge_reason(reason, f"job {number}")
         motion = self.motions.get(number)
-        if motion is None:
-            return  # it waited in the queue in vain, or was done at once, as motion.hold is
+        if motion is None:  # it waited in the queue in vain, or was done at once
+            if data["state"] == "done":
+                self._settled_s.append(at_s)  # as by motion.hold: the jaws do something else now
+            return
         if motion is not self.running:
             self.complaints.append(f"{motion} ended while {self.running} ran")
         motion.ended_s, motion.state, motion.reason = at_s, data["state"], reason
@@ -212,24 +216,26 @@ class Audit:
             return None  # the motion did not end: there is a complaint about it already
         first = bisect_left(samples, begins_s, key=attrgetter("at_s"))
         shown = samples[first : first + TICKS_TO_SHOW]
-        found = [s for s in shown if _shows(s, on_lost, self._owner_of(s), death.pid)]
+        seen = [sample.seq for sample in samples[max(first - 1, 0) : first + TICKS_TO_SHOW]]
+        if any(one + 1 != following for one, following in pairwise(seen)):
+            self.unseen += 1
+            return Loss(death, on_lost, told_s, None)
+        found = [s for s in shown if self._shows(s, on_lost, death.pid, begins_s)]
         if not found:
             self.complaints.append(f"{on_lost} did not come into force after {death}: {shown}")
             return None
-        in_force_s = None if after is not None else found[0].at_s - death.at_s
-        return Loss(on_lost, told_s - death.at_s, in_force_s, death.over_s - death.at_s)
+        return Loss(death, on_lost, told_s, None if after is not None else found[0].at_s)
 
-    def _owner_of(self, sample: Sample) -> Motion | None:
-        return None if sample.job is None else self.motions.get(sample.job)
-
-
-def _shows(sample: Sample, on_lost: str, motion: Motion | None, dead_pid: int) -> bool:
-    """Whether a sample shows that the jaws do what was wished, or what somebody asked for since."""
-    if motion is not None:
-        return motion.pid != dead_pid or not motion.is_lost_with_its_client
-    if on_lost == "disable":
-        return sample.mode in UNPOWERED or not sample.commanded
-    return on_lost == "hold" or sample.mode == "relaxed" or sample.mode in UNPOWERED
+    def _shows(self, sample: Sample, on_lost: str, dead_pid: int, since_s: float) -> bool:
+        """Whether the jaws do what was wished, or what somebody has asked for since."""
+        motion = None if sample.job is None else self.motions.get(sample.job)
+        if motion is not None:
+            return motion.pid != dead_pid or not motion.is_lost_with_its_client
+        if any(since_s <= settled_s <= sample.at_s for settled_s in self._settled_s):
+            return True
+        if on_lost == "hold" or not sample.commanded or sample.mode in UNPOWERED:
+            return True
+        return on_lost == "relax" and sample.mode == "relaxed"
 
 
 def _was(span: Tenure | Motion, at_s: float) -> bool:

@@ -13,7 +13,7 @@ from typing import Any
 from bench.crowd_audit import Audit, Sample
 from litegripd.rpc.event_stream import EVENT_KINDS
 
-FIELDS = ("monotonic_s", "mode", "job", "command_rad", "command_torque_nm")
+FIELDS = ("seq", "monotonic_s", "mode", "job", "command_rad", "command_torque_nm")
 SAMPLES_IN_A_BATCH = 20
 ANSWER_WITHIN_S = 10.0
 _REQUESTS = (
@@ -85,6 +85,6 @@ class Watcher(threading.Thread):
 
 
 def _sample(row: list[Any]) -> Sample:
-    at_s, mode, job, command_rad, command_torque_nm = row
+    seq, at_s, mode, job, command_rad, command_torque_nm = row
     commanded = command_rad is not None or command_torque_nm is not None
-    return Sample(at_s, mode, None if job is None else job["job"], commanded)
+    return Sample(seq, at_s, mode, None if job is None else job["job"], commanded)

@@ -5,11 +5,11 @@ from typing import Any
 import pytest
 
 from bench.crowd_audit import Audit, Death, Sample
-from bench.crowd_driver import survive
+from bench.crowd_run import survive
 from tests.process.daemon_process import DaemonProcess
 
 CLIENTS = 12
-SECONDS = 5.0
+SECONDS = 4.0
 OWNER = {"client": 3, "pid": 33}
 OTHER = {"client": 4, "pid": 44}
 
@@ -112,6 +112,7 @@ def test_who_had_nothing_loses_nothing() -> None:
         ("hold", "holding", True, True),
         ("relax", "relaxed", True, True),
         ("relax", "disabled", False, True),
+        ("relax", "enabling", False, True),
         ("relax", "holding", True, False),
         ("disable", "disabling", False, True),
         ("disable", "holding", False, True),
@@ -123,13 +124,13 @@ def test_what_a_lost_lease_leaves_must_be_what_was_wished(
     on_lost: str, mode: str, commanded: bool, is_in_force: bool
 ) -> None:
     told = Told().grant(OWNER).begin(1, OWNER).end(1, "client_lost").lose(OWNER, on_lost)
-    samples = [Sample(at_s, mode, None, commanded) for at_s in (3.9, 4.1, 4.2, 4.3)]
+    samples = [Sample(tick, 3.9 + tick / 10, mode, None, commanded) for tick in range(5)]
     losses = told.audit.judge(samples, [Death(OWNER["pid"], 2.5, 2.6)])
     if is_in_force:
         (loss,) = losses
         assert told.audit.complaints == []
         assert loss.on_lost == on_lost
-        assert (loss.told_s, loss.in_force_s) == pytest.approx((1.5, 1.6))
+        assert (loss.told_s, loss.in_force_s) == (4.0, 4.0)
     else:
         assert losses == []
         assert "did not come into force" in told.audit.complaints[0]
@@ -137,7 +138,7 @@ def test_what_a_lost_lease_leaves_must_be_what_was_wished(
 
 def test_a_motion_that_goes_on_after_its_owner_is_found() -> None:
     told = Told().begin(1, OWNER).end(1, "client_lost").begin(2, OWNER).end(2)
-    samples = [Sample(at_s, "moving", 2, True) for at_s in (2.1, 2.2)]
+    samples = [Sample(tick, 2.0 + tick / 10, "moving", 2, True) for tick in range(3)]
     assert told.audit.judge(samples, [Death(OWNER["pid"], 1.5, 1.6)]) == []
     assert "did not come into force" in told.audit.complaints[0]
 
@@ -145,7 +146,26 @@ def test_a_motion_that_goes_on_after_its_owner_is_found() -> None:
 def test_what_a_lost_lease_leaves_waits_for_a_motion_of_another() -> None:
     told = Told().begin(1, OTHER).grant(OWNER).lose(OWNER, "relax").end(1)
     told.audit.complaints.clear()
-    samples = [Sample(3.5, "moving", 1, True), Sample(5.1, "relaxed", None, True)]
+    samples = [Sample(1, 3.5, "moving", 1, True), Sample(2, 5.1, "relaxed", None, True)]
     (loss,) = told.audit.judge(samples, [Death(OWNER["pid"], 2.5, 2.6)])
     assert loss.in_force_s is None
+    assert told.audit.complaints == []
+
+
+def test_what_somebody_asks_for_after_the_loss_may_show_in_its_place() -> None:
+    told = Told().grant(OWNER).lose(OWNER, "relax").end(1)
+    samples = [
+        Sample(tick, at_s, "holding", None, True) for tick, at_s in enumerate((1.9, 4.1, 4.2))
+    ]
+    (loss,) = told.audit.judge(samples, [Death(OWNER["pid"], 1.5, 1.6)])
+    assert loss.in_force_s is not None
+    assert told.audit.complaints == []
+
+
+def test_a_tick_that_was_not_seen_is_not_judged() -> None:
+    told = Told().grant(OWNER).lose(OWNER, "relax")
+    samples = [Sample(1, 1.9, "holding", None, True), Sample(3, 2.1, "holding", None, True)]
+    (loss,) = told.audit.judge(samples, [Death(OWNER["pid"], 1.5, 1.6)])
+    assert loss.in_force_s is None
+    assert told.audit.unseen == 1
     assert told.audit.complaints == []
