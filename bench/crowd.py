@@ -80,7 +80,9 @@ def loss_rows(losses: list[Loss]) -> list[str]:
         late = sum(one > LIMIT_S for one in in_force)
         label = f"on_lost {name}, {len(some)} losses"
         rows.append(f"{label:<32}{spreads}{late:>9}{len(some) - len(in_force):>9}")
-    return rows + [row for loss in losses for row in _late_row(loss)]
+    after = max((loss.told_s - loss.death.over_s for loss in losses), default=0.0)
+    rows += [row for loss in losses for row in _late_row(loss)]
+    return [*rows, f"the latest event came {after * 1e3:.2f} ms after the end of its process"]
 
 
 def _late_row(loss: Loss) -> list[str]:
@@ -89,7 +91,8 @@ def _late_row(loss: Loss) -> list[str]:
         return []
     times = (loss.told_s, in_force_s, loss.death.over_s)
     told, in_force, over = (f"{(time_s - at_s) * 1e3:.2f} ms" for time_s in times)
-    return [f"  late: told after {told}, {loss.on_lost} after {in_force}, over after {over}"]
+    row = f"  late: over after {over}, told after {told}, {loss.on_lost} after {in_force}"
+    return [f"{row}; longest time between two ticks meanwhile {loss.gap_s * 1e3:.1f} ms"]
 
 
 def slope_mb_min(points: list[tuple[float, float]]) -> float:
@@ -110,6 +113,8 @@ def report(outcome: Outcome, noise: dict[str, float]) -> list[str]:
     ticks = f"ticks: {control['ticks']}, lost {control['lost_ticks']}"
     ticks += f", late p99 {lateness['p99_us']:.0f} µs, worst {lateness['worst_us']:.0f} µs"
     requests = f"requests: {health['rpc']['requests']}"
+    requests += f", periods without time left for more: {health['rpc']['budget_exhausted']}"
+    requests += f", late shares: {health['rpc']['late_shares']}"
     requests += f", refused connections: {health['rpc']['refused_connections']}"
     requests += f", log lines dropped: {health['log']['dropped']}"
     requests += f", samples not sent to the watcher: {outcome.dropped_samples}"

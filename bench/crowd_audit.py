@@ -78,12 +78,14 @@ class Tenure:
 class Loss:
     """What a death did, by CLOCK_MONOTONIC: when the daemon told of it, and the first tick in
     force, None where a motion that goes on had to end first, or where that tick was not seen.
+    `gap_s` is the longest time between two ticks on the way.
     """
 
     death: Death
     on_lost: str
     told_s: float
     in_force_s: float | None
+    gap_s: float
 
 
 @dataclass(slots=True)
@@ -219,12 +221,21 @@ class Audit:
         seen = [sample.seq for sample in samples[max(first - 1, 0) : first + TICKS_TO_SHOW]]
         if any(one + 1 != following for one, following in pairwise(seen)):
             self.unseen += 1
-            return Loss(death, on_lost, told_s, None)
+            return Loss(death, on_lost, told_s, None, 0.0)
         found = [s for s in shown if self._shows(s, on_lost, death.pid, begins_s)]
         if not found:
             self.complaints.append(f"{on_lost} did not come into force after {death}: {shown}")
             return None
-        return Loss(death, on_lost, told_s, None if after is not None else found[0].at_s)
+        if after is not None:
+            return Loss(death, on_lost, told_s, None, 0.0)
+        died = bisect_left(samples, death.at_s, key=attrgetter("at_s"))
+        ticks = [
+            one.at_s
+            for one in samples[max(died - 1, 0) : first + TICKS_TO_SHOW]
+            if one.at_s <= found[0].at_s
+        ]
+        gap_s = max((later - sooner for sooner, later in pairwise(ticks)), default=0.0)
+        return Loss(death, on_lost, told_s, found[0].at_s, gap_s)
 
     def _shows(self, sample: Sample, on_lost: str, dead_pid: int, since_s: float) -> bool:
         """Whether the jaws do what was wished, or what somebody has asked for since."""
