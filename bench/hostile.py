@@ -3,11 +3,11 @@
 python -m bench.hostile [SECONDS in all, default 60]
 
 One daemon holds the simulated gripper at 200 Hz, as a process of its own, and notes how late each
-tick is; a polite client reads the state again and again, after pauses of 0 to 4 ms, and makes small motions. `quiet` is that alone,
-at the beginning and at the end; `x` is a figure's ratio to that of both. The polite client
-runs at real-time priority below the daemon's, so that what is measured is the daemon rather than
-the scheduler's choice between clients. `machine` is `bench.reference`, a bare loop, in the same
-phase. Answers that are wrong and broken promises end the benchmark with an error.
+tick is; a polite client reads the state again and again, after pauses of 0 to 4 ms, and makes small
+motions. `quiet` is that alone, at the beginning and at the end; `x` is a figure's ratio to that of
+both. The polite client runs at real-time priority below the daemon's, so that what is measured is
+the daemon rather than the scheduler's choice between clients. `machine` is `bench.reference`, a
+bare loop, in the same phase. Wrong answers and broken promises end the benchmark with an error.
 """
 
 import array
@@ -68,7 +68,7 @@ class Phase:
 
 def daemon(notes: str, *arguments: str) -> int:
     """Be the daemon, with a loop that notes its lateness."""
-    reactor.RecentLateness = NotedLateness  # type: ignore[attr-defined, misc]
+    reactor.RecentLateness = NotedLateness  # type: ignore[attr-defined]
     code = run_daemon(arguments)
     Path(notes).write_bytes(NotedLateness.notes.tobytes())
     return code

@@ -137,7 +137,7 @@ def lost_samples(told: dict[str, Any]) -> int:
 def test_connections_without_end_are_refused_and_the_first_ones_stay(
     running: DaemonProcess,
 ) -> None:
-    crowds = [("crowd", uid) for uid in UIDS] or [("crowd",)]
+    crowds: list[tuple[str, ...]] = [("crowd", uid) for uid in UIDS] or [("crowd",)]
     limit = MAX_CONNECTIONS if UIDS else MAX_PER_UID
     with beside(running, *crowds) as (polite, hostile):
         polite.until("health", lambda health: bool(health["rpc"]["clients"] == limit))
