@@ -15,7 +15,7 @@ import pytest
 from bench.polite import Polite
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon, line_of
 
-READS, MOTIONS = 200, 2
+READS, MOTIONS = 200, 1
 TURNED_AWAY = 1000
 UIDS = ("30001", "30002", "30003", "30004") if os.getuid() == 0 else ()
 MAX_CONNECTIONS, MAX_PER_UID = 256, 64
