@@ -43,7 +43,7 @@ class Backlog(Protocol):
         """Whether anything is left."""
 
     def serve(self, until_s: float) -> None:
-        """Answer what can be answered by `until_s`."""
+        """Answer some of it by `until_s`; it is called again while there is time."""
 
 
 class Reactor:
