@@ -34,6 +34,12 @@ class CalibrationInUse:
         self.problem = problem or NOT_CALIBRATED
         self.gains = DEFAULT_GAINS if calibration is None else gains_of(calibration, self.gains)
 
+    def note_saved(self, calibration: Calibration, file: str, saved_s: float) -> None:
+        """Note that `calibration` is in a file now, if it is still the one in use."""
+        if self.calibration is calibration:
+            self.calibration = replace(calibration, saved_s=saved_s)
+            self.file = file
+
     def note_zero(self, zero: ZeroView) -> Calibration | None:
         """Give a calibration up as soon as positions may count from another zero.
 
