@@ -114,7 +114,9 @@ class Calibrating:
         def saved(result: ErrandResult) -> None:
             if result.error is None and isinstance(result.value, dict):
                 stored = result.value
-                engine.calibrated.note_saved(calibration, stored["path"], stored["saved_s"])
+                engine.calibrated.note_saved(
+                    calibration, engine.unit.channel, stored["path"], stored["saved_s"]
+                )
             on_saved(result)
 
         engine.errands.append(save_errand(engine.unit, content, saved))

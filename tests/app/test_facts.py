@@ -34,7 +34,7 @@ def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
     client.result("calibration.save")
     told = info(world)["calibration"]
     file = "/state/calibration.save"
-    assert told == {"file": file, "nominal": False, "channel": "can7", "saved_s": 1.6e9}
+    assert told == {"file": file, "nominal": False, "channel": "can0", "saved_s": 1.6e9}
     assert client.result("calibration.get")["file"] == file
 
 
