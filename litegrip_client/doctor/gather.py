@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -28,6 +29,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     bus = configuration.get("bus", {})
     interface = str(bus.get("interface", "socketcan"))
     bus_channel = str(bus.get("channel", channel))
+    where = f"--socket {shlex.quote(socket)}" if socket else f"-c {channel}"
     return Facts(
         channel=channel,
         version=litegrip_client.__version__,
@@ -36,7 +38,9 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         sockets=gather_system.sockets(paths),
         daemon=daemon,
         failure=failure,
-        ctl=f"litegripctl --socket {socket}" if socket else f"litegripctl -c {channel}",
+        ctl=f"litegripctl --socket {shlex.quote(socket)}"
+        if socket
+        else f"litegripctl -c {channel}",
         asked_channel=asked,
         interface=interface,
         bus_channel=bus_channel,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from argparse import Namespace
 
 from litegrip_client.ctl.output import Output
+from litegrip_client.ctl.render_doctor import findings_text
 from litegrip_client.ctl.run import NOT_OK, OK
-from litegrip_client.doctor import report
 from litegrip_client.doctor.findings import as_data, examine
 from litegrip_client.doctor.gather import gather
 from litegrip_client.doctor.table import CHECKS
@@ -17,5 +17,5 @@ def doctor(options: Namespace, output: Output) -> int:
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
     findings = examine(facts, CHECKS)
     data = as_data(facts.channel, findings)
-    output.result(data, report.text(findings))
+    output.result(data, findings_text(findings))
     return OK if data["ok"] else NOT_OK

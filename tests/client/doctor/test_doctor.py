@@ -8,7 +8,8 @@ import pytest
 
 import litegrip_client
 from litegrip_client.ctl.main import main
-from litegrip_client.doctor import gather_system, report
+from litegrip_client.ctl.render_doctor import findings_text
+from litegrip_client.doctor import gather_system
 from litegrip_client.doctor.facts import System, User
 from litegrip_client.doctor.findings import error, ok, warning
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
@@ -149,7 +150,7 @@ def test_an_older_daemon_that_tells_less(well: FakeDaemon, ctl: Ctl) -> None:
 
 def test_texts_from_elsewhere_do_not_steer_the_terminal() -> None:
     findings = [("a", error("x\x1b[2J\ny", "c\td", "e\r")), ("b", warning("w")), ("c", ok("o"))]
-    assert report.text(findings) == (
+    assert findings_text(findings) == (
         "ERROR    a             x?[2J?y\n         c?d\n         (e?)\n"
         "WARNING  b             w\nOK       c             o\n\n1 error, 1 warning"
     )

@@ -1,4 +1,7 @@
-"""How findings are shown to a person: a line for each, and below it what to do."""
+"""How `litegripctl` shows findings: a line for each, and below it what to do.
+
+Findings in, text out; prints nothing itself.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ _LEVEL_WIDTH = 9
 _NAME_WIDTH = 14
 
 
-def text(findings: Sequence[tuple[str, Finding]]) -> str:
+def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
     """Show all findings, and how many are not all right."""
     lines = [line for name, finding in findings for line in _lines(name, finding)]
     counts = [
