@@ -38,9 +38,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         sockets=gather_system.sockets(paths),
         daemon=daemon,
         failure=failure,
-        ctl=f"litegripctl --socket {shlex.quote(socket)}"
-        if socket
-        else f"litegripctl -c {channel}",
+        ctl=f"litegripctl {where}",
         asked_channel=asked,
         interface=interface,
         bus_channel=bus_channel,
