@@ -93,7 +93,7 @@ def restart(facts: Facts) -> Finding | None:
         return ok(f"by itself, {found.restart_ms} ms after bus-off")
     return warning(
         "restart-ms is not set: after bus-off the bus stays off",
-        _anew(facts, "type can restart-ms 100"),
+        _anew(facts, "type can restart-ms 100" if found.bitrate else _SETTINGS),
     )
 
 

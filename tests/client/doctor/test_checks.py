@@ -196,6 +196,7 @@ CASES = [
         "restart-ms is not set: after bus-off the bus stays off",
         "sudo ip link set can0 down && sudo ip link set can0 up type can restart-ms 100",
     ),
+    Case("restart", facts("unset"), "warning", "restart-ms is not set", UP),
     Case("restart", facts("vcan"), None),
     Case("queue", facts(), "ok", "10 frames, 50 ms of commands at 200 Hz"),
     Case("queue", motor(hello_limits__rate_hz=100), "ok", "10 frames, 100 ms of commands"),
