@@ -59,30 +59,24 @@ def sockets(facts: Facts) -> Finding | None:
     closed = _closed(facts)
     if not closed:
         return ok(f"{facts.user.name} may open {' and '.join(s.path for s in facts.sockets)}")
-    return error(f"{facts.user.name} may not open {' and '.join(closed)}", _join(facts))
+    text = f"{facts.user.name} may not open {' and '.join(closed)}"
+    return error(text, _admit(facts), "groups count from the next login on")
 
 
 def group(facts: Facts) -> Finding | None:
     """Check whether this user is in the group that may connect."""
     user = facts.user
-    if not user.group_exists:
-        join = [_join(facts)] if user.uid else []
-        return warning(
-            f"there is no group {user.group}: only root and the daemon's user may connect",
-            " && ".join([f"sudo groupadd --system {user.group}", *join]),
-            "then restart the daemon and log in anew",
-        )
     if user.has_group:
         return ok(f"{user.name} is in group {user.group}")
-    if user.uid == 0 or any(s.owner_uid == user.uid for s in facts.sockets):
+    if user.group_exists and (user.uid == 0 or any(s.owner_uid == user.uid for s in facts.sockets)):
         return ok(f"{user.name} needs no group {user.group}")
-    if user.is_member:
-        return warning(
-            f"{user.name} is in group {user.group}, but not yet in this session",
-            f"newgrp {user.group}",
-            "or log in anew",
-        )
-    return warning(f"{user.name} is not in group {user.group}", _join(facts), "then log in anew")
+    if not user.group_exists:
+        text = f"there is no group {user.group}: only root and the daemon's user may connect"
+    elif user.is_member:
+        text = f"{user.name} is in group {user.group}, but not yet in this session"
+    else:
+        text = f"{user.name} is not in group {user.group}"
+    return warning(text, _admit(facts), "groups count from the next login on")
 
 
 def real_time(facts: Facts) -> Finding | None:
@@ -124,5 +118,15 @@ def _closed(facts: Facts) -> list[str]:
     return [socket.path for socket in facts.sockets if not socket.is_accessible]
 
 
-def _join(facts: Facts) -> str:
-    return f"sudo usermod --append --groups {facts.user.group} {facts.user.name}"
+def _admit(facts: Facts) -> str:
+    """Give the command that lets this user connect; a daemon looks for its group when it starts."""
+    user, restart = facts.user, f"sudo systemctl restart litegripd@{facts.channel}"
+    if user.has_group:
+        return restart
+    if user.group_exists and user.is_member:
+        return f"newgrp {user.group}"
+    join = f"sudo usermod --append --groups {user.group} {user.name}"
+    if user.group_exists:
+        return join
+    make = f"sudo groupadd --system {user.group}"
+    return " && ".join([make, *([join] if user.uid else []), restart])

@@ -24,6 +24,9 @@ from tests.client.doctor.known import SOCKETS, daemon, facts, link, system
 UP = "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100"
 ANEW = f"sudo ip link set can0 down && {UP}"
 JOIN = "sudo usermod --append --groups litegrip alice"
+MAKE = "sudo groupadd --system litegrip"
+RESTART = "sudo systemctl restart litegripd@can0"
+LOGIN = "groups count from the next login on"
 ZERO = "litegripctl -c can0 enable && litegripctl -c can0 zero"
 CLOSED = (replace(SOCKETS[0], is_accessible=False), SOCKETS[1])
 ALICE = User("alice", 1000, "litegrip")
@@ -289,8 +292,17 @@ CASES = [
         "ok",
         "alice may open /run/litegripd/can0.sock and /run/litegripd/can0.stop.sock",
     ),
+    Case("sockets", facts(sockets=CLOSED), "error", "alice may not open /run", RESTART, LOGIN),
     Case(
-        "sockets", facts(sockets=CLOSED), "error", "alice may not open /run/litegripd/can0.s", JOIN
+        "sockets", facts(sockets=CLOSED, user=OUTSIDE), "error", "alice may not open", JOIN, LOGIN
+    ),
+    Case(
+        "sockets",
+        facts(sockets=CLOSED, user=NO_GROUP),
+        "error",
+        "alice may not open",
+        f"{MAKE} && {JOIN} && {RESTART}",
+        LOGIN,
     ),
     Case("group", facts(), "ok", "alice is in group litegrip"),
     Case("group", facts(user=ROOT), "ok", "root needs no group litegrip"),
@@ -300,30 +312,30 @@ CASES = [
         "ok",
         "alice needs no group",
     ),
-    Case("group", facts(user=OUTSIDE), "warning", "alice is not in group", JOIN, "log in anew"),
+    Case("group", facts(user=OUTSIDE), "warning", "alice is not in group", JOIN, LOGIN),
     Case(
         "group",
         facts(user=replace(ALICE, has_group=False)),
         "warning",
         "alice is in group litegrip, but not yet in this session",
         "newgrp litegrip",
-        "log in anew",
+        LOGIN,
     ),
     Case(
         "group",
         facts(user=NO_GROUP),
         "warning",
         "there is no group litegrip",
-        f"sudo groupadd --system litegrip && {JOIN}",
-        "restart the daemon",
+        f"{MAKE} && {JOIN} && {RESTART}",
+        LOGIN,
     ),
     Case(
         "group",
         facts(user=replace(ROOT, group_exists=False)),
         "warning",
         "there is no group litegrip",
-        "sudo groupadd --system litegrip",
-        "restart the daemon",
+        f"{MAKE} && {RESTART}",
+        LOGIN,
     ),
     Case("real-time", facts(), "ok", "SCHED_FIFO 50, memory locked"),
     Case("real-time", facts(daemon=None), None),
