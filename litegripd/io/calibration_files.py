@@ -67,6 +67,11 @@ def own_file(channel: str, kind: str) -> Path:
     return state_directory() / f"{channel}_{kind}.json"
 
 
+def is_nominal(path: str) -> bool:
+    """Whether a file is one that comes with the daemon: measured on no gripper of its own."""
+    return Path(path).parent == DATA
+
+
 def find_configured(channel: str, mount: str | None) -> Found:
     """Return the calibration that a daemon starts with.
 
@@ -154,7 +159,7 @@ def _read(path: Path) -> Calibration:
         raise CalibrationError(f"{path}: {error}") from error
     if len(json.dumps(calibration.content)) > MAX_FILE_BYTES:
         raise CalibrationError(f"{path}: larger than {MAX_FILE_BYTES} bytes as ASCII JSON")
-    return calibration
+    return replace(calibration, saved_s=path.stat().st_mtime)
 
 
 def load_operation(parameters: Mapping[str, object]) -> dict[str, object]:
