@@ -8,6 +8,7 @@ from pathlib import Path
 
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts, Parts
+from litegripd.app.flight import make_flight
 from litegripd.app.machine import Machine
 from litegripd.app.starting import load_at_start
 from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
@@ -31,7 +32,7 @@ from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)
 
-_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat"})
+_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "recorder"})
 
 END_WITHIN_S = 1.5
 """So long the end waits for the motor to confirm that it is disabled."""
@@ -97,7 +98,8 @@ class Daemon:
         self._server = Server(self._reactor, listener, self._service)
         self._server.let_in(False)
         self._reactor.backlog = self._server
-        self._helper = Helper(self._watch, self._unwatch)
+        self._flight, self._memory = make_flight(config, self._machine, self._service)
+        self._helper = Helper(self._watch, self._unwatch, memory_fd=self._memory.fd)
         self._bus = make_bus(config, period_s)
         self._log_handler = self._make_log_handler()
         self._signals = Signals(
@@ -155,14 +157,17 @@ class Daemon:
     def _tick(self, now_s: float) -> None:
         """Do one period's work, stops first; whatever fails in it, the end stays possible."""
         self._urgent.serve()
+        failed = True
         try:
             self._work(now_s)
+            failed = False
         except Exception:
             self._service.reporter.tick(now_s, self._bus.is_up)  # the state must not look fresh
             raise
         finally:
             if self._is_over(now_s):
                 self._reactor.stop()
+            self._record(now_s, failed)
 
     def _work(self, now_s: float) -> None:
         """Bus in, machine, bus out, and then what clients are owed."""
@@ -171,14 +176,24 @@ class Daemon:
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s, self._bus.is_up)
         self._helper.poll(now_s)
-        self._run_errands()
         if self._parts is not None:
             self._parts.tick(now_s)
-        for event in self._service.take_events():
-            _log_event(event)
         self._greet_motor()
         if self._opens_at_s is not None:
             self._open_when_ready(now_s, self._opens_at_s)
+
+    def _record(self, now_s: float, failed: bool) -> None:
+        """Record the tick; errands and events leave even where it failed."""
+        self._flight.tick(
+            now_s,
+            late_s=self._reactor.late_s,
+            lost_ticks=self._reactor.lost_ticks,
+            failed=failed,
+            bus_is_up=self._bus.is_up,
+        )
+        self._run_errands()
+        for event in self._service.take_events():
+            _log_event(event)
 
     def _open_when_ready(self, now_s: float, latest_s: float) -> None:
         """Let clients in once motor and calibration are found, or have not been for a while."""
@@ -227,6 +242,7 @@ class Daemon:
         self._claim.close()
         self._urgent.close()
         self._reactor.close()
+        self._memory.close()
 
     def _greet_motor(self) -> None:
         """Say once what the motor told about itself."""

@@ -25,6 +25,8 @@ class Machine:
         self.engine = Engine(config, period_s, unit)
         self.may_be_energised = False
         """Whether the motor was being enabled and has not confirmed since that it is off."""
+        self.sent: list[CanFrame] = []
+        """The frames that the latest tick gave to the bus."""
 
     def tick(
         self, now_s: float, received: Sequence[CanFrame], bus_error: str | None = None
@@ -34,6 +36,7 @@ class Machine:
         `bus_error` says why the bus cannot be used, where that is so: it then explains why the
         motor cannot be.
         """
+        self.sent = []
         self.motor.receive(now_s, received)
         view = self.motor.view()
         if view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
@@ -44,7 +47,8 @@ class Machine:
             text = f"the CAN bus cannot be used: {bus_error}"
             view = replace(view, problem=Refusal("bus_down", text))
         order = self.engine.step(now_s, view)
-        return self.motor.step(now_s, order)
+        self.sent = self.motor.step(now_s, order)
+        return self.sent
 
     @property
     def is_disabled(self) -> bool:

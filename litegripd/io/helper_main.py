@@ -1,7 +1,7 @@
 """The helper process: does, one after the other, what the control thread must never wait for.
 
 Run by the daemon as `python -m litegripd.io.helper_main`. It ends at end-of-file on its socket,
-that is, with the daemon.
+that is, with the daemon; where that has not said goodbye, the flight recorder is written before.
 """
 
 import json
@@ -11,12 +11,15 @@ from collections.abc import Callable, Iterator, Mapping
 
 from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.helper import GOODBYE
+from litegripd.io.recorder_files import dump, dump_operation
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]
 """Takes the parameters and returns what JSON can hold; an iterator of bytes is sent in pieces."""
 
+CRASH = "crash"
 PIECE_BYTES = 8192
 _HEADER_BYTES = 4
 _MAX_ANSWER_BYTES = MAX_PACKET_BYTES - _HEADER_BYTES - 1
@@ -37,21 +40,25 @@ OPERATIONS: dict[str, Operation] = {
     "calibration.save": save_calibration,
     "motion.load": load_motion,
     "motion.save": save_motion,
+    "recorder.dump": dump_operation,
 }
 
 
-def serve(operations: Mapping[str, Operation]) -> None:
-    """Answer requests until the daemon is gone."""
+def serve(operations: Mapping[str, Operation]) -> bool:
+    """Answer requests until the daemon is gone; tell whether it said goodbye."""
     with inherited_socket() as peer:
         while packet := peer.recv(MAX_PACKET_BYTES):
             identity, name, parameters = json.loads(packet)
+            if name == GOODBYE:
+                return True
             header = identity.to_bytes(_HEADER_BYTES, "little")
             try:
                 for answer in _answers(operations, name, parameters):
                     if identity:
                         peer.send(header + answer)
             except BrokenPipeError:
-                return
+                return False
+    return False
 
 
 def _answers(
@@ -73,7 +80,13 @@ def _answers(
 
 def main() -> None:
     """Run the helper with the daemon's operations."""
-    serve(OPERATIONS)
+    if serve(OPERATIONS):
+        return
+    try:
+        told = f"its last minute is recorded in {dump(CRASH, 'it did not say goodbye')['path']}"
+    except (OSError, ValueError) as error:
+        told = f"its last minute could not be recorded: {error}"
+    write_log({"text": f"litegripd: the control process is gone; {told}\n"})
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ EventKind: TypeAlias = Literal[
     "calibration",
     "lease",
     "lease_lost",
+    "recorder",
     "refused",
 ]
 

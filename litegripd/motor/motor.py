@@ -81,6 +81,16 @@ class Motor:
             zero=self._zeroing.view,
         )
 
+    @property
+    def phase(self) -> Phase:
+        """The phase, finer than that of the view."""
+        return self._phase
+
+    @property
+    def unanswered(self) -> int:
+        """How many requests have gone out since the last answer."""
+        return self._silence.unanswered
+
     def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         """Do what the engine wants and return the frames to send, in their order."""
         frames = self._step(now_s, order)

@@ -189,7 +189,7 @@ def test_a_log_that_nobody_reads_does_not_kill_the_helper(rig: Rig) -> None:
 def test_a_helper_that_cannot_be_started_is_tried_again(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def impossible(_module: str) -> None:
+    def impossible(_module: str, memory_fd: int | None) -> None:
         raise OSError(11, "no processes left")
 
     with monkeypatch.context() as patch:
