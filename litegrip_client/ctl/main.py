@@ -49,6 +49,8 @@ def _run(options: Namespace, output: Output) -> int:
     try:
         if options.command == "stop" and _stop_first(options, output):
             return OK
+        if options.command == "plot":
+            return _plot(options, output)
         with connect(options.channel, options.socket) as connection:
             _check(connection.greet("litegripctl"), connection, options)
             return find(options.command)(Run(connection, options, output))
@@ -68,6 +70,12 @@ def _stop_first(options: Namespace, output: Output) -> bool:
     from litegrip_client.ctl.commands.clients import stop_first  # noqa: PLC0415 - see commands
 
     return stop_first(options, output)
+
+
+def _plot(options: Namespace, output: Output) -> int:
+    from litegrip_client.ctl.commands.recorder import plot  # noqa: PLC0415 - see commands
+
+    return plot(options, output)
 
 
 def _check(hello: dict[str, object], connection: Connection, options: Namespace) -> None:

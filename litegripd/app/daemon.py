@@ -32,7 +32,7 @@ from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)
 
-_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "recorder"})
+_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat"})
 
 END_WITHIN_S = 1.5
 """So long the end waits for the motor to confirm that it is disabled."""
@@ -236,6 +236,8 @@ class Daemon:
         self._stop_listener.close()
         for path in (self._path, self._stop_path):
             path.unlink(missing_ok=True)
+        self._service.dumps.finish(time.monotonic())
+        self._run_errands()
         self._helper.close()
         self._bus.close()
         self._signals.close()
@@ -286,5 +288,6 @@ class Daemon:
 
 
 def _log_event(event: Event) -> None:
-    level = logging.WARNING if event.kind in _WARNINGS else logging.INFO
+    is_bad = event.kind in _WARNINGS or "error" in event.data
+    level = logging.WARNING if is_bad else logging.INFO
     _log.log(level, "%s", event.message)

@@ -74,6 +74,11 @@ class Dumps:
         if self._causes and now_s >= self._due_s and not self._is_busy:
             self._dump(now_s)
 
+    def finish(self, now_s: float) -> None:
+        """Ask for the dump that is still due, before the daemon ends."""
+        if self._causes and not self._is_busy:
+            self._dump(now_s)
+
     def _note_phase(self, phase: MotorPhase, now_s: float) -> None:
         """Tell a fault that begins from one that was found, or that the motor cannot get rid of."""
         if phase in _POWERED:

@@ -17,6 +17,9 @@ _log = logging.getLogger(__name__)
 
 _RESTART_AFTER_S = 0.5
 END_WITHIN_S = 0.5
+FINISH_WITHIN_S = 2.5
+"""So long the end waits for a helper that has something to finish, the dump of a fault for one."""
+
 _PACKETS_PER_EVENT = 8
 MODULE = "litegripd.io.helper_main"
 GOODBYE = "goodbye"
@@ -111,11 +114,11 @@ class Helper:
             self._start()
 
     def close(self) -> None:
-        """End the helper process once it has done what it was sent, or after `END_WITHIN_S`."""
+        """End the helper process once it has done what it was sent, or after a while."""
         if self._child is not None:
             self.post(GOODBYE, {})
             self._unwatch(self._child)
-            self._child.close(END_WITHIN_S)
+            self._child.close(FINISH_WITHIN_S if self._requests else END_WITHIN_S)
             self._child = None
 
     def _start(self) -> None:

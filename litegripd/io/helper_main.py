@@ -12,14 +12,12 @@ from collections.abc import Callable, Iterator, Mapping
 from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
 from litegripd.io.helper import GOODBYE
-from litegripd.io.recorder_files import dump, dump_operation
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]
 """Takes the parameters and returns what JSON can hold; an iterator of bytes is sent in pieces."""
 
-CRASH = "crash"
 PIECE_BYTES = 8192
 _HEADER_BYTES = 4
 _MAX_ANSWER_BYTES = MAX_PACKET_BYTES - _HEADER_BYTES - 1
@@ -33,6 +31,14 @@ def write_log(parameters: Parameters) -> None:
         left = left[os.write(sys.stderr.fileno(), left) :]
 
 
+def dump_recorder(parameters: Parameters) -> dict[str, object]:
+    """Write the flight recorder, as the operation `recorder.dump`."""
+    # What a dump needs takes longer to import than all the rest of the helper.
+    from litegripd.io.recorder_files import dump  # noqa: PLC0415
+
+    return dump(str(parameters["cause"]), str(parameters["note"]))
+
+
 OPERATIONS: dict[str, Operation] = {
     "log": write_log,
     "calibration.load": load_operation,
@@ -40,7 +46,7 @@ OPERATIONS: dict[str, Operation] = {
     "calibration.save": save_calibration,
     "motion.load": load_motion,
     "motion.save": save_motion,
-    "recorder.dump": dump_operation,
+    "recorder.dump": dump_recorder,
 }
 
 
@@ -83,7 +89,8 @@ def main() -> None:
     if serve(OPERATIONS):
         return
     try:
-        told = f"its last minute is recorded in {dump(CRASH, 'it did not say goodbye')['path']}"
+        written = dump_recorder({"cause": "crash", "note": "the control process has gone"})
+        told = f"its last minute is recorded in {written['path']}"
     except (OSError, ValueError) as error:
         told = f"its last minute could not be recorded: {error}"
     write_log({"text": f"litegripd: the control process is gone; {told}\n"})

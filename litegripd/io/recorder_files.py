@@ -6,7 +6,6 @@ may remove the record of a fault.
 
 import contextlib
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
 from litegripd.control.recording import read
@@ -14,6 +13,7 @@ from litegripd.io import atomic_file
 from litegripd.io.atomic_file import FileError
 from litegripd.io.calibration_files import own_directory
 from litegripd.io.child import MEMORY_FD
+from litegripd.io.recorder_mcap import to_mcap
 from litegripd.io.shared_memory import copy_of
 
 KEPT_FILES = 10
@@ -24,18 +24,11 @@ _ASKED_FOR = "demand"
 _LEFT_OVER_AFTER_S = 600.0
 
 
-def dump_operation(parameters: Mapping[str, object]) -> dict[str, object]:
-    """Write the recorder, as the operation `recorder.dump`."""
-    return dump(str(parameters["cause"]), str(parameters["note"]))
-
-
 def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> dict[str, object]:
     """Write what the recorder holds now to a new file; return its path, and what is in it.
 
     Raises `FileError` where it cannot be written, and where nothing has been recorded yet.
     """
-    from litegripd.io.recorder_mcap import to_mcap  # noqa: PLC0415 - only a dump needs MCAP
-
     now_ns = time.time_ns()
     memory = copy_of(memory_fd)
     recording = read(memory)

@@ -18,11 +18,13 @@ DEADLINE_S = 30.0
 class Rig:
     """A helper served by a poll of its own, in place of the reactor."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self, module: str = "tests.io.helper_for_tests", memory_fd: int | None = None
+    ) -> None:
         self.poll = select.poll()
         self.watched: list[int] = []
         self.results: list[HelperResult] = []
-        self.helper = Helper(self._watch, self._unwatch, "tests.io.helper_for_tests")
+        self.helper = Helper(self._watch, self._unwatch, module, memory_fd)
         self.helper.poll(time.monotonic())
 
     def _watch(self, child: Child) -> None:

@@ -67,6 +67,7 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     yield "lease.resume", {"lease": "0:1"}
     yield "motor.set_zero", {}
     yield "motor.disable", {}
+    yield "recorder.dump", {"note": "a test"}
     yield "motion.open", {"speed_mm_s": "fast"}
     yield "no.such.method", {}
 

@@ -100,6 +100,8 @@ def _parser() -> argparse.ArgumentParser:
     add("calibration", "show, load, store the calibration, or make it by hand", calibration.actions)
     add("config", "show or change the daemon's defaults for motions", settings.config)
     add("register", "read registers of the motor", settings.register)
+    add("dump", "write the last minute, tick by tick, to a file", general.dump)
+    add("plot", "draw such a file as a picture", general.plot)
     add("health", "show how the daemon is; the exit code tells the verdict")
     add("info", "show what does not change: versions, motor, calibration")
     add("discover", "list the methods of the daemon (with --json: its OpenRPC document)")
