@@ -4,7 +4,7 @@ import json
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegripd.control import recorder
@@ -120,6 +120,7 @@ def test_refused_requests_push_nothing_out_but_each_other() -> None:
     assert "job_started" in kinds
 
 
+@settings(deadline=None)
 @given(message=st.text(max_size=2000), data=st.dictionaries(st.text(max_size=20), st.text()))
 def test_an_event_of_any_length_fits_its_slot(message: str, data: dict[str, str]) -> None:
     memory = bytearray(memory_bytes(1))

@@ -4,7 +4,7 @@ import struct
 from zlib import crc32
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegripd.control.ring import OVERHEAD_BYTES, Ring, records
@@ -25,6 +25,7 @@ def filled(slots: int, written: int) -> tuple[Ring, bytearray]:
     return ring, memory
 
 
+@settings(deadline=None)
 @given(slots=st.integers(1, 40), written=st.integers(0, 130))
 def test_the_last_records_come_back_in_their_order(slots: int, written: int) -> None:
     _ring, memory = filled(slots, written)
@@ -33,6 +34,7 @@ def test_the_last_records_come_back_in_their_order(slots: int, written: int) -> 
     assert len(memory) == slots * SLOT_BYTES
 
 
+@settings(deadline=None)
 @given(slots=st.integers(1, 20), written=st.integers(0, 60), begun=st.integers(0, SLOT_BYTES))
 def test_a_record_that_is_being_written_costs_the_oldest_and_no_other(
     slots: int, written: int, begun: int
@@ -50,6 +52,7 @@ def test_a_record_that_is_being_written_costs_the_oldest_and_no_other(
     assert (seen == [*survivors, coming]) == (memory[begin : begin + SLOT_BYTES] == slot)
 
 
+@settings(deadline=None)
 @given(
     written=st.integers(1, 30),
     at=st.integers(0, 10 * SLOT_BYTES - 1),

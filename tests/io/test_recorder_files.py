@@ -24,7 +24,12 @@ from tests.world import PERIOD_S, World
 
 Messages = dict[str, list[tuple[int, dict[str, Any]]]]
 OFFSET_NS = 1_700_000_000_000_000_000
-JSON_TYPES = {"number": (int, float), "integer": int, "string": str, "boolean": bool}
+JSON_TYPES: dict[str, tuple[type, ...]] = {
+    "number": (int, float),
+    "integer": (int,),
+    "string": (str,),
+    "boolean": (bool,),
+}
 
 
 def messages_of(content: bytes) -> Messages:
@@ -89,7 +94,7 @@ def test_what_is_written_is_what_the_schema_says(memory: bytes) -> None:
             seen |= fields.keys()
             for name, value in fields.items():
                 kind = properties[name]["type"]
-                assert isinstance(value, JSON_TYPES.get(kind, dict)), (name, value)
+                assert isinstance(value, JSON_TYPES.get(kind, (dict,))), (name, value)
         assert seen == properties.keys()  # the scene shows every field at least once
 
 

@@ -95,20 +95,20 @@ def _draw_position(axes: Axes, dump: Dump, times: list[float]) -> None:
     is_calibrated = any("opening_mm" in tick for tick in dump.ticks)
     names = ("opening_mm", "command_mm") if is_calibrated else ("position_rad", "command_rad")
     _line(axes, times, dump.column(names[1]), "command", _COMMAND)
-    _line(axes, times, dump.column(names[0]), "measured", _MEASURED)
+    _line(axes, times, dump.measured(names[0]), "measured", _MEASURED)
     _finish(axes, "opening [mm]" if is_calibrated else "position [rad]")
 
 
 def _draw_torque(axes: Axes, dump: Dump, times: list[float]) -> None:
     axes.axhline(0.0, color="#d0d4d8", lw=0.8)
     _line(axes, times, dump.column("command_torque_nm"), "feed-forward", _COMMAND)
-    _line(axes, times, dump.column("torque_nm"), "measured", _MEASURED)
+    _line(axes, times, dump.measured("torque_nm"), "measured", _MEASURED)
     _finish(axes, "torque [N·m]")
 
 
 def _draw_temperature(axes: Axes, dump: Dump, times: list[float]) -> None:
-    coil = dump.column("coil_temperature_c")
-    driver = dump.column("driver_temperature_c")
+    coil = dump.measured("coil_temperature_c")
+    driver = dump.measured("driver_temperature_c")
     _line(axes, times, coil, "coil", _ALARM)
     _line(axes, times, driver, "driver", _THIRD)
     known = [value for value in coil + driver if not math.isnan(value)]

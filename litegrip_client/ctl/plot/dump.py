@@ -17,6 +17,9 @@ from mcap.reader import McapReader, make_reader
 
 from litegrip_client.errors import CommandError
 
+STALE_AFTER_S = 0.15
+"""A disabled motor is asked at 20 Hz; one that has missed three questions is silent."""
+
 
 @dataclass(frozen=True)
 class Happening:
@@ -40,6 +43,13 @@ class Dump:
     def column(self, name: str) -> list[float]:
         """Return one field of all ticks; NaN, which is not drawn, where it was unknown."""
         return [float(tick.get(name, math.nan)) for tick in self.ticks]
+
+    def measured(self, name: str) -> list[float]:
+        """Return one field of the feedback; NaN where that is too old to say anything."""
+        return [
+            float(tick.get(name, math.nan)) if tick.get("age_s", 0.0) <= STALE_AFTER_S else math.nan
+            for tick in self.ticks
+        ]
 
 
 def read(path: str) -> Dump:

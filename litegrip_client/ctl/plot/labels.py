@@ -21,7 +21,7 @@ _ROUTINE = ("owner", "refused", "lease", "recorder", "job_ended", "calibration")
 
 @dataclass(frozen=True)
 class Label:
-    """A text at `x_s`, for what happened from `at_s` on; both in seconds before the end."""
+    """A text at `x_s`, for what happened at `at_s`; both in seconds before the end."""
 
     at_s: float
     x_s: float
@@ -43,16 +43,18 @@ def labels(events: list[Happening], end_s: float, begin_s: float) -> list[Label]
 
 def _label(group: list[Happening], end_s: float) -> Label:
     first = max(group, key=_weight)
-    at_s = group[0].at_s - end_s
     others = len({(event.kind, event.message) for event in group} - {(first.kind, first.message)})
     text = _short(first) + (f"  +{others}" if others else "")
-    return Label(at_s, at_s, text, any(map(_is_alarm, group)))
+    at_s, x_s = first.at_s - end_s, group[0].at_s - end_s
+    return Label(at_s, x_s, text, any(map(_is_alarm, group)))
 
 
 def _weight(event: Happening) -> int:
     if _is_alarm(event):
-        return 2 * len(_ROUTINE)
-    return _ROUTINE.index(event.kind) if event.kind in _ROUTINE else len(_ROUTINE)
+        return len(_ROUTINE) + (2 if event.kind == "job_ended" else 3)
+    if event.kind in _ROUTINE:
+        return _ROUTINE.index(event.kind)
+    return len(_ROUTINE) + (event.kind == "job_started")
 
 
 def _is_alarm(event: Happening) -> bool:
