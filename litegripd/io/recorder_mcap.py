@@ -55,6 +55,10 @@ EVENT_SCHEMA: Mapping[str, Any] = {
 }
 _INFO, _WARNING = 2, 3
 _WARNINGS = frozenset({"stop", "object_lost", "heat", "refused", "recorder", "lease_lost"})
+# Looking up an enumeration's names takes long, and a dump has tens of thousands of them.
+_PHASE_NAMES = {phase.value: phase.name.lower() for phase in Phase}
+_MOTOR_NAMES = [phase.value for phase in recorder.PHASES]
+_STATUS_NAMES = [status_name(code) for code in range(16)]
 _SPECIAL = {
     codec.ENABLE: "enable",
     codec.DISABLE: "disable",
@@ -93,8 +97,8 @@ def tick_fields(tick: Tick, programs: Mapping[int, str]) -> dict[str, Any]:
         "late_us": round(tick.late_us, 1),
         "lost_ticks": tick.lost_ticks,
         "bus": "up" if flags & recorder.BUS_UP else "down",
-        "motor": motor.value,
-        "phase": Phase(tick.phase).name.lower(),
+        "motor": _MOTOR_NAMES[tick.public_phase],
+        "phase": _PHASE_NAMES[tick.phase],
         "mode": mode_of(motor, bool(tick.job), bool(flags & recorder.IS_SLACK)),
         "failed": bool(flags & recorder.FAILED),
         "stopped": bool(flags & recorder.IS_STOPPED),
@@ -121,7 +125,7 @@ def tick_fields(tick: Tick, programs: Mapping[int, str]) -> dict[str, Any]:
 def _feedback_fields(tick: Tick) -> dict[str, Any]:
     fields = {
         "error_code": tick.status,
-        "status": status_name(tick.status),
+        "status": _STATUS_NAMES[tick.status],
         "driver_temperature_c": tick.driver_temperature_c,
         "coil_temperature_c": tick.coil_temperature_c,
     }
@@ -156,9 +160,9 @@ def _sent_fields(tick: Tick) -> dict[str, Any]:
 
 
 def _finite(fields: Mapping[str, float | None]) -> dict[str, float]:
-    """Leave out what is unknown or no number, and the digits that a single float does not have."""
+    """Leave out what is unknown or no number, and digits that mean nothing."""
     return {
-        name: float(f"{value:.7g}")
+        name: round(value, 6)
         for name, value in fields.items()
         if value is not None and value - value == 0.0
     }

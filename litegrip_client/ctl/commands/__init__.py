@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from litegrip_client.ctl.run import Command
 
+WITHOUT_DAEMON = ("plot",)
 _MOTIONS = ("open", "close", "grasp", "release", "move", "force", "slack")
 
 
@@ -21,7 +22,7 @@ def find(name: str) -> Command:
         from litegrip_client.ctl.commands.settings import COMMANDS  # noqa: PLC0415
     elif name in ("clients", "lease", "stop"):
         from litegrip_client.ctl.commands.clients import COMMANDS  # noqa: PLC0415
-    elif name == "dump":
+    elif name in ("dump", "plot"):
         from litegrip_client.ctl.commands.recorder import COMMANDS  # noqa: PLC0415
     else:
         from litegrip_client.ctl.commands.general import COMMANDS  # noqa: PLC0415

@@ -14,12 +14,6 @@ from litegrip_client.ctl.run import OK, Command, Run
 from litegrip_client.errors import CommandError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
-    from argparse import Namespace
-
-    from litegrip_client.ctl.output import Output
-
 _INSTALL = "pip install 'litegripd[plot]'"
 
 
@@ -52,8 +46,9 @@ def _content(path: str) -> bytes:
         ) from error
 
 
-def plot(options: Namespace, output: Output) -> int:
+def plot(run: Run) -> int:
     """Draw a dump."""
+    options = run.options
     try:
         from litegrip_client.ctl.plot.draw import draw  # noqa: PLC0415 - needs the extra
         from litegrip_client.ctl.plot.dump import read  # noqa: PLC0415 - needs the extra
@@ -65,8 +60,8 @@ def plot(options: Namespace, output: Output) -> int:
         ) from error
     target = options.output or str(Path(options.file).with_suffix(".png"))
     files.put(target, draw(read(options.file), options.last))
-    output.result({"path": target}, f"drawn in {plain(target)}")
+    run.output.result({"path": target}, f"drawn in {plain(target)}")
     return OK
 
 
-COMMANDS: Mapping[str, Command] = {"dump": dump}
+COMMANDS: Mapping[str, Command] = {"dump": dump, "plot": plot}
