@@ -39,7 +39,8 @@ class Flight:
         if phase is not self._phase:
             self._phase, self._phase_number = phase, phase.value
         sent = b""
-        for frame in machine.sent:
+        frames = machine.take_sent()
+        for frame in frames:
             if frame.can_id == self._can_id:
                 sent = frame.data
         self._recorder.tick(
@@ -50,7 +51,7 @@ class Flight:
             failed=failed,
             bus_is_up=bus_is_up,
             phase=self._phase_number,
-            frames=len(machine.sent),
+            frames=len(frames),
             sent=sent,
             unanswered=machine.motor.unanswered,
         )

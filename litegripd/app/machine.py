@@ -25,8 +25,7 @@ class Machine:
         self.engine = Engine(config, period_s, unit)
         self.may_be_energised = False
         """Whether the motor was being enabled and has not confirmed since that it is off."""
-        self.sent: list[CanFrame] = []
-        """The frames that the latest tick gave to the bus."""
+        self._sent: list[CanFrame] = []
 
     def tick(
         self, now_s: float, received: Sequence[CanFrame], bus_error: str | None = None
@@ -36,7 +35,6 @@ class Machine:
         `bus_error` says why the bus cannot be used, where that is so: it then explains why the
         motor cannot be.
         """
-        self.sent = []
         self.motor.receive(now_s, received)
         view = self.motor.view()
         if view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
@@ -47,8 +45,13 @@ class Machine:
             text = f"the CAN bus cannot be used: {bus_error}"
             view = replace(view, problem=Refusal("bus_down", text))
         order = self.engine.step(now_s, view)
-        self.sent = self.motor.step(now_s, order)
-        return self.sent
+        self._sent = self.motor.step(now_s, order)
+        return self._sent
+
+    def take_sent(self) -> list[CanFrame]:
+        """Return once what the latest tick gave to the bus; nothing, where it failed before."""
+        sent, self._sent = self._sent, []
+        return sent
 
     @property
     def is_disabled(self) -> bool:

@@ -118,8 +118,9 @@ class Recorder:
     ) -> None:
         """Record one tick.
 
-        `sent` is the payload of the last frame that went to the motor's own id, empty without one,
-        `frames` how many frames went out; `phase` is the finer phase of the motor as a number.
+        `sent` is the payload of the last frame to the motor's own id that the bus was given, empty
+        without one, `frames` how many it was given in all; `phase` is the finer phase of the motor
+        as a number.
         """
         motor = engine.motor
         feedback, requested = motor.feedback or _NO_FEEDBACK, engine.output.requested

@@ -89,6 +89,9 @@ def read(memory: bytes) -> Recording:
     _header, description, tick_part, event_part, refusal_part = parts
     ticks = tuple(map(_tick, records(tick_part, recorder.TICK.size)))
     events = [*_texts(event_part), *_texts(refusal_part)]
+    about = next((text.content["data"] for text in _texts(description)), None)
+    if about is None:
+        raise ValueError("the recorder's memory does not say whose it is")
     programs = {
         event.content["data"]["client"]: event.content["data"]["program"]
         for event in events
@@ -96,7 +99,7 @@ def read(memory: bytes) -> Recording:
     }
     began_s = ticks[0].at_s if ticks else 0.0
     return Recording(
-        about=next((text.content["data"] for text in _texts(description)), {}),
+        about=about,
         ticks=ticks,
         events=tuple(
             sorted((e for e in events if e.at_s >= began_s), key=lambda e: (e.at_s, e.number))

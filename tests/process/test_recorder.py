@@ -80,6 +80,46 @@ def test_a_daemon_that_is_killed_leaves_its_last_minute(tmp_path: Path, config: 
     assert f"its last minute is recorded in {path}" in running.log
 
 
+DEFECTIVE = """
+import sys
+from litegripd.app.machine import Machine
+from litegripd.app.main import main
+
+tick, ticks = Machine.tick, 0
+
+def defective(*arguments):
+    global ticks
+    ticks += 1
+    if ticks > 100:
+        raise ZeroDivisionError("a defect that stays")
+    return tick(*arguments)
+
+Machine.tick = defective
+sys.exit(main())
+"""
+
+
+def test_a_tick_that_fails_by_a_defect_is_recorded(tmp_path: Path, config: Path) -> None:
+    name, socket = f"defect-{os.getpid()}", str(tmp_path / "rpc.sock")
+    arguments = (name, "--config", str(config), "--socket", socket)
+    running = DaemonProcess(tmp_path, *arguments, program=("-c", DEFECTIVE))
+    try:
+        with running.connect() as client:
+            client.result("events.subscribe", kinds=["recorder"])
+            event = client.read()["params"]
+        assert event["data"]["cause"] == "tick_error"
+        path = Path(event["data"]["path"])
+        assert path.name.endswith("-tick_error.mcap")
+        ticks = ticks_in(path)
+        assert [tick["failed"] for tick in ticks[:100]] == [False] * 100
+        assert all(tick["failed"] and not tick["frames"] for tick in ticks[100:])
+        assert len(ticks) > 250  # what came after it, too
+    finally:
+        running.kill()
+    assert "the tick failed" in running.log
+    assert f"recorded in {path} (tick_error)" in running.log
+
+
 def test_a_daemon_that_ends_as_it_should_leaves_nothing(tmp_path: Path, config: Path) -> None:
     name = f"end-{os.getpid()}"
     with daemon(tmp_path, name, "--config", str(config)) as running, running.connect() as client:
