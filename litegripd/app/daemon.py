@@ -190,6 +190,7 @@ class Daemon:
             lost_ticks=self._reactor.lost_ticks,
             failed=failed,
             bus_is_up=self._bus.is_up,
+            send_failures=self._bus.counters.send_failures,
         )
         self._run_errands()
         for event in self._service.take_events():

@@ -31,7 +31,14 @@ class Flight:
         self._recorder = Recorder(memory, slots, about)
 
     def tick(
-        self, now_s: float, *, late_s: float, lost_ticks: int, failed: bool, bus_is_up: bool
+        self,
+        now_s: float,
+        *,
+        late_s: float,
+        lost_ticks: int,
+        failed: bool,
+        bus_is_up: bool,
+        send_failures: int = 0,
     ) -> None:
         """Record the tick that has just been done; `failed` tells that it was not, by a defect."""
         machine = self._machine
@@ -54,6 +61,7 @@ class Flight:
             frames=len(frames),
             sent=sent,
             unanswered=machine.motor.unanswered,
+            send_failures=send_failures,
         )
         self._dumps.step(now_s, failed=failed, bus_is_up=bus_is_up)
 

@@ -24,9 +24,9 @@ REFUSALS = 256
 
 HEADER = struct.Struct("<8sI")
 MAGIC = b"LGREC\x00\x00\x01"
-TICK = struct.Struct("<QdfQBBBBB8s3f3B4f2d2fQIII")
+TICK = struct.Struct("<QdfQBBBBB8s3f3B4f2d2fQQIII")
 """Number, time, lateness in µs, lost ticks, flags, two phases, frames, kind of the job, payload;
-ranges, feedback, what was wanted, geometry; unanswered requests, job, its owner's pid and client.
+ranges, feedback, what was wanted, geometry; unanswered requests, frames lost, job, its owner's pid and client.
 """
 
 TEXT = struct.Struct("<QdH")
@@ -115,12 +115,13 @@ class Recorder:
         frames: int,
         sent: bytes,
         unanswered: int,
+        send_failures: int,
     ) -> None:
         """Record one tick.
 
         `sent` is the payload of the last frame to the motor's own id that the bus was given, empty
-        without one, `frames` how many it was given in all; `phase` is the finer phase of the motor
-        as a number.
+        without one, `frames` how many it was given in all, `send_failures` how many it has lost since the
+        start; `phase` is the finer phase of the motor as a number.
         """
         motor = engine.motor
         feedback, requested = motor.feedback or _NO_FEEDBACK, engine.output.requested
@@ -172,6 +173,7 @@ class Recorder:
                 self._closed_rad,
                 self._mm_per_rad,
                 unanswered,
+                send_failures,
                 0 if job is None else job.number,
                 owner.pid,
                 owner.client,

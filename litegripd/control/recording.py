@@ -40,6 +40,7 @@ class Tick(NamedTuple):
     closed_rad: float
     mm_per_rad: float
     unanswered: int
+    send_failures: int
     job: int
     pid: int
     client: int

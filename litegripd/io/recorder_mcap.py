@@ -24,7 +24,7 @@ TICK_SCHEMA: Mapping[str, Any] = {
     "title": "litegrip.Tick",
     "type": "object",
     "properties": {
-        **dict.fromkeys(("seq", "lost_ticks", "frames", "unanswered"), _INTEGER),
+        **dict.fromkeys(("seq", "lost_ticks", "frames", "send_failures", "unanswered"), _INTEGER),
         **dict.fromkeys(("monotonic_s", "late_us", "age_s"), _NUMBER),
         **dict.fromkeys(("bus", "motor", "phase", "mode", "status", "sent", "sent_hex"), _TEXT),
         **dict.fromkeys(("failed", "stopped"), _TRUTH),
@@ -103,6 +103,7 @@ def tick_fields(tick: Tick, programs: Mapping[int, str]) -> dict[str, Any]:
         "failed": bool(flags & recorder.FAILED),
         "stopped": bool(flags & recorder.IS_STOPPED),
         "frames": tick.frames,
+        "send_failures": tick.send_failures,
         "unanswered": tick.unanswered,
     }
     if flags & recorder.HAS_FEEDBACK:

@@ -27,6 +27,7 @@ _MODES = {
     "disabling": "#fff2b3",
     "fault": "#e57368",
 }
+_GAP_S = 0.05
 _SIZE_INCHES = (13.0, 9.2)
 _LABELLED_SHARE = 0.06
 """A mode that lasts for less than this share of the time is coloured, but not named."""
@@ -120,7 +121,7 @@ def _draw_temperature(axes: Axes, dump: Dump, times: list[float]) -> None:
 def _draw_lateness(axes: Axes, dump: Dump, times: list[float]) -> None:
     """Show how late each tick began; lost and failed ones are marked."""
     late_us = [max(value, 1.0) for value in dump.column("late_us")]
-    axes.plot(times, late_us, color=_MEASURED, lw=0.7, label="each tick")
+    axes.plot(*_broken(times, late_us), color=_MEASURED, lw=0.7, label="each tick")
     axes.set_yscale("log")
     axes.set_ylim(min(5.0, *late_us), max(2000.0, *late_us) * 1.5)
     lost = dump.column("lost_ticks")
@@ -147,7 +148,19 @@ def _mark(
 
 def _line(axes: Axes, times: list[float], values: list[float], label: str, color: str) -> None:
     if not all(map(math.isnan, values)):
-        axes.plot(times, values, label=label, color=color, lw=1.2)
+        axes.plot(*_broken(times, values), label=label, color=color, lw=1.2)
+
+
+def _broken(times: list[float], values: list[float]) -> tuple[list[float], list[float]]:
+    """Break a line where there were no ticks: nothing is known of the time between."""
+    broken_times, broken_values = [times[0]], [values[0]]
+    for before, time, value in zip(times[:-1], times[1:], values[1:], strict=True):
+        if time - before > _GAP_S:
+            broken_times.append(before)
+            broken_values.append(math.nan)
+        broken_times.append(time)
+        broken_values.append(value)
+    return broken_times, broken_values
 
 
 def _finish(axes: Axes, label: str) -> None:
