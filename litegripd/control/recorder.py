@@ -26,7 +26,8 @@ HEADER = struct.Struct("<8sI")
 MAGIC = b"LGREC\x00\x00\x01"
 TICK = struct.Struct("<QdfQBBBBB8s3f3B4f2d2fQQIII")
 """Number, time, lateness in µs, lost ticks, flags, two phases, frames, kind of the job, payload;
-ranges, feedback, what was wanted, geometry; unanswered requests, frames lost, job, its owner's pid and client.
+ranges, feedback, what was wanted, geometry; unanswered requests, frames lost, job, its owner's pid
+and client.
 """
 
 TEXT = struct.Struct("<QdH")
@@ -120,8 +121,8 @@ class Recorder:
         """Record one tick.
 
         `sent` is the payload of the last frame to the motor's own id that the bus was given, empty
-        without one, `frames` how many it was given in all, `send_failures` how many it has lost since the
-        start; `phase` is the finer phase of the motor as a number.
+        without one, `frames` how many it was given in all, `send_failures` how many it has lost
+        since the start; `phase` is the finer phase of the motor as a number.
         """
         motor = engine.motor
         feedback, requested = motor.feedback or _NO_FEEDBACK, engine.output.requested
