@@ -6,7 +6,7 @@ import sys
 from argparse import Namespace
 
 from litegrip_client.connection import Connection
-from litegrip_client.ctl.commands import find
+from litegrip_client.ctl.commands import WITHOUT_DAEMON, find
 from litegrip_client.ctl.options import parse
 from litegrip_client.ctl.output import Output
 from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, OK, Run
@@ -49,8 +49,8 @@ def _run(options: Namespace, output: Output) -> int:
     try:
         if options.command == "stop" and _stop_first(options, output):
             return OK
-        if options.command == "doctor":
-            return _doctor(options, output)
+        if options.command in WITHOUT_DAEMON:
+            return find(options.command)(Run(None, options, output))
         with connect(options.channel, options.socket) as connection:
             _check(connection.greet("litegripctl"), connection, options)
             return find(options.command)(Run(connection, options, output))
@@ -70,12 +70,6 @@ def _stop_first(options: Namespace, output: Output) -> bool:
     from litegrip_client.ctl.commands.clients import stop_first  # noqa: PLC0415 - see commands
 
     return stop_first(options, output)
-
-
-def _doctor(options: Namespace, output: Output) -> int:
-    from litegrip_client.ctl.commands.doctor import doctor  # noqa: PLC0415 - see commands
-
-    return doctor(options, output)
 
 
 def _check(hello: dict[str, object], connection: Connection, options: Namespace) -> None:

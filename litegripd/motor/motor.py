@@ -91,6 +91,16 @@ class Motor:
             foreign_commands=self.counters.foreign_commands,
         )
 
+    @property
+    def phase(self) -> Phase:
+        """The phase, finer than that of the view."""
+        return self._phase
+
+    @property
+    def unanswered(self) -> int:
+        """How many requests have gone out since the last answer."""
+        return self._silence.unanswered
+
     def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         """Do what the engine wants and return the frames to send, in their order."""
         if order.request is not None:

@@ -102,6 +102,8 @@ def _parser() -> argparse.ArgumentParser:
     add("calibration", "show, load, store the calibration, or make it by hand", calibration.actions)
     add("config", "show or change the daemon's defaults for motions", settings.config)
     add("register", "read registers of the motor", settings.register)
+    add("dump", "write the last minute, tick by tick, to a file", general.dump)
+    add("plot", "draw such a file as a picture", general.plot)
     add("doctor", "check link, daemon, motor and calibration; say what mends them")
     add("health", "show how the daemon is; the exit code tells the verdict")
     add("metrics", "print the figures of health as OpenMetrics text, for Prometheus")
