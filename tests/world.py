@@ -14,7 +14,10 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
+from litegripd.control.recorder import memory_bytes, tick_slots
+from litegripd.control.recording import Recording, read
 from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP
@@ -125,6 +128,8 @@ class Disk:
         self.found: dict[str, Any] | None = None
         self._folder: Path | None = None
         self._store = TrajectoryStore(self.trajectories, clock=lambda: 1e9)
+        self.memory = bytearray(memory_bytes(tick_slots(PERIOD_S)))
+        self.dumps: list[Recording] = []
 
     def trajectories(self) -> Path:
         """Return where trajectories are kept: they alone are real files, gone with this world."""
@@ -147,8 +152,21 @@ class Disk:
             answer = self._store.operations()[operation](json.loads(packed))
             shown = json.dumps(answer).replace(str(self.trajectories().parent), "/state")
             return ErrandResult(json.loads(shown))
+        if operation == "recorder.dump":
+            return ErrandResult(self._dump())
         self.saved[operation] = parameters
-        return ErrandResult({"path": f"/state/{operation}", "previous": None})
+        return ErrandResult({"path": f"/state/{operation}", "previous": None, "saved_s": 1.6e9})
+
+    def _dump(self) -> dict[str, Any]:
+        recording = read(bytes(self.memory))
+        self.dumps.append(recording)
+        path = f"/state/dumps/{len(self.dumps)}"
+        return {
+            "path": path,
+            "ticks": len(recording.ticks),
+            "seconds": recording.duration_s,
+            "bytes": len(self.memory),
+        }
 
 
 class World:
@@ -176,6 +194,9 @@ class World:
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
         self.disk = Disk()
+        memory, dumps = memoryview(self.disk.memory), self.service.dumps
+        self.flight = Flight(memory, self.machine, dumps, {"channel": "virtual"})
+        self.service.on_event = self.flight.note_event
         self._finished: list[tuple[Errand, ErrandResult]] = []
         self._last_pid = 100
         if calibrated:
@@ -194,6 +215,8 @@ class World:
         self.gripper.advance(self.now_s)
         self.exchange()
         self.service.after_tick(self.now_s)
+        bus_is_up = self.engine.bus.is_usable
+        self.flight.tick(self.now_s, late_s=0.0, lost_ticks=0, failed=False, bus_is_up=bus_is_up)
         self._run_errands()
         while self.service.pending:
             self.service.send_one()

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts, Parts
+from litegripd.app.flight import make_flight
 from litegripd.app.machine import Machine
 from litegripd.app.starting import load_at_start
 from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
@@ -98,7 +99,8 @@ class Daemon:
         self._server = Server(self._reactor, listener, self._service)
         self._server.let_in(False)
         self._reactor.backlog = self._server
-        self._helper = Helper(self._watch, self._unwatch)
+        self._flight, self._memory = make_flight(config, self._machine, self._service)
+        self._helper = Helper(self._watch, self._unwatch, memory_fd=self._memory.fd)
         self._bus = make_bus(config, period_s)
         self._log_handler = self._make_log_handler()
         self._signals = Signals(
@@ -156,14 +158,17 @@ class Daemon:
     def _tick(self, now_s: float) -> None:
         """Do one period's work, stops first; whatever fails in it, the end stays possible."""
         self._urgent.serve()
+        failed = True
         try:
             self._work(now_s)
+            failed = False
         except Exception:
             self._service.reporter.tick(now_s)  # the state must not look fresh
             raise
         finally:
             if self._is_over(now_s):
                 self._reactor.stop()
+            self._record(now_s, failed)
 
     def _work(self, now_s: float) -> None:
         """Bus in, machine, bus out, and then what clients are owed."""
@@ -172,14 +177,25 @@ class Daemon:
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s)
         self._helper.poll(now_s)
-        self._run_errands()
         if self._parts is not None:
             self._parts.tick(now_s)
-        for event in self._service.take_events():
-            _log_event(event)
         self._greet_motor()
         if self._opens_at_s is not None:
             self._open_when_ready(now_s, self._opens_at_s)
+
+    def _record(self, now_s: float, failed: bool) -> None:
+        """Record the tick; errands and events leave even where it failed."""
+        self._flight.tick(
+            now_s,
+            late_s=self._reactor.late_s,
+            lost_ticks=self._reactor.lost_ticks,
+            failed=failed,
+            bus_is_up=self._bus.condition.is_usable,
+            send_failures=self._bus.counters.send_failures,
+        )
+        self._run_errands()
+        for event in self._service.take_events():
+            _log_event(event)
 
     def _open_when_ready(self, now_s: float, latest_s: float) -> None:
         """Let clients in once motor and calibration are found, or have not been for a while."""
@@ -222,12 +238,15 @@ class Daemon:
         self._stop_listener.close()
         for path in (self._path, self._stop_path):
             path.unlink(missing_ok=True)
+        self._service.dumps.finish(time.monotonic())
+        self._run_errands()
         self._helper.close()
         self._bus.close()
         self._signals.close()
         self._claim.close()
         self._urgent.close()
         self._reactor.close()
+        self._memory.close()
 
     def _greet_motor(self) -> None:
         """Say once what the motor told about itself."""
@@ -271,5 +290,6 @@ class Daemon:
 
 
 def _log_event(event: Event) -> None:
-    level = logging.WARNING if event.kind in _WARNINGS else logging.INFO
+    is_bad = event.kind in _WARNINGS or "error" in event.data
+    level = logging.WARNING if is_bad else logging.INFO
     _log.log(level, "%s", event.message)

@@ -212,7 +212,7 @@ class Arbiter:
         holder, running = self.lease.holder, self.jobs.running
         refusal = self.lease.release(owner)
         if refusal is None and holder is not None:
-            self.events.append(announce.lease_changed("given back by", holder))
+            self.events.append(announce.lease_changed(holder, held=False))
             if running is not None and running.grant == holder.number:
                 running.grant = None
         return refusal
@@ -231,7 +231,7 @@ class Arbiter:
 
     def _granted(self, answer: Grant | Refusal) -> Grant | Refusal:
         if isinstance(answer, Grant):
-            self.events.append(announce.lease_changed("granted to", answer))
+            self.events.append(announce.lease_changed(answer, held=True))
         return answer
 
     # Lost clients and lost leases

@@ -12,6 +12,9 @@ import sys
 from collections.abc import Sequence
 
 CHILD_FD = 3
+MEMORY_FD = 4
+"""Where a child finds its socket, and the shared memory, if it was given one."""
+
 _BUFFER_BYTES = 212_992  # the kernel's usual ceiling without privileges (net.core.wmem_max)
 MAX_PACKET_BYTES = 65_536
 
@@ -19,21 +22,30 @@ MAX_PACKET_BYTES = 65_536
 class Child:
     """One running child process: a non-blocking socket to it and a pidfd that tells its end."""
 
-    def __init__(self, module: str, arguments: Sequence[str] = ()) -> None:
-        """Start `python -m module 3 arguments...`; raises `OSError` when that is impossible."""
+    def __init__(
+        self, module: str, arguments: Sequence[str] = (), memory_fd: int | None = None
+    ) -> None:
+        """Start `python -m module arguments...`; raises `OSError` when that is impossible."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         ours.setblocking(False)
         ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
         theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
         self.socket = ours
+        inherited: list[tuple[int, int, int]] = [
+            (os.POSIX_SPAWN_DUP2, theirs.fileno(), CHILD_FD),
+        ]
+        if memory_fd is not None:
+            inherited.append((os.POSIX_SPAWN_DUP2, memory_fd, MEMORY_FD))
         try:
             self.pid = os.posix_spawn(
                 sys.executable,
                 [sys.executable, "-m", module, *arguments],
                 os.environ,
-                file_actions=[(os.POSIX_SPAWN_DUP2, theirs.fileno(), CHILD_FD)],
+                file_actions=inherited,
                 setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children
-                setsigmask=(signal.SIGUSR1,),  # a stop for the daemon, though sent to all of it
+                # For the daemon alone, though sent to all of its processes: a stop, and its end,
+                # in which the pump still has to disable the motor.
+                setsigmask=(signal.SIGUSR1, signal.SIGTERM),
                 setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM),
             )
         except OSError:

@@ -17,8 +17,13 @@ _log = logging.getLogger(__name__)
 
 _RESTART_AFTER_S = 0.5
 END_WITHIN_S = 0.5
+FINISH_WITHIN_S = 2.5
+"""So long the end waits for a helper that has something to finish, the dump of a fault for one."""
+
 _PACKETS_PER_EVENT = 8
 MODULE = "litegripd.io.helper_main"
+GOODBYE = "goodbye"
+"""Tells the helper that the daemon ends as it should; one that just vanishes has crashed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +43,8 @@ class Helper:
     """Keeps one helper process running and passes requests to it.
 
     `watch(child)` and `unwatch(child)` register its descriptors with the event loop, which then
-    calls `on_event`; `poll(now_s)`, once per tick, starts the helper where there is none.
+    calls `on_event`; `poll(now_s)`, once per tick, starts the helper where there is none. Every
+    helper gets the shared memory `memory_fd`.
     """
 
     def __init__(
@@ -46,12 +52,14 @@ class Helper:
         watch: Callable[[Child], None],
         unwatch: Callable[[Child], None],
         module: str = MODULE,
+        memory_fd: int | None = None,
     ) -> None:
         self.deaths = 0
         self.refused = 0
         self._watch = watch
         self._unwatch = unwatch
         self._module = module
+        self._memory_fd = memory_fd
         self._requests: dict[int, _Request] = {}
         self._next_id = 0
         self._restart_at_s = 0.0
@@ -106,15 +114,16 @@ class Helper:
             self._start()
 
     def close(self) -> None:
-        """End the helper process once it has done what it was sent, or after `END_WITHIN_S`."""
+        """End the helper process once it has done what it was sent, or after a while."""
         if self._child is not None:
+            self.post(GOODBYE, {})
             self._unwatch(self._child)
-            self._child.close(END_WITHIN_S)
+            self._child.close(FINISH_WITHIN_S if self._requests else END_WITHIN_S)
             self._child = None
 
     def _start(self) -> None:
         try:
-            self._child = Child(self._module)
+            self._child = Child(self._module, memory_fd=self._memory_fd)
         except OSError as error:
             self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
             _log.error("the helper process cannot be started: %s", error)

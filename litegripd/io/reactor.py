@@ -43,7 +43,7 @@ class Backlog(Protocol):
         """Whether anything is left."""
 
     def serve(self, until_s: float) -> None:
-        """Answer what can be answered by `until_s`."""
+        """Answer some of it by `until_s`; it is called again while there is time."""
 
 
 class Reactor:
@@ -59,6 +59,7 @@ class Reactor:
         self.lateness = LatenessMeter()
         self.recent_lateness = RecentLateness(RECENT_S)
         self.tick_cost = LatenessMeter()
+        self.late_s = 0.0
         self.ticks = 0
         self.lost_ticks = 0
         self.tick_errors = 0
@@ -120,7 +121,7 @@ class Reactor:
             self.budget_exhausted += 1
         fired = timer.wait()
         now_s = time.monotonic()
-        late_s = now_s - timer.last_due_s
+        self.late_s = late_s = now_s - timer.last_due_s
         self.lateness.add(late_s)
         self.recent_lateness.add(now_s, late_s)
         self.ticks += fired

@@ -7,6 +7,7 @@ Whatever a line holds, `handle` answers it and does not raise.
 from collections.abc import Callable
 from dataclasses import replace
 
+from litegripd.control.dumps import Dumps
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
@@ -23,6 +24,7 @@ from litegripd.rpc.method import Method
 from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.moving import Moving
 from litegripd.rpc.reading import Reading
+from litegripd.rpc.recording import Recording
 from litegripd.rpc.reporter import Reporter
 from litegripd.rpc.session import Peer, Role, Session
 from litegripd.rpc.settings import Settings
@@ -57,6 +59,9 @@ class RpcService:
         epoch: str = "0",
     ) -> None:
         self.refused = 0
+        self.on_event: Callable[[Event, float], None] = lambda _event, _now_s: None
+        """Called with every event and its time."""
+        self.dumps = Dumps(engine)
         self._role_of = role_of
         self._engine = engine
         self.reporter = Reporter(engine, period_s)
@@ -72,6 +77,7 @@ class RpcService:
             Moving(engine, self.reporter).functions(),
             Settings(engine).functions(),
             self._trajectories.functions(),
+            Recording(self.dumps).functions(),
         )
         self._gate = Gate(engine, self._tokens)
         self._dispatch = Dispatch(engine, handlers)
@@ -242,6 +248,7 @@ class RpcService:
     def _note(self, event: Event, now_s: float) -> None:
         """Keep an event for the log, and for who has subscribed to its kind."""
         self._event_log.note(event)
+        self.on_event(event, now_s)
         self._subscriptions.events.note(event, now_s)
         if event.kind == "lease_lost":
             self._tell_loser(event)

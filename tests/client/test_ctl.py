@@ -67,7 +67,7 @@ SHOWN: list[tuple[list[str], str, Any, str]] = [
         ["health"],
         "health",
         HEALTH,
-        "verdict              ok\ncontrol.late_us.p99  120\nbus.errors           --\n",
+        "verdict: ok\n\ncontrol.late_us.p99  120\nbus.errors           --\n",
     ),
     (["info"], "info.get", {"version": "1", "x": [1]}, "version  1\nx[0]     1\n"),
     (["discover"], "rpc.discover", DOCUMENT, "stop  Stop.\n"),
@@ -164,8 +164,13 @@ def test_what_ended_but_not_well_ends_with_1(
 
 @pytest.mark.parametrize(("verdict", "code"), [("ok", 0), ("degraded", 1), ("down", 2)])
 def test_health_ends_by_the_verdict(daemon: FakeDaemon, ctl: Ctl, verdict: str, code: int) -> None:
-    daemon.handlers["health"] = lambda request: {"verdict": verdict}
-    assert ctl("health")[0] == code
+    health = {"verdict": verdict, "reasons": ["a\x1b[2J", "b"], "uptime_s": 1.5}
+    daemon.handlers["health"] = lambda request: health
+    shown = f"verdict: {verdict}\n- a?[2J\n- b\n\nuptime_s  1.5\n"
+    assert ctl("health") == (code, shown, "")
+    assert ctl("health", "--json")[0] == code
+    daemon.handlers["health"] = lambda request: {"verdict": verdict, "reasons": []}
+    assert ctl("health") == (code, f"verdict: {verdict}\n", "")
 
 
 def test_a_state_in_full(daemon: FakeDaemon, ctl: Ctl) -> None:

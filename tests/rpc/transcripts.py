@@ -70,6 +70,7 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     yield "motor.set_zero", {}
     yield "motor.disable", {}
     yield "motor.clear_fault", {}
+    yield "recorder.dump", {"note": "a test"}
     yield "motion.open", {"speed_mm_s": "fast"}
     yield "no.such.method", {}
 

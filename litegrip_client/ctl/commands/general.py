@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import Output
 from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Run
+from litegrip_client.errors import CommandError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
@@ -99,10 +100,26 @@ def cancel(run: Run) -> int:
 
 
 def health(run: Run) -> int:
-    """Show the daemon's figures; the exit code tells its verdict."""
+    """Show the daemon's verdict and figures; the exit code tells the verdict."""
     data = run.connection.call("health")
-    run.output.result(data, render.tree(data))
+    run.output.result(data, render.health(data))
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
+
+
+def metrics(run: Run) -> int:
+    """Show the daemon's figures as OpenMetrics text."""
+    try:
+        from litegrip_client import metrics as exposition  # noqa: PLC0415 - needs another library
+    except ImportError as error:
+        raise CommandError(
+            f"metrics needs the library prometheus_client: {error}",
+            reason="library_missing",
+            data={"hint": "pip install 'litegripd[metrics]'"},
+        ) from error
+    health, hello = run.connection.call("health"), run.connection.call("hello")
+    text = exposition.text(health, channel=hello["channel"], version=hello["version"])
+    run.output.result({"format": exposition.CONTENT_TYPE, "text": text}, text.rstrip("\n"))
+    return OK
 
 
 def info(run: Run) -> int:
@@ -133,6 +150,7 @@ COMMANDS: Mapping[str, Command] = {
     "jobs": jobs,
     "cancel": cancel,
     "health": health,
+    "metrics": metrics,
     "info": info,
     "discover": discover,
 }
