@@ -17,9 +17,11 @@ from litegripd.model.trajectory import SAMPLE
 LONGEST_GAP_S = 0.1
 """Single measurements may be lost on the bus, and are counted as missed; a longer gap is a hole."""
 
-_EARLY_TICKS = 0.25
-"""A measurement so much of a period before its due time counts for it: ticks start a little late
-and early, and a sample's own time tells the truth in any case."""
+_EARLY_PERIODS = 0.5
+"""A measurement so early counts for its due time: it is the nearest one. Nothing hangs on it, for
+each sample has the time at which it was measured."""
+
+_ROUNDING_PERIODS = 0.1
 
 
 @dataclass(slots=True)
@@ -90,15 +92,13 @@ class Capture:
         if self._first_s is None:
             self._first_s = feedback.at_s
         t_s = feedback.at_s - self._first_s
-        slot = math.floor(self.rate_hz * (t_s + _EARLY_TICKS * self.period_s))
         due = self.samples + self.missed
-        if slot >= self.max_samples:
-            self.missed += self.max_samples - due
-            self.finish()
-        elif slot >= due:
-            self.missed += slot - due
-            self._append(t_s, feedback)
-            if slot + 1 == self.max_samples:
+        if t_s >= due / self.rate_hz - _EARLY_PERIODS * self.period_s:
+            passed = math.floor(self.rate_hz * (t_s + _ROUNDING_PERIODS * self.period_s))
+            self.missed += min(max(passed, due), self.max_samples) - due
+            if passed < self.max_samples:
+                self._append(t_s, feedback)
+            if self.samples + self.missed >= self.max_samples:
                 self.finish()
         self._measured_s = feedback.at_s
 
