@@ -47,9 +47,12 @@ if TYPE_CHECKING:
         GripperState,
         MoveProgress,
         MoveResult,
+        PlayResult,
         SetZeroResult,
     )
     from litegrip_client.setpoints import SetpointStream
+    from litegrip_client.trajectory import Trajectory, TrajectorySample
+    from litegrip_client.trajectory_files import TrajectoryFile, list_trajectories
 
     __version__: str
 
@@ -75,14 +78,19 @@ __all__ = [
     "MoveProgress",
     "MoveResult",
     "NotPermittedError",
+    "PlayResult",
     "ProtocolError",
     "SetZeroResult",
     "SetpointStream",
     "StoppedError",
+    "Trajectory",
     "TrajectoryBusyError",
+    "TrajectoryFile",
+    "TrajectorySample",
     "UnitConversion",
     "__version__",
     "list_templates",
+    "list_trajectories",
 ]
 
 _LATER = {
@@ -97,10 +105,15 @@ _LATER = {
     "MotionConfig": "motion_config",
     "MoveProgress": "results",
     "MoveResult": "results",
+    "PlayResult": "results",
     "SetZeroResult": "results",
     "SetpointStream": "setpoints",
+    "Trajectory": "trajectory",
+    "TrajectoryFile": "trajectory_files",
+    "TrajectorySample": "trajectory",
     "UnitConversion": "conversion",
     "list_templates": "calibration_files",
+    "list_trajectories": "trajectory_files",
 }
 """What takes long to import, or is seldom needed, and its module."""
 

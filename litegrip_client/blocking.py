@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Coroutine, Mapping
 
 from litegrip_client.connection import Connection
@@ -25,6 +26,11 @@ def wait(coroutine: Coroutine[Any, Any, _Result]) -> _Result:
         return result
     coroutine.close()
     raise RuntimeError(f"{coroutine!r} wants an event loop")
+
+
+async def pause(seconds: float) -> None:
+    """Let the thread wait for a while."""
+    time.sleep(seconds)
 
 
 class BlockingWire:

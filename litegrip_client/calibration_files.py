@@ -4,13 +4,13 @@ JSON, interchangeable with the vendor SDK's. What a file means, and whether it c
 the daemon's to say: here files are only found, read and written.
 """
 
-import contextlib
 import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from litegrip_client import atomic_file
 from litegrip_client.calibration import CALIBRATION_KEYS
 from litegrip_client.errors import CommandError
 from litegrip_client.warn import warn
@@ -110,17 +110,9 @@ def write(path: str | os.PathLike[str], content: Mapping[str, Any]) -> str:
     check_writable(path)
     target = _path(path)
     text = json.dumps({**_foreign_keys(target), **content}, indent=2, allow_nan=False) + "\n"
-    new = target.with_name(f".{target.name}.{os.getpid()}.new")
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with new.open("w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        new.replace(target)
+        atomic_file.write(target, text.encode())
     except OSError as error:
-        with contextlib.suppress(OSError):  # it may never have been made
-            new.unlink()
         raise CommandError(
             f"the calibration cannot be written to {target}: {error.strerror or error}",
             reason="not_saved",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from litegrip_client.blocking import BlockingWire
+from litegrip_client.blocking import BlockingWire, pause
 from litegrip_client.connection import Connection
 from litegrip_client.core import link as core
 from litegrip_client.core.link import ACTION_TIMEOUT_S
@@ -42,6 +42,10 @@ class Link(core.Link):
     async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Return what `function` does."""
         return function(*arguments)
+
+    async def pause(self, seconds: float) -> None:
+        """Wait for a while."""
+        await pause(seconds)
 
     @property
     def connection(self) -> Connection:

@@ -17,6 +17,7 @@ __all__ = [
     "GripperState",
     "MoveProgress",
     "MoveResult",
+    "PlayResult",
     "SetZeroResult",
 ]
 
@@ -107,6 +108,34 @@ class GraspResult:
         """Read the wire's form; raises `ProtocolError`."""
         figures = ("target_rad", "force_n", "cycles", "outcome", "width_mm", "held_s")
         return cls(**_with_state(data, ("ok", "reached", "stalled", *figures), "grasp result"))
+
+
+@dataclass(frozen=True, slots=True)
+class PlayResult:
+    """How a replay ended; true if it came through to the end of its path.
+
+    `outcome` is completed, blocked (something keeps the jaws from the end of the path) or
+    not_aligned (they could not get to its start). `loops` counts the whole passes, `frames` the
+    commands; `largest_lag_mm` is how far the jaws were behind the path at most.
+    """
+
+    ok: bool
+    outcome: str
+    state: GripperState
+    loops: int
+    frames: int
+    largest_lag_mm: float
+    final_cmd_rad: float
+
+    def __bool__(self) -> bool:
+        return self.ok
+
+    @classmethod
+    def from_wire(cls, data: Mapping[str, Any]) -> "PlayResult":
+        """Read the wire's form; raises `ProtocolError`."""
+        same = ("ok", "outcome", "loops", "frames", "largest_lag_mm")
+        values = _with_state(data, (*same, "final_command_rad"), "play result")
+        return cls(final_cmd_rad=values.pop("final_command_rad"), **values)
 
 
 @dataclass(frozen=True, slots=True)

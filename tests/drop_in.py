@@ -34,8 +34,15 @@ from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
-_CLOCKED = ("calls", "multiplexer", "core.setpoints", "state")
-"""The client's modules that read a clock."""
+_CLOCKED = (
+    "blocking",
+    "calls",
+    "core.setpoints",
+    "core.trajectory_actions",
+    "multiplexer",
+    "state",
+)
+"""The client's modules that read a clock, or wait by it."""
 
 
 class RealDisk(Disk):
@@ -262,9 +269,14 @@ class Site:
 def a_site(home: Path, environment: Mapping[str, str] | None = None) -> Iterator[Site]:
     """Give a machine of its own to the client: its daemons, its clock, and its user's `home`."""
     site = Site()
-    clock = SimpleNamespace(monotonic=lambda: site.now_s)
+    clock = SimpleNamespace(monotonic=lambda: site.now_s, sleep=site.run)
     with pytest.MonkeyPatch.context() as patch:
-        for name in ("LITEGRIPD_SOCKET", "LITEGRIP_CALIB", "XDG_RUNTIME_DIR"):
+        for name in (
+            "LITEGRIPD_SOCKET",
+            "LITEGRIP_CALIB",
+            "LITEGRIP_TRAJ_DIR",
+            "XDG_RUNTIME_DIR",
+        ):
             patch.delenv(name, raising=False)
         patch.setenv("HOME", str(home))
         patch.setenv("STATE_DIRECTORY", str(home / "state"))

@@ -38,6 +38,10 @@ class Link(core.Link):
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(None, functools.partial(function, *arguments))
 
+    async def pause(self, seconds: float) -> None:
+        """Wait for a while; other tasks go on."""
+        await asyncio.sleep(seconds)
+
     @property
     def connection(self) -> Connection:
         """The connection; raises `ConnectError` when there is none."""

@@ -73,6 +73,10 @@ class Link:
         """Return what `function` does, which works with files and so may take its time."""
         raise NotImplementedError
 
+    async def pause(self, seconds: float) -> None:
+        """Wait for a while."""
+        raise NotImplementedError
+
     @property
     def is_open(self) -> bool:
         """Whether calls can be made."""

@@ -1,0 +1,159 @@
+"""Where trajectories lie on this side: a directory of the user's, names in it, and its listing.
+
+What is in the files is `trajectory`'s. The daemon's own store is another one.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from litegrip_client import atomic_file
+from litegrip_client.errors import CommandError
+from litegrip_client.trajectory import (
+    HEADER,
+    MAX_SAMPLES,
+    SAMPLE,
+    Trajectory,
+    check_length,
+    read_header,
+    unusable,
+)
+
+DIRECTORY_VARIABLE = "LITEGRIP_TRAJ_DIR"
+ENDING = ".lgt"
+_MAX_BYTES = HEADER.size + MAX_SAMPLES * SAMPLE.size
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryFile:
+    """A file of the directory, as its header tells; as a string it is one line.
+
+    `error` says why it cannot be used, if so; then the figures are 0. The samples themselves are
+    not looked at before `Trajectory.load`.
+    """
+
+    name: str
+    path: str
+    samples: int = 0
+    sample_hz: float = 0.0
+    created: float = 0.0
+    mount: str | None = None
+    error: str | None = None
+
+    def __str__(self) -> str:
+        if self.error is not None:
+            return f"{self.name}: {self.error}"
+        seconds = max(self.samples - 1, 0) / self.sample_hz
+        mount = f", mount {self.mount}" if self.mount else ""
+        return f"{self.name}: {seconds:.2f} s, {self.samples} samples{mount}"
+
+
+def directory() -> Path:
+    """Return where trajectories are kept: LITEGRIP_TRAJ_DIR, else ~/.litegrip/trajectories."""
+    named = os.environ.get(DIRECTORY_VARIABLE) or "~/.litegrip/trajectories"
+    return _real(named)
+
+
+def path_of(name: str | os.PathLike[str]) -> Path:
+    """Return the file that `name` means; raises `CommandError` for what cannot be a name.
+
+    With a path separator in it, it is used as written.
+    """
+    text = os.fspath(name) if isinstance(name, str | os.PathLike) else ""
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise _not_a_name(name, "it must be text, and not empty")
+    if os.sep in text:
+        return _real(text)
+    if text.startswith("."):
+        raise _not_a_name(name, "it must not begin with a dot, or be a path")
+    return directory() / f"{text.removesuffix(ENDING)}{ENDING}"
+
+
+def read(name: str | os.PathLike[str]) -> bytes:
+    """Return a file's content; raises `CommandError`, also for one that is far too long."""
+    path = path_of(name)
+    try:
+        with _open(path) as file:
+            content = file.read(_MAX_BYTES + 1)
+    except OSError as error:
+        raise _unopened(path, error) from error
+    if len(content) > _MAX_BYTES:
+        raise unusable(f"{path}: it is larger than {MAX_SAMPLES} samples, {_MAX_BYTES} bytes")
+    return content
+
+
+def write(name: str | os.PathLike[str], content: bytes) -> str:
+    """Write a file at once or not at all, with its directory; return its path."""
+    path = path_of(name)
+    try:
+        atomic_file.write(path, content)
+    except OSError as error:
+        raise CommandError(
+            f"the trajectory cannot be written to {path}: {error.strerror or error}",
+            reason="not_saved",
+            data={"path": str(path)},
+        ) from error
+    return str(path)
+
+
+def list_trajectories() -> list[TrajectoryFile]:
+    """List the files of the directory by name; raises `CommandError` when it cannot be read."""
+    found = directory()
+    try:
+        names = sorted(entry.name for entry in found.iterdir())
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        text = f"the directory {found} cannot be read: {error.strerror or error}"
+        raise CommandError(text, reason="trajectory_unreadable") from error
+    usable = [name for name in names if name.endswith(ENDING) and not name.startswith(".")]
+    return [_entry(found / name) for name in usable]
+
+
+def _entry(path: Path) -> TrajectoryFile:
+    name = path.name.removesuffix(ENDING)
+    try:
+        with _open(path) as file:
+            header = read_header(file.read(HEADER.size))
+            count = header.pop("count")
+            check_length(os.fstat(file.fileno()).st_size, count)
+        Trajectory((), **header)  # which judges its figures
+    except OSError as error:
+        return TrajectoryFile(name, str(path), error=error.strerror or str(error))
+    except CommandError as error:
+        return TrajectoryFile(name, str(path), error=error.message)
+    figures = {key: header[key] for key in ("sample_hz", "created", "mount")}
+    return TrajectoryFile(name, str(path), samples=count, **figures)
+
+
+def _open(path: Path) -> BinaryIO:
+    """Open a regular file, without waiting for a pipe's other end; raises `OSError`."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EINVAL, "it is no regular file")
+    return os.fdopen(descriptor, "rb")
+
+
+def _real(path: str) -> Path:
+    try:
+        # Without links, so that one goes on pointing to what is written.
+        return Path(path).expanduser().resolve()
+    except (OSError, RuntimeError) as error:  # RuntimeError: no home, a loop of links
+        raise _not_a_name(path, str(error)) from error
+
+
+def _not_a_name(name: object, why: str) -> CommandError:
+    text = f"{name!r:.80} cannot be a trajectory's name: {why}"
+    return CommandError(text, reason="invalid_params")
+
+
+def _unopened(path: Path, error: OSError) -> CommandError:
+    if isinstance(error, FileNotFoundError):
+        return CommandError(f"there is no trajectory {path}", reason="unknown_trajectory")
+    return unusable(f"{path} cannot be read: {error.strerror or error}")
