@@ -164,9 +164,9 @@ user who may not write there.
   refused and the connection stays open. `id` is a string or an integer.
 - Requests of one connection run concurrently: answers come when they are done, by `id`.
 - A motion answers with its result when it ends. With `"wait": false` it answers `{{"job": n}}` at
-  once, and outlives its connection; so it does with `"detach": true`. With `"progress": true`
-  the connection gets `job.progress` notifications, at most 20 a second, with the `request` that
-  they belong to.
+  once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
+  does. With `"progress": true` the connection gets `job.progress` notifications, at most 20 a
+  second, with the `request` that they belong to.
 - A motion that could not run its course (cancelled, stopped, a fault, its client lost) answers
   with an error. [errors.md](errors.md) lists all reasons.
 - Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a

@@ -109,7 +109,8 @@ class TrajectoryActions(ActionBase):
     ) -> dict[str, Any]:
         """Begin to replay in the background; return the status."""
         params = _play_params(speed, kp, kd, align, torque_nm)
-        params |= {"loop": bool(loop), "wait": False}
+        # It shall end with the connection, which a motion for which nobody waits does not.
+        params |= {"loop": bool(loop), "wait": False, "detach": False}
         params["upload"] = await self._uploaded(trajectory)
         await self._command("trajectory.play", self._configured(params))
         return await self.trajectory_status()

@@ -11,8 +11,8 @@ from litegripd.rpc.session import Session
 
 
 def is_detached(params: Mapping[str, Any]) -> bool:
-    """Whether a motion outlives its connection: asked for, or not waited for."""
-    return bool(params.get("detach", False)) or not params.get("wait", True)
+    """Whether a motion outlives its connection: as asked for, else if it is not waited for."""
+    return bool(params.get("detach", not params.get("wait", True)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Call:
 
     @property
     def detached(self) -> bool:
-        """Whether the motion outlives its connection: asked for, or not waited for."""
+        """Whether the motion outlives its connection: as asked for, else if not waited for."""
         return is_detached(self.params)
 
     def config(self, base: MotionConfig, period_s: float) -> MotionConfig | Refusal:

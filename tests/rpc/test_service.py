@@ -112,11 +112,12 @@ def test_a_motion_that_is_not_waited_for_outlives_its_connection() -> None:
     assert (ended["state"], ended["detached"], ended["result"]["ok"]) == ("done", True, True)
 
 
+@pytest.mark.parametrize("wait", [True, False])
 @pytest.mark.parametrize("detach", [True, False])
-def test_a_lost_client_ends_its_motion_unless_it_is_detached(detach: bool) -> None:
+def test_a_lost_client_ends_its_motion_unless_it_is_detached(detach: bool, wait: bool) -> None:
     world = World()
     first, second = world.enabled(), world.client()
-    first.send("motion.open", detach=detach)
+    first.send("motion.open", detach=detach, wait=wait)
     world.run(0.2)
     number = second.result("state.get")["job"]["job"]
     first.leave()
