@@ -90,24 +90,24 @@ class Recording:
                 left_s = (self._samples - due) / self._rate_hz
                 await self._pause(min(max(left_s, _SHORTEST_PAUSE_S), _LONGEST_PAUSE_S))
                 status = await wire.call("trajectory.status")
-            kept = await end(wire, self._name)
+            self._check(status)
+            return await end(wire, self._name)
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise
         except BaseException as error:
             if getattr(error, "reason", None) != "recording_failed" and not wire.closed:
                 await wire.finish(self._cancel())
             raise
-        return self._checked(kept)
 
-    def _checked(self, kept: dict[str, Any]) -> dict[str, Any]:
-        got = kept["samples"]
-        if got < (1.0 - MOST_MISSED_SHARE) * self._samples:
+    def _check(self, status: dict[str, Any]) -> None:
+        """Refuse a recording with holes before it is kept; the daemon refuses a broken one."""
+        got = status["samples"]
+        if status["error"] is None and got < (1.0 - MOST_MISSED_SHARE) * self._samples:
             raise CommandError(
                 f"the recording did not fill: {got} of {self._samples} samples",
                 reason="recording_failed",
                 data={"samples": got, "expected": self._samples},
             )
-        return kept
 
     async def _cancel(self) -> None:
         try:

@@ -6,7 +6,7 @@ import sys
 from argparse import Namespace
 
 from litegrip_client.connection import Connection
-from litegrip_client.ctl.commands import WITHOUT_DAEMON, find
+from litegrip_client.ctl.commands import find, needs_daemon
 from litegrip_client.ctl.options import parse
 from litegrip_client.ctl.output import Output
 from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, OK, Run
@@ -25,6 +25,8 @@ _HINTS = {
     "busy": "see: litegripctl jobs",
     "lease_held": "see: litegripctl lease; in need: litegripctl lease take REASON",
     "unknown_job": "see: litegripctl jobs",
+    "unknown_trajectory": "see: litegripctl trajectories",
+    "trajectory_busy": "see: litegripctl jobs",
     "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
 }
 
@@ -49,7 +51,7 @@ def _run(options: Namespace, output: Output) -> int:
     try:
         if options.command == "stop" and _stop_first(options, output):
             return OK
-        if options.command in WITHOUT_DAEMON:
+        if not needs_daemon(options):
             return find(options.command)(Run(None, options, output))
         with connect(options.channel, options.socket) as connection:
             _check(connection.greet("litegripctl"), connection, options)

@@ -96,7 +96,7 @@ def jobs(rows: list[Data]) -> str:
         )
         for row in rows
     ]
-    return _aligned(table)
+    return aligned(table)
 
 
 def clients(rows: list[Data]) -> str:
@@ -114,7 +114,7 @@ def clients(rows: list[Data]) -> str:
         )
         for row in rows
     ]
-    return _aligned(table)
+    return aligned(table)
 
 
 def lease(data: Data) -> str:
@@ -202,7 +202,8 @@ def _stop(stop: Data) -> str:
     return f"{stop.get('level')}, by {who}{why} (clear it with: litegripctl clear)"
 
 
-def _aligned(table: Sequence[tuple[str, ...]]) -> str:
+def aligned(table: Sequence[tuple[str, ...]]) -> str:
+    """Show rows of cells as a table."""
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = (
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))

@@ -16,25 +16,29 @@ _BAR_WIDTH = 24
 def progress(data: Data) -> str:
     """Show how far a motion is, in one line; with a bar where it is known how far it goes."""
     total = data.get("total_steps") or 0
-    bar = ""
-    if total > 0:
-        share = min(1.0, max(0.0, data.get("step", 0) / total))
-        bar = f"[{('#' * round(share * _BAR_WIDTH)).ljust(_BAR_WIDTH, '.')}] "
+    done = f"{bar(data.get('step', 0) / total)} " if total > 0 else ""
     opening = figure(data.get("opening_mm"), "6.2f", "mm")
     torque = figure(data.get("torque_nm"), "+.2f", "N·m")
-    return f"{bar}{opening}  {torque}  {_words(data.get('phase'))}"
+    passes = f", pass {data['loops'] + 1}" if data.get("loops") else ""
+    return f"{done}{opening}  {torque}  {words(data.get('phase'))}{passes}"
+
+
+def bar(share: float) -> str:
+    """Show a share, 0 to 1, as a bar."""
+    filled = "#" * round(min(1.0, max(0.0, share)) * _BAR_WIDTH)
+    return f"[{filled.ljust(_BAR_WIDTH, '.')}]"
 
 
 def move(name: str, data: Data) -> str:
     """Show how a motion ended."""
-    return f"{name}: {_verdict(data)}, at {_opening(data)}"
+    return f"{name}: {verdict(data)}, at {opening_of(data)}"
 
 
 def grasp(data: Data) -> str:
     """Show whether something is held, how wide it is, and how to let go of it."""
     width = data.get("width_mm")
-    text = f"grasp: {_verdict(data)}, "
-    text += f"at {_opening(data)}" if width is None else f"{figure(width, '.1f', 'mm')} wide"
+    text = f"grasp: {verdict(data)}, "
+    text += f"at {opening_of(data)}" if width is None else f"{figure(width, '.1f', 'mm')} wide"
     if data.get("held_s"):
         text += f", held for {figure(data['held_s'], '.1f', 's')}"
     if data.get("ok") or data.get("state", {}).get("force_set_n") is not None:
@@ -46,12 +50,14 @@ def grasp(data: Data) -> str:
 def force(data: Data) -> str:
     """Show with which force the jaws squeeze from now on."""
     newtons = figure(data.get("force_n"), ".1f", "N")
-    return f"force: squeezing with {newtons}, at {_opening(data)}; let go with: litegripctl release"
+    return (
+        f"force: squeezing with {newtons}, at {opening_of(data)}; let go with: litegripctl release"
+    )
 
 
 def measured(name: str, data: Data) -> str:
     """Show what was measured between the stops, and whether it is stored."""
-    text = f"{name}: {_verdict(data)}"
+    text = f"{name}: {verdict(data)}"
     if data.get("message"):
         text += f": {plain(data['message'])}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
@@ -145,15 +151,18 @@ def registers(rows: Iterable[Data]) -> str:
     )
 
 
-def _verdict(data: Data) -> str:
-    return f"{'' if data.get('ok') else 'NOT ok: '}{_words(data.get('outcome'))}"
+def verdict(data: Data) -> str:
+    """Show whether it went as it should, and how it ended."""
+    return f"{'' if data.get('ok') else 'NOT ok: '}{words(data.get('outcome'))}"
 
 
-def _words(name: object) -> str:
+def words(name: object) -> str:
+    """Show a name of the protocol in words."""
     return plain(name).replace("_", " ")
 
 
-def _opening(data: Data) -> str:
+def opening_of(data: Data) -> str:
+    """Show where the jaws were at the end."""
     return figure(data.get("state", {}).get("opening_mm"), ".2f", "mm")
 
 

@@ -26,7 +26,9 @@ IF_BUSY = Param(
     choices=("reject", "replace", "queue"),
 )
 WAIT = Param("wait", "boolean", "Answer when it has ended (true, the default), or at once.")
-DETACH = Param("detach", "boolean", "Let it outlive this connection (default: what is not waited for).")
+DETACH = Param(
+    "detach", "boolean", "Let it outlive this connection (default: what is not waited for)."
+)
 PROGRESS = Param("progress", "boolean", "Send job.progress on the way (default false).")
 JOB = Param("job", "integer", "The job's number.", required=True, minimum=1)
 CONFIG = Param(

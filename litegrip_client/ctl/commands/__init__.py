@@ -6,10 +6,27 @@ the module of the command that is run is imported, so that a `state` does not wa
 
 from __future__ import annotations
 
+from argparse import Namespace
+from pathlib import Path
+
 from litegrip_client.ctl.run import Command
 
-WITHOUT_DAEMON = ("doctor", "plot")
 _MOTIONS = ("open", "close", "grasp", "release", "move", "force", "slack")
+
+
+def needs_daemon(options: Namespace) -> bool:
+    """Whether the command line asks for something of the daemon's."""
+    if options.command == "plot":
+        return is_name(options.file) and not options.local
+    if options.command == "trajectories":
+        return not options.local
+    return bool(options.command != "doctor")
+
+
+def is_name(text: str) -> bool:
+    """Whether it can only be a name of the daemon's, and no file here."""
+    path = Path(text)
+    return path.name == text and not path.suffix and not path.exists()
 
 
 def find(name: str) -> Command:
@@ -22,7 +39,13 @@ def find(name: str) -> Command:
         from litegrip_client.ctl.commands.settings import COMMANDS  # noqa: PLC0415
     elif name in ("clients", "lease", "stop"):
         from litegrip_client.ctl.commands.clients import COMMANDS  # noqa: PLC0415
-    elif name in ("dump", "plot"):
+    elif name in ("record", "play"):
+        from litegrip_client.ctl.commands.trajectories import COMMANDS  # noqa: PLC0415
+    elif name == "trajectories":
+        from litegrip_client.ctl.commands.trajectory_store import COMMANDS  # noqa: PLC0415
+    elif name == "plot":
+        from litegrip_client.ctl.commands.plot import COMMANDS  # noqa: PLC0415
+    elif name == "dump":
         from litegrip_client.ctl.commands.recorder import COMMANDS  # noqa: PLC0415
     elif name == "doctor":
         from litegrip_client.ctl.commands.doctor import COMMANDS  # noqa: PLC0415

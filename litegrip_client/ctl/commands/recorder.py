@@ -1,7 +1,4 @@
-"""The commands on the flight recorder: have it written, and draw what was written.
-
-Only `plot` needs anything but the standard library, and only when it is run.
-"""
+"""The command on the flight recorder: have it written."""
 
 from __future__ import annotations
 
@@ -13,8 +10,6 @@ from litegrip_client.ctl.render import figure, plain
 from litegrip_client.ctl.run import OK, Command, Run
 from litegrip_client.errors import CommandError
 from litegrip_client.link import ACTION_TIMEOUT_S
-
-_INSTALL = "pip install 'litegripd[plot]'"
 
 
 def dump(run: Run) -> int:
@@ -46,22 +41,4 @@ def _content(path: str) -> bytes:
         ) from error
 
 
-def plot(run: Run) -> int:
-    """Draw a dump."""
-    options = run.options
-    try:
-        from litegrip_client.ctl.plot.draw import draw  # noqa: PLC0415 - needs the extra
-        from litegrip_client.ctl.plot.dump import read  # noqa: PLC0415 - needs the extra
-    except ModuleNotFoundError as error:
-        raise CommandError(
-            f"plot needs the library {error.name}, which is not installed",
-            reason="library_missing",
-            data={"hint": _INSTALL},
-        ) from error
-    target = options.output or str(Path(options.file).with_suffix(".png"))
-    files.put(target, draw(read(options.file), options.last))
-    run.output.result({"path": target}, f"drawn in {plain(target)}")
-    return OK
-
-
-COMMANDS: Mapping[str, Command] = {"dump": dump, "plot": plot}
+COMMANDS: Mapping[str, Command] = {"dump": dump}

@@ -9,7 +9,7 @@ import argparse
 import os
 import sys
 
-from litegrip_client.ctl.options import calibration, general, motions, settings
+from litegrip_client.ctl.options import calibration, general, motions, settings, trajectories
 from litegrip_client.ctl.options.late import (
     CHANNEL_VARIABLE,
     DEFAULT_CHANNEL,
@@ -102,8 +102,11 @@ def _parser() -> argparse.ArgumentParser:
     add("calibration", "show, load, store the calibration, or make it by hand", calibration.actions)
     add("config", "show or change the daemon's defaults for motions", settings.config)
     add("register", "read registers of the motor", settings.register)
+    add("record", "record a motion that you push the jaws through", trajectories.record)
+    add("play", "replay a recorded motion", trajectories.play)
+    add("trajectories", "list what was recorded, copy or remove it", trajectories.actions)
     add("dump", "write the last minute, tick by tick, to a file", general.dump)
-    add("plot", "draw such a file as a picture", general.plot)
+    add("plot", "draw a dump or a trajectory, as a picture or as text", general.plot)
     add("doctor", "check link, daemon, motor and calibration; say what mends them")
     add("health", "show how the daemon is; the exit code tells the verdict")
     add("metrics", "print the figures of health as OpenMetrics text, for Prometheus")

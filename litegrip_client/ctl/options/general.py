@@ -10,8 +10,9 @@ the motor faults, a tick fails, or the bus of an enabled motor is lost.
 """
 _PLOT = """\
 Draw a dump of the flight recorder: opening, torque, temperatures and lateness
-over time, with what happened. It needs no daemon, but matplotlib and mcap:
-pip install 'litegripd[plot]'
+over time, with what happened; or a trajectory. What is no file here, and has
+neither a path nor an ending, is a trajectory that the daemon keeps. Pictures
+need matplotlib and mcap: pip install 'litegripd[plot]'
 """
 
 
@@ -58,11 +59,16 @@ def dump(parser: LateParser) -> None:
 
 
 def plot(parser: LateParser) -> None:
-    """Take the dump and the picture."""
+    """Take what to draw, and how."""
     parser.description = _PLOT
-    parser.add_argument("file", metavar="FILE", help="a dump, of 'dump' or of the daemon itself")
-    parser.add_argument(
+    parser.add_argument("file", metavar="FILE|NAME", help="a dump, or a trajectory")
+    parser.add_argument("--local", action="store_true", help="a trajectory of this user's")
+    how = parser.add_mutually_exclusive_group()
+    how.add_argument(
         "-o", "--output", metavar="PNG", help="the picture (default: beside FILE, as .png)"
+    )
+    how.add_argument(
+        "--text", action="store_true", help="a trajectory's quick look, here in the terminal"
     )
     parser.add_argument("--last", type=positive, metavar="S", help="only the last S seconds of it")
 

@@ -1,0 +1,77 @@
+"""The commands that record and replay."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from litegrip_client.blocking import BlockingWire, pause, wait
+from litegrip_client.core.recording import Recording
+from litegrip_client.ctl import render_trajectories as render
+from litegrip_client.ctl import terminal
+from litegrip_client.ctl.commands.trajectory_store import refuse_kept, showing
+from litegrip_client.ctl.motion import finish
+from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Run
+from litegrip_client.errors import CancelledError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+
+def record(run: Run) -> int:
+    """Record for a while; the daemon keeps it under a name. It ends with this program."""
+    options = run.options
+    if not options.overwrite:
+        refuse_kept(run, options.name)
+    samples = max(1, round(options.seconds * options.rate))
+
+    def show(status: dict[str, Any]) -> None:
+        if run.output.live:
+            run.output.line(render.recording(status, samples))
+
+    recording = Recording(
+        BlockingWire(run.connection),
+        pause,
+        duration_s=options.seconds,
+        rate_hz=options.rate,
+        zero_gravity=not options.no_zero_gravity,
+        name=options.name,
+        on_status=show,
+    )
+    if not options.no_zero_gravity:
+        terminal.say(f"The jaws go slack for {options.seconds:g} s: push them. Ctrl-C ends it.")
+    try:
+        data = wait(recording.run())
+    except KeyboardInterrupt:
+        run.output.erase_line()
+        text = "interrupted: nothing was kept, the jaws hold"
+        run.output.error(CancelledError(text, reason="interrupted"), "")
+        return INTERRUPTED
+    run.output.erase_line()
+    run.output.result(data, render.recorded(data))
+    return OK
+
+
+def play(run: Run) -> int:
+    """Replay a trajectory of the daemon, or of this side."""
+    options = run.options
+    params: dict[str, Any] = {"repeat": options.repeat, "align": not options.no_align}
+    if options.speed is not None:
+        params["speed"] = options.speed
+    if options.local:
+        params["upload"] = _uploaded(run)
+    else:
+        params["name"] = options.name
+    return finish(run, "trajectory.play", params, render.played)
+
+
+def _uploaded(run: Run) -> int:
+    from litegrip_client.core.trajectory_transfer import send  # noqa: PLC0415 - seldom needed
+    from litegrip_client.trajectory_files import read  # noqa: PLC0415
+
+    wire = BlockingWire(run.connection)
+    with showing(run) as share:
+        return int(wait(send(wire, read(run.options.name), None, share))["upload"])
+
+
+COMMANDS: Mapping[str, Command] = {"record": record, "play": play}

@@ -1,0 +1,151 @@
+"""What is kept of trajectories: by the daemon, by name, and on this side, as files."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import asdict
+
+from litegrip_client.blocking import BlockingWire, wait
+from litegrip_client.core.trajectory_transfer import fetch, send
+from litegrip_client.ctl import files
+from litegrip_client.ctl import render_trajectories as render
+from litegrip_client.ctl.render import plain
+from litegrip_client.ctl.render_results import bar
+from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.errors import CommandError
+from litegrip_client.link import ACTION_TIMEOUT_S
+from litegrip_client.trajectory import Trajectory
+from litegrip_client.trajectory_files import directory, list_trajectories, path_of, read, write
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+_REPLACE = "take another name, or replace it with: --overwrite"
+
+
+def trajectories(run: Run) -> int:
+    """Do what `options.action` says."""
+    action = run.options.action or "list"
+    if run.options.local and action != "list":
+        return run.refuse(
+            f"--local does not go with {action}", f"see: litegripctl trajectories {action} --help"
+        )
+    return _ACTIONS[action](run)
+
+
+def show(run: Run) -> int:
+    """List what the daemon keeps, or this user."""
+    if run.options.local:
+        rows = [_row(asdict(file)) for file in list_trajectories()]
+        where = {"directory": str(directory())}
+    else:
+        rows, where = kept(run), {}
+    run.output.result({"trajectories": rows, **where}, render.listed(rows))
+    return OK
+
+
+def get(run: Run) -> int:
+    """Copy one of the daemon's to this side."""
+    options = run.options
+    target = options.output or options.name
+    path = path_of(target)
+    if not options.overwrite:
+        files.refuse_existing(str(path), _REPLACE)
+    content = fetched(run, {"name": options.name})
+    Trajectory.from_bytes(content)  # nothing is written that could not be loaded
+    write(target, content)
+    run.output.result({"name": options.name, "path": str(path)}, f"written to {plain(path)}")
+    return OK
+
+
+def put(run: Run) -> int:
+    """Copy one of this side to the daemon."""
+    options = run.options
+    content = read(options.file)
+    name = options.name or path_of(options.file).stem
+    if not options.overwrite:
+        refuse_kept(run, name)
+    with showing(run) as share:
+        data = wait(send(BlockingWire(run.connection), content, {"name": name}, share))
+    run.output.result(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
+    return OK
+
+
+def delete(run: Run) -> int:
+    """Remove one of the daemon's."""
+    params = {"name": run.options.name}
+    data = run.connection.call("trajectory.delete", params, ACTION_TIMEOUT_S)
+    run.output.result(data, f"deleted: {plain(run.options.name)}")
+    return OK
+
+
+def export(run: Run) -> int:
+    """Show one of the daemon's as CSV, or write that to a file."""
+    name, target = run.options.name, run.options.output
+    if target is not None:
+        files.refuse_existing(target, "take another name")
+    content = fetched(run, {"name": name, "format": "csv"})
+    if target is not None:
+        files.put(target, content)
+        run.output.result({"name": name, "path": target}, f"written to {plain(target)}")
+        return OK
+    text = content.decode()
+    run.output.result({"name": name, "csv": text}, text.removesuffix("\n"))
+    return OK
+
+
+def kept(run: Run) -> list[dict[str, Any]]:
+    """Return what the daemon tells of all that it keeps."""
+    rows: list[dict[str, Any]] = []
+    more = True
+    while more:
+        params = {"after": rows[-1]["name"]} if rows else {}
+        answer = run.connection.call("trajectory.list", params, ACTION_TIMEOUT_S)
+        rows += answer["trajectories"]
+        more = answer["more"] and bool(answer["trajectories"])
+    return rows
+
+
+def refuse_kept(run: Run, name: str) -> None:
+    """Raise `CommandError` for a name that the daemon has already, usable or not."""
+    if any(row["name"] == name for row in kept(run)):
+        text = f"the daemon keeps a trajectory {plain(name)} already"
+        raise CommandError(text, reason="file_exists", data={"hint": _REPLACE})
+
+
+def fetched(run: Run, source: Mapping[str, Any]) -> bytes:
+    """Fetch one of the daemon's, with a bar where it can be seen."""
+    with showing(run) as share:
+        return wait(fetch(BlockingWire(run.connection), source, share))
+
+
+@contextlib.contextmanager
+def showing(run: Run) -> Iterator[Callable[[float], None]]:
+    """Give what shows the share that is done."""
+
+    def share(done: float) -> None:
+        if run.output.live:
+            run.output.line(f"{bar(done)} {done:.0%}")
+
+    try:
+        yield share
+    finally:
+        run.output.erase_line()
+
+
+def _row(file: dict[str, Any]) -> dict[str, Any]:
+    """Name what a file tells as the daemon names it."""
+    return {**file, "created_s": file.pop("created")}
+
+
+_ACTIONS: Mapping[str, Command] = {
+    "list": show,
+    "get": get,
+    "put": put,
+    "delete": delete,
+    "export": export,
+}
+
+COMMANDS: Mapping[str, Command] = {"trajectories": trajectories}
