@@ -71,7 +71,7 @@ def path_of(name: str | os.PathLike[str]) -> Path:
         return _real(text)
     if text.startswith("."):
         raise _not_a_name(name, "it must not begin with a dot, or be a path")
-    return directory() / f"{text.removesuffix(ENDING)}{ENDING}"
+    return _real(directory() / f"{text.removesuffix(ENDING)}{ENDING}")
 
 
 def read(name: str | os.PathLike[str]) -> bytes:
@@ -140,7 +140,7 @@ def _open(path: Path) -> BinaryIO:
     return os.fdopen(descriptor, "rb")
 
 
-def _real(path: str) -> Path:
+def _real(path: str | Path) -> Path:
     try:
         # Without links, so that one goes on pointing to what is written.
         return Path(path).expanduser().resolve()
