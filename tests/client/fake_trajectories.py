@@ -1,0 +1,143 @@
+"""The scripted daemon's trajectories: recordings that take as many looks as a test wants."""
+
+import base64
+import hashlib
+from typing import Any
+
+from tests.client.fake_daemon import STATE, FakeDaemon, Request
+from tests.trajectories import PIECE_BYTES, lgt
+
+PLAYED: dict[str, Any] = {
+    "job": 4,
+    "ok": True,
+    "outcome": "completed",
+    "loops": 1,
+    "frames": 200,
+    "largest_lag_mm": 1.25,
+    "final_command_rad": 0.1,
+    "state": STATE,
+}
+CONTENT = lgt([(number / 100, (number % 100) / 100) for number in range(300)])
+"""Two pieces long."""
+
+
+class FakeTrajectories:
+    """What the daemon keeps, by name, and what of it was begun."""
+
+    def __init__(self, daemon: FakeDaemon, looks: int = 2) -> None:
+        """A recording is over after `looks` looks at its status."""
+        self.kept: dict[str, bytes] = {}
+        self.recorded = CONTENT
+        self.uploads: dict[int, bytes] = {}
+        self.missed = 0
+        self.error: str | None = None
+        self._daemon = daemon
+        self._looks = looks
+        self._wanted = 0
+        self._status = {**self._common("record"), "active": False, "kind": None}
+        self._coming = b""
+        handlers = {
+            "record_start": self._start,
+            "record_stop": self._stop,
+            "status": lambda _request: self._look(),
+            "list": self._list,
+            "get": self._get,
+            "put": self._put,
+            "delete": self._delete,
+            "play": lambda _request: PLAYED,
+        }
+        for name, handler in handlers.items():
+            daemon.handlers[f"trajectory.{name}"] = handler
+
+    def asked(self, method: str) -> list[dict[str, Any]]:
+        """Return with which parameters a method was called, its guards left out."""
+        guards = ("sent_s", "stop_generation")
+        return [
+            {name: value for name, value in request.params.items() if name not in guards}
+            for request in self._daemon.requests
+            if request.method == f"trajectory.{method}"
+        ]
+
+    def _common(self, kind: str) -> dict[str, Any]:
+        return {"kind": kind, "job": 3, "samples": 0, "missed": 0, "error": None, "duration_s": 0.0}
+
+    def _start(self, request: Request) -> dict[str, Any]:
+        self._wanted = request.params.get("max_samples", 1000)
+        self._status = {**self._common("record"), "active": True}
+        return self._status
+
+    def _look(self) -> dict[str, Any]:
+        self._looks -= 1
+        is_over = self._looks <= 0
+        samples = self._wanted - self.missed if is_over else self._wanted // 2
+        return {
+            **self._status,
+            "active": not is_over and self._status["active"],
+            "samples": samples,
+            "error": self.error if is_over else None,
+        }
+
+    def _stop(self, request: Request) -> dict[str, Any] | None:
+        self._status["active"] = False
+        if self.error is not None and not request.params.get("allow_partial"):
+            request.fail("recording_failed", -32017, f"broken off: {self.error}", samples=7)
+            return None
+        name = request.params.get("name")
+        if name is not None:
+            self.kept[name] = self.recorded
+        facts = {"samples": self._wanted, "duration_s": 2.99, "missed": self.missed}
+        return {"recording": None if name else 1, "name": name, **facts}
+
+    def _list(self, request: Request) -> dict[str, Any]:
+        """One at a time, so that whoever lists must ask for more."""
+        names = [name for name in sorted(self.kept) if name > request.params.get("after", "")]
+        rows = [
+            {
+                "name": name,
+                "bytes": len(self.kept[name]),
+                "samples": 300,
+                "sample_hz": 100.0,
+                "created_s": 1.7e9,
+                "mount": "normal",
+                "error": None if self.kept[name] == CONTENT else "sample 1 is odd",
+            }
+            for name in names[:1]
+        ]
+        return {"trajectories": rows, "more": len(names) > 1}
+
+    def _get(self, request: Request) -> dict[str, Any] | None:
+        params = request.params
+        if "name" in params and params["name"] not in self.kept:
+            request.fail("unknown_trajectory", -32015, f"no trajectory {params['name']!r}")
+            return None
+        whole = self.kept[params["name"]] if "name" in params else self.recorded
+        if params.get("format") == "csv":
+            whole = b"t_s,openness\n0.0,0.5\n"
+        at = params["offset"]
+        data = base64.b64encode(whole[at : at + PIECE_BYTES]).decode()
+        sha256 = hashlib.sha256(whole).hexdigest()
+        return {"data": data, "offset": at, "total": len(whole), "sha256": sha256}
+
+    def _put(self, request: Request) -> dict[str, Any]:
+        params = request.params
+        assert len(request.raw["params"]["data"]) <= 4 * PIECE_BYTES // 3 + 4
+        whole = b"" if params["offset"] == 0 else self._coming
+        assert len(whole) == params["offset"]
+        self._coming = whole + base64.b64decode(params["data"])
+        if len(self._coming) < params["total"]:
+            return {"received": len(self._coming), "complete": False}
+        assert hashlib.sha256(self._coming).hexdigest() == params["sha256"]
+        name, number = params.get("name"), None
+        if name is None:
+            number = len(self.uploads) + 1
+            self.uploads[number] = self._coming
+        else:
+            self.kept[name] = self._coming
+        return {"complete": True, "upload": number, "name": name, "samples": 300}
+
+    def _delete(self, request: Request) -> dict[str, Any]:
+        if "upload" in request.params:
+            self.uploads[request.params["upload"]] = b""
+        else:
+            del self.kept[request.params["name"]]
+        return {"deleted": True}

@@ -1,0 +1,148 @@
+"""litegripctl plot of trajectories: as a picture, and as text."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from litegrip_client.ctl.block_chart import block_chart
+from litegrip_client.ctl.main import main
+from tests.client.fake_daemon import FakeDaemon
+from tests.client.fake_trajectories import CONTENT, FakeTrajectories
+from tests.client.helpers import Ctl
+from tests.trajectories import lgt
+
+PNG = b"\x89PNG\r\n\x1a\n"
+NOWHERE = ["--socket", "/nowhere"]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "mine"
+    path.mkdir()
+    (path / "pick.lgt").write_bytes(CONTENT)
+    monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(path))
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(tmp_path)
+    return path
+
+
+def test_a_chart_fills_the_columns_up_to_the_value() -> None:
+    points = [(0.0, 0.0), (1.0, 80.0), (2.0, 80.0)]
+    assert block_chart(points, top=80.0, unit="mm", width=8, height=4) == [
+        "80 mm ┤   ▄████",
+        "      ┤  ▄█████",
+        "40 mm ┤ ▄██████",
+        " 0 mm ┤▄███████",
+        "      └────────",
+        "       0.00 s 2.00 s",
+    ]
+
+
+@pytest.mark.parametrize(
+    "points", [[(5.0, 40.0)], [(5.0, 40.0), (5.0, 40.0)], [(5.0, 40.0), (9.0, 40.0)]]
+)
+def test_a_chart_of_a_pose_is_level(points: list[tuple[float, float]]) -> None:
+    top, bottom = block_chart(points, top=80.0, unit="mm", width=5, height=2)[:2]
+    assert (top, bottom) == ("80 mm ┤", " 0 mm ┤█████")
+
+
+def test_a_chart_shows_what_is_outside_at_its_edge() -> None:
+    lines = block_chart([(0.0, -5.0), (1.0, 99.0)], top=10.0, unit="mm", width=2, height=2)
+    assert lines[0] == "10 mm ┤ █"
+
+
+def test_plot_text_needs_no_library_and_a_local_file_no_daemon(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for missing in ("mcap", "matplotlib"):
+        monkeypatch.setitem(sys.modules, missing, None)
+    for arguments in (["--local", "pick"], [str(folder / "pick.lgt")]):
+        assert main([*NOWHERE, "plot", "--text", *arguments]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert lines[0] == "300 samples, 2.99 s, mount normal"
+        assert lines[1].startswith("120 mm ┤")
+        assert len(lines) == 1 + 10 + 2
+        assert all(len(line) <= 80 for line in lines)
+        assert "█" in lines[10]
+    assert main([*NOWHERE, "--json", "plot", "--text", "--local", "pick"]) == 0
+    data = json.loads(capsys.readouterr().out)
+    assert (data["samples"], len(data["lines"])) == (300, 12)
+
+
+def test_plot_of_a_name_is_the_daemons(daemon: FakeDaemon, ctl: Ctl, folder: Path) -> None:
+    there = FakeTrajectories(daemon)
+    there.kept = {"wave": lgt([(0.0, 0.0), (1.0, 1.0)])}
+    code, shown, error = ctl("plot", "wave", "--text")
+    assert (code, error) == (0, "")
+    assert shown.startswith("2 samples, 1.00 s")
+    assert ctl("plot", "pick", "--text")[0] == 4
+    assert ctl("plot", "wave") == (0, "drawn in wave.png\n", "")
+    assert Path("wave.png").read_bytes().startswith(PNG)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "target"),
+    [
+        (["--local", "pick"], "pick.png"),
+        (["--local", "pick", "-o", "x.png"], "x.png"),
+        (["mine/pick.lgt"], "mine/pick.png"),
+        (["mine/pick.lgt", "--last", "0.5"], "mine/pick.png"),
+    ],
+)
+def test_plot_draws_a_picture(
+    folder: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], target: str
+) -> None:
+    assert main([*NOWHERE, "plot", *arguments]) == 0
+    assert capsys.readouterr().out == f"drawn in {target}\n"
+    assert Path(target).read_bytes().startswith(PNG)
+
+
+def test_plot_draws_a_pose_and_what_was_made_at_no_time(folder: Path) -> None:
+    (folder / "odd.lgt").write_bytes(lgt([(5.0, 0.5)], created_s=1e300, mount=bytes(8)))
+    assert main([*NOWHERE, "plot", "--local", "odd"]) == 0
+    assert Path("odd.png").read_bytes().startswith(PNG)
+
+
+def test_a_trajectory_is_known_by_its_content(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    Path("wave").write_bytes(CONTENT)
+    assert main([*NOWHERE, "plot", "--text", "--last", "0.5", "wave"]) == 0
+    assert capsys.readouterr().out.startswith("51 samples, 0.50 s")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "why"),
+    [
+        ("empty.lgt", lgt([]), "has no samples to draw"),
+        ("cut.lgt", CONTENT[:-1], "12065 bytes, but 300 samples make 12066"),
+        ("dump.mcap", b"no trajectory", "is no trajectory, and only these are drawn as text"),
+    ],
+)
+def test_what_cannot_be_shown_says_why(
+    folder: Path, capsys: pytest.CaptureFixture[str], name: str, content: bytes, why: str
+) -> None:
+    Path(name).write_bytes(content)
+    assert main([*NOWHERE, "plot", "--text", name]) != 0
+    assert why in capsys.readouterr().err
+
+
+def test_a_picture_without_the_library_says_what_to_install(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in list(sys.modules):
+        if name.startswith(("litegrip_client.ctl.plot", "matplotlib")):
+            monkeypatch.delitem(sys.modules, name)
+
+    class Absent:
+        def find_spec(self, name: str, *_more: object) -> None:
+            if name.partition(".")[0] == "matplotlib":
+                raise ModuleNotFoundError(f"No module named {name!r}", name="matplotlib")
+
+    monkeypatch.setattr(sys, "meta_path", [Absent(), *sys.meta_path])
+    assert main([*NOWHERE, "plot", "--local", "pick"]) == 4
+    error = capsys.readouterr().err
+    assert "plot needs the library matplotlib" in error
+    assert "pip install 'litegripd[plot]'" in error
