@@ -49,7 +49,8 @@ def test_a_chart_of_a_pose_is_level(points: list[tuple[float, float]]) -> None:
 
 
 def test_a_chart_shows_what_is_outside_at_its_edge() -> None:
-    lines = block_chart([(0.0, -5.0), (1.0, 99.0)], top=10.0, unit="mm", width=2, height=2)
+    points = [(0.0, -5.0), (0.5, -5.0), (0.5, 99.0), (1.0, 99.0)]
+    lines = block_chart(points, top=10.0, unit="mm", width=2, height=2)
     assert lines[0] == "10 mm ┤ █"
 
 

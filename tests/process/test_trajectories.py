@@ -1,77 +1,134 @@
-"""Trajectories over real sockets, with a real helper process and real files."""
+"""Trajectories through whole processes: taught by hand on a simulator, saved, loaded, replayed."""
 
 import os
-import signal
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
-from tests.process.daemon_process import Client, DaemonProcess, daemon
-from tests.trajectories import fetched, lgt, pieces, points_of, sampled, send, swing, uploaded
+import pytest
 
-PATH = sampled(swing(0.5, 0.05, 1.0), 1.0)
+from litegrip_client import LiteGrip, LiteGripError, Trajectory
+from litegrip_client.ctl.main import main
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+from tests.sim.simulator_process import SimulatorProcess, simulator
 
-
-def recorded(client: Client, **params: object) -> dict[str, Any]:
-    """Record by hand until 20 samples are there, and end it."""
-    client.despite_silence("trajectory.record_start", rate_hz=100)
-    status: dict[str, Any] = {"active": True, "samples": 0}
-    while status["active"] and status["samples"] < 20:
-        status = client.result("trajectory.status")
-    return client.result("trajectory.record_stop", allow_partial=True, **params)
-
-
-def test_a_recording_survives_a_restart_and_replays(tmp_path: Path) -> None:
-    config = tmp_path / "patient.toml"
-    config.write_text(
-        '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n',
-        encoding="utf-8",
-    )
-    arguments = (f"sim-{os.getpid()}", "--config", str(config))
-    with daemon(tmp_path, *arguments) as running, running.connect() as client:
-        client.enabled()
-        answer = recorded(client, name="pick")
-        assert answer["path"] == str(tmp_path / "trajectories" / "pick.lgt")
-        content = fetched(client, name="pick")
-        assert (tmp_path / "trajectories" / "pick.lgt").read_bytes() == content
-    with daemon(tmp_path, *arguments) as running, running.connect() as client:
-        client.enabled()
-        listed = client.result("trajectory.list")["trajectories"]
-        assert [one["name"] for one in listed] == ["pick"]
-        assert len(points_of(fetched(client, name="pick"))) == listed[0]["samples"]
-        assert client.despite_silence("trajectory.play", name="pick", speed=0.5)["ok"]
-        assert client.result("trajectory.delete", name="pick")["deleted"]
-        assert client.refusal("trajectory.play", name="pick") == "unknown_trajectory"
+SLCAN = """
+[bus]
+interface = "slcan"
+channel = "{channel}"
+sleep_after_open = 0
+[gripper]
+mount = "normal"
+"""
+_BUSY = ("recording_failed", "motor_silent", "motor_fault", "not_enabled", "not_confirmed")
+"""What a simulator that was kept off the processor for too long brings; one tries again then."""
 
 
-def test_an_upload_is_played_and_gone_with_its_connection(
-    simulated: DaemonProcess, tmp_path: Path
+@pytest.fixture(autouse=True)
+def _own_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(tmp_path / "mine"))
+
+
+def until(condition: Callable[[], bool]) -> None:
+    """Look until a condition holds."""
+    ends_s = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < ends_s, "did not happen in time"
+
+
+def despite_load(gripper: LiteGrip, attempt: Callable[[], None]) -> None:
+    """Try until it succeeds, enabling the motor anew where that is needed."""
+    ends_s = time.monotonic() + DEADLINE_S
+    while (error := _error_of(gripper, attempt)) is not None:
+        assert error.reason in _BUSY, error
+        assert time.monotonic() < ends_s, error
+
+
+def _error_of(gripper: LiteGrip, attempt: Callable[[], None]) -> LiteGripError | None:
+    try:
+        until(lambda: gripper.get_state().motor not in ("silent", "enabling"))
+        if not gripper.get_state().enabled:
+            gripper.enable()
+        attempt()
+    except LiteGripError as error:
+        return error
+    return None
+
+
+@pytest.fixture
+def adapter() -> Iterator[SimulatorProcess]:
+    with simulator("--pty") as process:
+        yield process
+
+
+def test_a_hand_teaches_the_jaws_of_a_simulator_in_another_process(
+    tmp_path: Path, adapter: SimulatorProcess
 ) -> None:
-    with simulated.connect() as client:
-        client.enabled()
-        number = uploaded(client, PATH)
-        assert client.despite_silence("trajectory.play", upload=number)["ok"]
-        with simulated.connect() as other:
-            assert other.refusal("trajectory.get", upload=number) == "unknown_trajectory"
-            mine = uploaded(other, PATH)
-            assert fetched(other, upload=mine) == lgt(PATH)
-        again = uploaded(client, [*PATH, (2.0, 0.5)])
-        assert client.refusal("trajectory.get", upload=mine) == "unknown_trajectory"
-        assert fetched(client, upload=again)
-        assert not (tmp_path / "trajectories").exists()
+    config = tmp_path / "slcan.toml"
+    config.write_text(SLCAN.format(channel=adapter.first_line), encoding="utf-8")
+    channel = f"traj{os.getpid()}"
+    with daemon(tmp_path, channel, "--config", str(config)) as running:
+        running.connect().close()
+        with LiteGrip(channel, socket_path=str(running.socket_path)) as gripper:
+
+            def openness() -> float:
+                return gripper.get_state().openness or 0.0
+
+            def teach() -> None:
+                adapter.write("push 0")
+                gripper.goto_openness(0.3)
+                began = openness()
+                gripper.record_start()
+                adapter.write("push -0.3")  # opens
+                until(lambda: openness() > began + 0.2 or not gripper.get_state().enabled)
+                adapter.write("push 0")
+                taught = gripper.record_stop()
+                assert len(taught) > 2
+                assert max(one.openness for one in taught.samples) > began + 0.15
+                taught.save("by hand")
+
+            def replay() -> None:
+                taught = Trajectory.load("by hand")
+                assert gripper.play(taught, speed=2.0)
+                assert openness() == pytest.approx(taught.samples[-1].openness, abs=0.05)
+
+            despite_load(gripper, teach)
+            despite_load(gripper, replay)
+            assert (tmp_path / "mine" / "by hand.lgt").exists()
 
 
-def test_a_helper_that_dies_takes_its_uploads_and_nothing_else(
-    simulated: DaemonProcess, tmp_path: Path
+def test_a_programmed_motion_goes_through_the_daemons_store_and_back(
+    simulated: DaemonProcess, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    def ctl(*arguments: str) -> str:
+        assert main(["--socket", str(simulated.socket_path), *arguments]) == 0
+        return capsys.readouterr().out
+
     with simulated.connect() as client:
-        client.enabled()
-        send(client, lgt(PATH), name="pick")
-        number = uploaded(client, [*PATH, (2.0, 0.5)])
-        first, *_ = pieces(lgt(sampled(swing(), 30.0)))
-        client.result("trajectory.put", **first)
-        os.kill(client.result("health")["helper"]["pid"], signal.SIGKILL)
-        client.until_health(lambda health: bool(health["helper"]["deaths"] == 1))
-        client.until_health(lambda health: health["helper"]["pid"] is not None)
-        assert client.refusal("trajectory.play", upload=number) == "unknown_trajectory"
-        assert client.refusal("trajectory.put", **{**first, "offset": 8192}) == "out_of_limits"
-        assert client.despite_silence("trajectory.play", name="pick")["ok"]
+        channel = client.enabled().result("hello")["channel"]
+    with LiteGrip(channel, socket_path=str(simulated.socket_path)) as gripper:
+
+        def capture() -> None:
+            gripper.goto_openness(0.3, duration=0.5)
+            gripper.record_start(rate_hz=200.0, zero_gravity=False)
+            assert gripper.goto_openness(0.6, duration=0.7)
+            captured = gripper.record_stop()
+            assert captured.samples[0].openness == pytest.approx(0.3, abs=0.05)
+            assert captured.samples[-1].openness == pytest.approx(0.6, abs=0.05)
+            captured.save("pick")
+
+        despite_load(gripper, capture)
+        ctl("trajectories", "put", "pick", "--as", "there")
+        assert "there" in ctl("trajectories")
+        ctl("trajectories", "get", "there", "-o", "back")
+        assert Trajectory.load("back") == Trajectory.load("pick")
+        lines = ctl("trajectories", "export", "there").splitlines()
+        assert len(lines) == 1 + len(Trajectory.load("pick"))
+        gripper.disable()
+    ctl("enable")
+    assert "completed, 2 passes" in ctl("play", "there", "--repeat", "2")
+    assert "completed, 1 pass" in ctl("play", "--local", "back", "--speed", "2")
+    ctl("record", "more", "--seconds", "0.3")
+    ctl("trajectories", "delete", "there")
+    assert [line.split()[0] for line in ctl("trajectories").splitlines()] == ["NAME", "more"]
+    ctl("disable")
