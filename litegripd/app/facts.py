@@ -46,10 +46,10 @@ def page_bytes(field: int) -> int:
 class DaemonFacts:
     """Implements `Facts` from the daemon's parts."""
 
-    def __init__(self, config: Config, machine: Machine) -> None:
+    def __init__(self, config: Config, machine: Machine, epoch: str | None = None) -> None:
         self._config = config
         self._machine = machine
-        self._epoch = secrets.token_hex(8)
+        self._epoch = epoch or secrets.token_hex(8)
         self._version = daemon_version()
         self._began_s = time.monotonic()
         self._parts: Parts | None = None
@@ -57,7 +57,7 @@ class DaemonFacts:
 
     @property
     def epoch(self) -> str:
-        """Tells this start of the daemon from every other."""
+        """Tells this start of the daemon from every other; a successor has that of the first."""
         return self._epoch
 
     def attach(self, parts: "Parts") -> None:

@@ -6,11 +6,14 @@ that is, with the daemon.
 
 import json
 import os
+import signal
+import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from typing import cast
 
 from litegripd.io.calibration_files import load_operation, templates_operation
-from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.child import CHILD_FD, MAX_PACKET_BYTES, inherited_socket
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 
 Parameters = Mapping[str, object]
@@ -19,6 +22,7 @@ Operation = Callable[[Parameters], object]
 
 PIECE_BYTES = 8192
 _HEADER_BYTES = 4
+_MAX_DESCRIPTORS = 4
 _MAX_ANSWER_BYTES = MAX_PACKET_BYTES - _HEADER_BYTES - 1
 _LONGEST_ERROR = 2000  # characters; each takes at most 12 bytes of JSON
 
@@ -30,8 +34,34 @@ def write_log(parameters: Parameters) -> None:
         left = left[os.write(sys.stderr.fileno(), left) :]
 
 
+def start_successor(parameters: Parameters) -> dict[str, int]:
+    """Start `python -m arguments...` with the one descriptor of `descriptors`; return its pid.
+
+    Here and not in the control thread, which has to wait until a new process runs its program.
+    """
+    (inherited,) = cast("list[int]", parameters["descriptors"])
+    arguments = cast("list[str]", parameters["arguments"])
+    pid = os.posix_spawn(
+        sys.executable,
+        [sys.executable, "-m", *arguments],
+        os.environ,
+        file_actions=[(os.POSIX_SPAWN_DUP2, inherited, CHILD_FD)],
+        setpgroup=0,  # as a daemon's own; a Ctrl-C was for the predecessor
+        setsigmask=(),
+        setsigdef=(
+            signal.SIGCHLD,
+            signal.SIGINT,
+            signal.SIGPIPE,
+            signal.SIGTERM,
+            signal.SIGUSR1,
+        ),
+    )
+    return {"pid": pid}
+
+
 OPERATIONS: dict[str, Operation] = {
     "log": write_log,
+    "successor.start": start_successor,
     "calibration.load": load_operation,
     "calibration.templates": templates_operation,
     "calibration.save": save_calibration,
@@ -43,15 +73,25 @@ OPERATIONS: dict[str, Operation] = {
 def serve(operations: Mapping[str, Operation]) -> None:
     """Answer requests until the daemon is gone."""
     with inherited_socket() as peer:
-        while packet := peer.recv(MAX_PACKET_BYTES):
+        while True:
+            packet, descriptors, _flags, _address = socket.recv_fds(
+                peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS, socket.MSG_CMSG_CLOEXEC
+            )
+            if not packet:
+                return
             identity, name, parameters = json.loads(packet)
             header = identity.to_bytes(_HEADER_BYTES, "little")
+            if descriptors:
+                parameters["descriptors"] = descriptors
             try:
                 for answer in _answers(operations, name, parameters):
                     if identity:
                         peer.send(header + answer)
             except BrokenPipeError:
                 return
+            finally:
+                for descriptor in descriptors:
+                    os.close(descriptor)
 
 
 def _answers(
@@ -73,6 +113,7 @@ def _answers(
 
 def main() -> None:
     """Run the helper with the daemon's operations."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a successor that fails is reaped at once
     serve(OPERATIONS)
 
 
