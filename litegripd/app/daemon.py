@@ -23,7 +23,7 @@ from litegripd.io.notify import barrier, notify
 from litegripd.io.places import Places, occupy
 from litegripd.io.pumped_bus import PumpedBus
 from litegripd.io.reactor import Reactor
-from litegripd.io.realtime import acquire
+from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import Server
 from litegripd.io.signals import Signals
 from litegripd.io.stop_listener import StopListener
@@ -246,6 +246,7 @@ class Daemon:
 
         Who had connected before gets its answers; a stop or SIGTERM is passed on.
         """
+        give_up_priority()
         engine, stops = self._machine.engine, self._machine.engine.stop_latch
         was_told = stops.generation
         engine.shut_down()  # this engine has no motor any more: it only refuses

@@ -24,7 +24,7 @@ from litegripd.io.places import Places
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
-from litegripd.rpc.restarting import OnRestarted
+from litegripd.rpc.restarting import OnRestarted, Restarted
 from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)
@@ -116,7 +116,7 @@ class Succession:
             why = "the successor was not ready" if refusal is None else refusal.message
             self._fail(f"{why} for {READY_WITHIN_S:g} s")
         elif self._pidfd is not None and refusal is None and self._has_history():
-            return self._hand_over(link, next_tick_s)
+            return self._hand_over(link, now_s, next_tick_s)
         return None
 
     def tell_stop(self, link: Link, stop: Stop) -> None:
@@ -201,8 +201,11 @@ class Succession:
         self._history = (newest, document)
         return False
 
-    def _hand_over(self, link: Link, next_tick_s: float) -> Link | None:
-        """Send the state, and wait for the successor's first command; else go on as before."""
+    def _hand_over(self, link: Link, now_s: float, next_tick_s: float) -> Link | None:
+        """Send the state, and wait for the successor's first command; else go on as before.
+
+        `now_s` is when our last command was sent.
+        """
         history = self._history
         if history is None:
             return None
@@ -213,7 +216,13 @@ class Succession:
             return None
         adapter, pump_pid = self._bus.hand_over()
         try:
-            link.send("state", (state, history[1], *adapter), due_s=next_tick_s, pump=pump_pid)
+            link.send(
+                "state",
+                (state, history[1], *adapter),
+                sent_s=now_s,
+                due_s=next_tick_s,
+                pump=pump_pid,
+            )
         except OSError as error:  # nothing has left: the bus is still ours
             self._fail(f"the successor is gone: {error}")
             return None
@@ -221,7 +230,7 @@ class Succession:
             os.close(state)
         packet = link.wait(next_tick_s + TAKE_WITHIN_S - time.monotonic())
         if packet is not None and packet.kind == "running":
-            self._succeeded()
+            self._succeeded(float(packet.body["gap_s"]))
             return link
         self._end_successor()
         self._fail(_why_not(packet, link))
@@ -237,12 +246,12 @@ class Succession:
             # From the signal on it runs no instruction of its own, however long its end takes.
             select.select((self._pidfd,), (), (), _DIE_WITHIN_S)
 
-    def _succeeded(self) -> None:
+    def _succeeded(self, gap_s: float) -> None:
         self._link = None  # it belongs to who closes this daemon now
         self._forget_successor()
         on_restarted, self._on_restarted = self._on_restarted, None
         if on_restarted is not None:
-            on_restarted(self._pid)
+            on_restarted(Restarted(self._pid, gap_s))
 
     def _fail(self, why: str) -> None:
         """Go on as before, and say why."""

@@ -90,15 +90,16 @@ class Successor(Daemon):
         self._bus.send(frames, now_s)
         if not self._bus.is_up:
             raise NotTakenError(f"the CAN bus cannot be used by the successor: {self._bus.error}")
+        gap_s = now_s - float(packet.body["sent_s"])
+        _log.info("took over %.1f ms after the last command of the daemon before", gap_s * 1e3)
         try:
-            self._link.send("running")
+            self._link.send("running", gap_s=gap_s)
         except OSError as error:  # it has died since: what it sent is ours all the same
             _log.warning("the predecessor is gone already: %s", error)
         return due_s + self._reactor.period_s
 
     def go_on(self, next_tick_s: float) -> bool:
         """Serve as any daemon, to the end; tell whether the motor is known to be off then."""
-        _log.info("took over from the daemon before; the jaws were held")
         try:
             history = read_document(self._history)
             handover.adopt_history(self._machine, self._service, history)
@@ -128,12 +129,12 @@ class Successor(Daemon):
         self._bus.stand_by(time.monotonic())
 
     def _prepare(self, state: Any) -> None:
-        """Get all that a loop needs, and warm it up."""
+        """Warm all up, at ordinary priority: the adapter's pump needs the processor, too."""
+        for _ in range(_REHEARSALS):
+            self._rehearse(state)
         self._begin()
         if self._config.bus.interface in DIRECT_INTERFACES and not self._bus.is_up:
             raise NotTakenError(f"the CAN bus cannot be used by the successor: {self._bus.error}")
-        for _ in range(_REHEARSALS):
-            self._rehearse(state)
         self._reactor.freeze()
 
     def _rehearse(self, state: Any) -> None:

@@ -1,13 +1,23 @@
 """The method by which the daemon is restarted without letting go of what the jaws hold."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
 from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
 from litegripd.rpc.calls import Answer, Call, Deferred, Function
 
-OnRestarted: TypeAlias = Callable[[int | Refusal], None]
-"""Is told the successor's pid once it has taken over, or why none has."""
+
+@dataclass(frozen=True, slots=True)
+class Restarted:
+    """The successor that has taken over, and the time between the commands of the two."""
+
+    pid: int
+    gap_s: float
+
+
+OnRestarted: TypeAlias = Callable[[Restarted | Refusal], None]
+"""Is told which successor has taken over, or why none has."""
 
 OnRestart: TypeAlias = Callable[[OnRestarted], Refusal | None]
 """Begins a restart, or says at once why there is none."""
@@ -40,8 +50,7 @@ class Restarting:
             return _PLAIN
         deferred = Deferred()
 
-        def restarted(outcome: int | Refusal) -> None:
-            answer = outcome if isinstance(outcome, Refusal) else {"pid": outcome}
-            deferred.resolve(answer)
+        def restarted(outcome: Restarted | Refusal) -> None:
+            deferred.resolve(outcome if isinstance(outcome, Refusal) else asdict(outcome))
 
         return self._restart(restarted) or deferred
