@@ -132,10 +132,10 @@ class Successor(Daemon):
         """Warm all up, at ordinary priority: the adapter's pump needs the processor, too."""
         for _ in range(_REHEARSALS):
             self._rehearse(state)
+        self._reactor.freeze()
         self._begin()
         if self._config.bus.interface in DIRECT_INTERFACES and not self._bus.is_up:
             raise NotTakenError(f"the CAN bus cannot be used by the successor: {self._bus.error}")
-        self._reactor.freeze()
 
     def _rehearse(self, state: Any) -> None:
         """Take a copy of the state over in vain, so that the real first tick finds all warm."""
