@@ -231,10 +231,10 @@ class Daemon:
         if now_s >= latest_s or (self._calibration_is_known and not self._machine.is_out_of_reach):
             self._opens_at_s = None
             self._open()
+            notify("READY=1")
 
     def _open(self) -> None:
         self._server.let_in(True)
-        notify("READY=1")
         channel, places = self._config.channel, self._places
         _log.info("channel %s: listening on %s and %s", channel, places.path, places.stop_path)
 

@@ -41,9 +41,18 @@ def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
     found = plain.get("format") if isinstance(plain, dict) else None
     if found != FORMAT:
         raise PlainError(f"the state has format {found}, this version takes over format {FORMAT}")
+    if plain.keys() != {"format", "motor", "control", "numbers"}:
+        raise PlainError("the state is not of this version")
     motor.adopt(machine.motor, machine.engine.unit.can_id, plain["motor"])
-    control.adopt(machine.engine, plain["control"])
-    service.restore(value_of(plain["numbers"], _NUMBERS, "numbers"))
+    control.adopt(machine.engine, machine.motor.view(), plain["control"])
+    service.restore(_numbers_of(plain["numbers"]))
+
+
+def _numbers_of(plain: Any) -> Mapping[str, int]:
+    numbers: Mapping[str, int] = value_of(plain, _NUMBERS, "numbers")
+    if numbers.keys() != {"session", "event"}:
+        raise PlainError(f"the numbers are not of this version: {sorted(numbers)}")
+    return numbers
 
 
 def export_history(machine: Machine, service: RpcService) -> dict[str, Any]:

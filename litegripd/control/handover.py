@@ -6,6 +6,7 @@ and who shows its token gets it again.
 """
 
 from collections import OrderedDict, deque
+from dataclasses import replace
 from typing import Any
 
 from litegripd.control.engine import Engine
@@ -79,7 +80,7 @@ _ENGINE = Carried(
         "errands",
         "events",
         "inquiries",
-        "motor",  # of it, the phase: the rest is what the motor tells in the next tick
+        "motor",  # handed over by its own room; here only its phase goes along
         "must_disable",
         "period_s",
         "rest",
@@ -132,13 +133,17 @@ def export(engine: Engine) -> dict[str, Any]:
     return {"engine": plain, "rest": plain_rest, "phase": plain_of(engine.motor.phase)}
 
 
-def adopt(engine: Engine, plain: Any) -> None:
-    """Go on where the predecessor was. Raises `PlainError` for a state that cannot be used."""
+def adopt(engine: Engine, motor: MotorView, plain: Any) -> None:
+    """Go on where the predecessor was, with a motor that is handed over already.
+
+    Raises `PlainError` for a state that cannot be used.
+    """
     if not isinstance(plain, dict) or plain.keys() != {"engine", "rest", "phase"}:
         raise PlainError("the engine's state is not of this version")
     _ENGINE.restore(engine, plain["engine"])
     engine.rest = _rest_of(plain["rest"])
-    engine.motor = MotorView(value_of(plain["phase"], MotorPhase, "phase"))
+    # The phase of the predecessor's last tick: a change since then is still to be noticed.
+    engine.motor = replace(motor, phase=value_of(plain["phase"], MotorPhase, "phase"))
 
 
 def export_jobs(engine: Engine) -> dict[str, Any]:

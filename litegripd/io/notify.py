@@ -41,7 +41,8 @@ def _send(message: bytes, descriptors: tuple[int, ...]) -> bool:
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
         sender.setblocking(False)
         try:
-            socket.send_fds(sender, [message], descriptors, 0, address)
+            sender.connect(address)  # before Python 3.12 `send_fds` heeds no address
+            socket.send_fds(sender, [message], descriptors)
         except OSError:
             return False
     return True

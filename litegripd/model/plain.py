@@ -102,8 +102,9 @@ def _union(members: tuple[Any, ...]) -> Reader:
     others = [_reader(member) for member in members if member not in classes]
 
     def read(plain: Any, where: str) -> Any:
-        if isinstance(plain, dict) and plain.get(TYPE_KEY) in named:
-            return named[plain[TYPE_KEY]](plain, where)
+        name = plain.get(TYPE_KEY) if isinstance(plain, dict) else None
+        if isinstance(name, str) and name in named:
+            return named[name](plain, where)
         for other in others:
             with suppress(PlainError):
                 return other(plain, where)

@@ -69,7 +69,8 @@ def refusal(motor: Motor) -> Refusal | None:
     if view.phase in SETTLED and view.feedback is not None and view.zero.state != "pending":
         return None
     text = f"the motor is {view.phase.value}: it can be handed over once it answers and is settled"
-    return Refusal("restart_failed", text, {"hint": "try again, or restart without the hold"})
+    plain = Refusal("restart_failed", text, {"hint": "try again, or restart without the hold"})
+    return view.problem or plain
 
 
 def export(motor: Motor) -> dict[str, Any]:
