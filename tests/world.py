@@ -14,6 +14,7 @@ from litegripd.app.machine import Machine
 from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -21,6 +22,7 @@ from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
+from litegripd.rpc.restarting import OnRestart, OnRestarted, no_restart
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.session import Peer, Session
 from litegripd.sim.gripper import SimulatedGripper
@@ -149,7 +151,8 @@ class World:
         self.gripper = SimulatedGripper(parameters)
         self.machine = Machine(Unit(), master_id, config or MotionConfig(), PERIOD_S)
         self.engine = self.machine.engine
-        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
+        self.restart: OnRestart = no_restart
+        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S, restart=self._restart)
         self.sent: list[Sent] = []
         self.bus_error: str | None = None
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
@@ -161,6 +164,9 @@ class World:
         if calibrated:
             geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
             self.engine.use_calibration(Calibration(geometry), None)
+
+    def _restart(self, on_restarted: OnRestarted) -> Refusal | None:
+        return self.restart(on_restarted)
 
     def client(self) -> Client:
         """Let a new client connect."""

@@ -5,34 +5,28 @@ import os
 import signal
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
 
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts, Parts
 from litegripd.app.logs import log_event, log_motor, make_log_handler
 from litegripd.app.machine import Machine
+from litegripd.app.making import Legacy, make_bus, socket_path
 from litegripd.app.starting import load_at_start
 from litegripd.app.succession import Succession
-from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
 from litegripd.io.child import Child
 from litegripd.io.handover_link import Link
 from litegripd.io.helper import Helper
-from litegripd.io.listener import runtime_directory
 from litegripd.io.notify import barrier, notify
-from litegripd.io.places import Places, occupy
-from litegripd.io.pumped_bus import PumpedBus
+from litegripd.io.places import occupy
 from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import Server
 from litegripd.io.signals import Signals
 from litegripd.io.stop_listener import StopListener
 from litegripd.io.urgent import Urgent
-from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.unit import Unit
-from litegripd.rpc.restarting import OnRestarted
 from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)
@@ -52,30 +46,6 @@ MANAGER_WITHIN_S = 1.0
 
 FIND_WITHIN_S = 0.3
 """So long the end waits for a motor that does not answer: it might be found, and be enabled."""
-
-
-def socket_path(config: Config) -> Path:
-    """Return where clients find the daemon; raises `InUseError` where no place can be used."""
-    if config.rpc.socket is not None:
-        return Path(config.rpc.socket)
-    return runtime_directory() / f"{config.channel}.sock"
-
-
-def make_bus(config: Config, period_s: float) -> FrameBus:
-    """Choose how the adapter is driven: in the control thread, or by a process of its own."""
-    if config.bus.interface in DIRECT_INTERFACES:
-        from litegripd.io.direct_bus import DirectBus  # noqa: PLC0415 - imports python-can
-
-        return DirectBus(config.bus)
-    return PumpedBus(config.bus, period_s)
-
-
-@dataclass(frozen=True, slots=True)
-class Legacy:
-    """What a daemon has from the one before it: its sockets, and what tells its start."""
-
-    places: Places
-    epoch: str
 
 
 class Daemon:
@@ -104,7 +74,7 @@ class Daemon:
             period_s,
             role_of=config.access.role_of,
             epoch=self._facts.epoch,
-            restart=self._restart,
+            restart=lambda told: self._succession.begin(told, time.monotonic()),
         )
         self._reactor = Reactor(period_s, self._tick)
         self._urgent = Urgent(period_s)
@@ -237,9 +207,6 @@ class Daemon:
         self._server.let_in(True)
         channel, places = self._config.channel, self._places
         _log.info("channel %s: listening on %s and %s", channel, places.path, places.stop_path)
-
-    def _restart(self, on_restarted: OnRestarted) -> Refusal | None:
-        return self._succession.begin(on_restarted, time.monotonic())
 
     def _retire(self, successor: Link) -> None:
         """End after a successor has taken over: the bus is its own, and so is whoever comes now.

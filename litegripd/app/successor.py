@@ -12,8 +12,9 @@ from typing import Any
 
 from litegripd.app import handover
 from litegripd.app.config import Config, ConfigError
-from litegripd.app.daemon import Daemon, Legacy, socket_path
+from litegripd.app.daemon import Daemon
 from litegripd.app.machine import Machine
+from litegripd.app.making import Legacy, socket_path
 from litegripd.app.succession import same_settings
 from litegripd.io import places
 from litegripd.io.bus import DIRECT_INTERFACES
@@ -44,7 +45,7 @@ class Successor(Daemon):
     def __init__(self, config: Config, arguments: Sequence[str], link: Link) -> None:
         packet = link.wait(_HELLO_WITHIN_S)
         if packet is None or packet.kind != "hello":
-            raise NotTakenError("no predecessor has greeted: this option is the daemon's own")
+            raise NotTakenError("the predecessor has not greeted")
         *sockets, document = packet.descriptors
         will = read_document(document)
         _check_same(config, will)
@@ -158,7 +159,11 @@ def succeed(load: Callable[[], Config], arguments: Sequence[str]) -> bool | None
 
     Returns whether the motor is off then, None where nothing was taken over.
     """
-    link = Link.inherited()
+    try:
+        link = Link.inherited()
+    except OSError:
+        _log.error("no predecessor: this option is for the daemon's own use")
+        return None
     try:
         successor = Successor(load(), arguments, link)
         next_tick_s = successor.take_over(successor.await_state())

@@ -101,6 +101,7 @@ def _parser() -> argparse.ArgumentParser:
     add("config", "show or change the daemon's defaults for motions", settings.config)
     add("register", "read registers of the motor", settings.register)
     add("health", "show how the daemon is; the exit code tells the verdict")
+    add("restart", "restart the daemon without letting go of what is held", general.restart)
     add("info", "show what does not change: versions, motor, calibration")
     add("discover", "list the methods of the daemon (with --json: its OpenRPC document)")
     return parser

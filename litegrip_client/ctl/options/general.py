@@ -39,6 +39,15 @@ def _take(parser: LateParser) -> None:
     parser.add_argument("why", metavar="REASON", help="told to the loser and to the log")
 
 
+def restart(parser: LateParser) -> None:
+    """Take that the jaws are to be held; without it nothing is done."""
+    parser.description = (
+        "Start a successor of the daemon, which reads the configuration anew and takes over. The"
+        " motor stays enabled, with the same pose and force. For admins, while no motion runs."
+    )
+    parser.add_argument("--hold", action="store_true", help="hold through the restart; required")
+
+
 def cancel(parser: LateParser) -> None:
     """Take the job."""
     parser.add_argument("job", type=int, metavar="JOB", help="the number that 'jobs' shows")
