@@ -9,10 +9,12 @@ import os
 import select
 import signal
 import socket
+import struct
 import sys
 from collections.abc import Sequence
 
 CHILD_FD = 3
+_DESCRIPTOR = struct.Struct("i")
 _BUFFER_BYTES = 212_992  # the kernel's usual ceiling without privileges (net.core.wmem_max)
 MAX_PACKET_BYTES = 65_536
 
@@ -95,6 +97,25 @@ class Child:
         """Close our end and leave the process to the one that has got its own."""
         self.socket.close()
         os.close(self.pidfd)
+
+
+def receive_descriptors(
+    connected: socket.socket, most_bytes: int, most: int
+) -> tuple[bytes, list[int]]:
+    """Return a packet and the descriptors that came with it, which no child of ours inherits.
+
+    Raises what `recvmsg` raises. `socket.recv_fds` heeds no flags before Python 3.12.
+    """
+    room = socket.CMSG_SPACE(most * _DESCRIPTOR.size)
+    packet, ancillary, _flags, _address = connected.recvmsg(
+        most_bytes, room, socket.MSG_CMSG_CLOEXEC
+    )
+    descriptors: list[int] = []
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
+            whole = len(data) - len(data) % _DESCRIPTOR.size
+            descriptors += [number for (number,) in _DESCRIPTOR.iter_unpack(data[:whole])]
+    return packet, descriptors
 
 
 def inherited_socket() -> socket.socket:

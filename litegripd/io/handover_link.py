@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from litegripd.io.child import CHILD_FD, MAX_PACKET_BYTES
+from litegripd.io.child import CHILD_FD, MAX_PACKET_BYTES, receive_descriptors
 
 _MAX_DESCRIPTORS = 8
 _FILE_NAME = "litegripd handover"
@@ -59,18 +59,21 @@ class Link:
     def receive(self) -> Packet | None:
         """Return the next packet; None where there is none now, or no more."""
         try:
-            packet, descriptors, _flags, _address = socket.recv_fds(
-                self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS, socket.MSG_CMSG_CLOEXEC
-            )
+            packet, descriptors = self._receive()
         except BlockingIOError:
             return None
-        except ConnectionError:
-            packet, descriptors = b"", []
         if not packet:
             self.has_ended = True
             return None
         kind, body = json.loads(packet)
         return Packet(kind, body, descriptors)
+
+    def _receive(self) -> tuple[bytes, list[int]]:
+        """Receive; a reset, which tells that our words were not read, comes before the last one."""
+        try:
+            return receive_descriptors(self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
+        except ConnectionResetError:
+            return receive_descriptors(self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
 
     def wait(self, within_s: float) -> Packet | None:
         """Wait for a packet or the end, at most so long."""

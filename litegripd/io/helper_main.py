@@ -7,13 +7,12 @@ that is, with the daemon.
 import json
 import os
 import signal
-import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import cast
 
 from litegripd.io.calibration_files import load_operation, templates_operation
-from litegripd.io.child import CHILD_FD, MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.child import CHILD_FD, MAX_PACKET_BYTES, inherited_socket, receive_descriptors
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 
 Parameters = Mapping[str, object]
@@ -74,9 +73,7 @@ def serve(operations: Mapping[str, Operation]) -> None:
     """Answer requests until the daemon is gone."""
     with inherited_socket() as peer:
         while True:
-            packet, descriptors, _flags, _address = socket.recv_fds(
-                peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS, socket.MSG_CMSG_CLOEXEC
-            )
+            packet, descriptors = receive_descriptors(peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
             if not packet:
                 return
             identity, name, parameters = json.loads(packet)

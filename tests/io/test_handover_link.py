@@ -38,7 +38,7 @@ def test_packets_come_whole_in_their_order_and_with_their_descriptors() -> None:
     assert not theirs.has_ended
     ours.close()
     assert theirs.wait(DEADLINE_S) is None
-    assert theirs.has_ended
+    assert bool(theirs.has_ended) is True
     with pytest.raises(OSError, match="Broken pipe"):
         theirs.send("three")
     theirs.close()
@@ -122,3 +122,17 @@ def test_without_a_manager_nothing_is_waited_for(
     assert not barrier(DEADLINE_S)
     monkeypatch.setenv("NOTIFY_SOCKET", "vsock:2:1234")
     assert not notify("READY=1")
+
+
+def test_last_words_are_heard_of_one_that_has_not_listened() -> None:
+    ours, inherited = Link.pair()
+    theirs = Link(inherited)
+    ours.send("hello")
+    theirs.send("refused", why="the configuration")
+    theirs.close()
+    packet = ours.wait(DEADLINE_S)
+    assert packet is not None
+    assert packet.body == {"why": "the configuration"}
+    assert ours.receive() is None
+    assert ours.has_ended
+    ours.close()
