@@ -10,14 +10,13 @@ from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts, Parts
 from litegripd.app.logs import log_event, log_motor, make_log_handler
 from litegripd.app.machine import Machine
-from litegripd.app.making import Legacy, make_bus, socket_path
+from litegripd.app.making import Legacy, make_bus, occupy_places
 from litegripd.app.starting import load_at_start
 from litegripd.app.succession import Succession
 from litegripd.io.child import Child
 from litegripd.io.handover_link import Link
 from litegripd.io.helper import Helper
 from litegripd.io.notify import barrier, notify
-from litegripd.io.places import occupy
 from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import Server
@@ -59,10 +58,7 @@ class Daemon:
     ) -> None:
         period_s = 1.0 / config.control.rate_hz
         self._config = config
-        bus, path, group = config.bus, socket_path(config), config.rpc.group
-        self._places = (
-            occupy(bus.interface, bus.channel, path, group) if legacy is None else legacy.places
-        )
+        self._places = occupy_places(config) if legacy is None else legacy.places
         unit = Unit(
             config.channel, config.motor.can_id, config.gripper.stroke_mm, config.gripper.mount
         )
@@ -167,6 +163,9 @@ class Daemon:
 
     def _tick(self, now_s: float) -> None:
         """Do one period's work, stops first; whatever fails in it, the end stays possible."""
+        if self._successor is not None:  # not even a defect in `_retire` may command again
+            self._reactor.stop()
+            return
         self._urgent.serve()
         try:
             self._work(now_s)
@@ -194,6 +193,7 @@ class Daemon:
             self._open_when_ready(now_s, self._opens_at_s)
         self._successor = self._succession.step(now_s, self._reactor.next_tick_s)
         if self._successor is not None:
+            self._reactor.stop()
             self._retire(self._successor)
 
     def _open_when_ready(self, now_s: float, latest_s: float) -> None:
@@ -214,6 +214,7 @@ class Daemon:
         Who had connected before gets its answers; a stop or SIGTERM is passed on.
         """
         give_up_priority()
+        self._succession.tell_outcome()
         engine, stops = self._machine.engine, self._machine.engine.stop_latch
         was_told = stops.generation
         engine.shut_down()  # this engine has no motor any more: it only refuses
@@ -222,12 +223,11 @@ class Daemon:
         self._urgent.serve()
         self._server.drain(time.monotonic() + DRAIN_WITHIN_S)
         if stops.generation != was_told and stops.latched is not None:
-            self._succession.tell_stop(successor, stops.latched)
+            self._succession.tell_stop(successor, stops.latched, stops.generation)
         if self._ending_since_s is not None:
             self._succession.tell_end(successor)
         if notify(f"MAINPID={self._succession.pid}"):
             barrier(MANAGER_WITHIN_S)
-        self._reactor.stop()
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop, in force with the next command; return the level that is latched, and the count."""

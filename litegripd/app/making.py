@@ -6,7 +6,7 @@ from pathlib import Path
 from litegripd.app.config import Config
 from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
 from litegripd.io.listener import runtime_directory
-from litegripd.io.places import Places
+from litegripd.io.places import Places, occupy
 from litegripd.io.pumped_bus import PumpedBus
 
 
@@ -15,6 +15,12 @@ def socket_path(config: Config) -> Path:
     if config.rpc.socket is not None:
         return Path(config.rpc.socket)
     return runtime_directory() / f"{config.channel}.sock"
+
+
+def occupy_places(config: Config) -> Places:
+    """Claim the channel and listen; raises `InUseError` where another process has a place."""
+    bus = config.bus
+    return occupy(bus.interface, bus.channel, socket_path(config), config.rpc.group)
 
 
 def make_bus(config: Config, period_s: float) -> FrameBus:

@@ -32,15 +32,12 @@ _log = logging.getLogger(__name__)
 MODULE = "litegripd.app.main"
 SUCCESSOR_OPTION = "--successor"
 
-READY_WITHIN_S = 20.0
-"""So long a successor may take until it has taken over."""
+READY_WITHIN_S = 20.0  # so long a successor may take until it has taken over
 
 TAKE_WITHIN_S = 0.04
 """So long it may take from the state to its first command. The motor's watchdog disarms after
 0.1 s without one: what is left is for ending the successor and going on."""
-
 _DIE_WITHIN_S = 0.5
-
 SAME_TABLES = ("bus", "motor", "gripper", "rpc")
 """Tables of the configuration that must not differ: what is held depends on them."""
 
@@ -77,6 +74,7 @@ class Succession:
         self._on_restarted: OnRestarted | None = None
         self._deadline_s = 0.0
         self._pid = 0
+        self._gap_s = 0.0
         self._pidfd: int | None = None
         self._history: tuple[int, int] | None = None
 
@@ -119,13 +117,13 @@ class Succession:
             return self._hand_over(link, now_s, next_tick_s)
         return None
 
-    def tell_stop(self, link: Link, stop: Stop) -> None:
+    def tell_stop(self, link: Link, stop: Stop, generation: int) -> None:
         """Pass on a stop that came to this process after it had handed over."""
-        self._pass_on(link, "stop", plain_of(stop))
+        _pass_on(link, "stop", plain_of(stop), generation)
 
     def tell_end(self, link: Link) -> None:
         """Pass on SIGTERM that came to this process after it had handed over."""
-        self._pass_on(link, "end")
+        _pass_on(link, "end")
 
     @property
     def pid(self) -> int:
@@ -228,9 +226,10 @@ class Succession:
             return None
         finally:
             os.close(state)
-        packet = link.wait(next_tick_s + TAKE_WITHIN_S - time.monotonic())
+        packet = _reply(link, next_tick_s + TAKE_WITHIN_S)
         if packet is not None and packet.kind == "running":
-            self._succeeded(float(packet.body["gap_s"]))
+            self._gap_s = packet.body.get("gap_s", 0.0)
+            self._link = None  # it belongs to who closes this daemon now
             return link
         self._end_successor()
         self._fail(_why_not(packet, link))
@@ -246,12 +245,12 @@ class Succession:
             # From the signal on it runs no instruction of its own, however long its end takes.
             select.select((self._pidfd,), (), (), _DIE_WITHIN_S)
 
-    def _succeeded(self, gap_s: float) -> None:
-        self._link = None  # it belongs to who closes this daemon now
+    def tell_outcome(self) -> None:
+        """Tell who has asked for the restart that the successor has taken over."""
         self._forget_successor()
         on_restarted, self._on_restarted = self._on_restarted, None
         if on_restarted is not None:
-            on_restarted(Restarted(self._pid, gap_s))
+            on_restarted(Restarted(self._pid, self._gap_s))
 
     def _fail(self, why: str) -> None:
         """Go on as before, and say why."""
@@ -276,12 +275,21 @@ class Succession:
             os.close(self._history[1])
             self._history = None
 
-    @staticmethod
-    def _pass_on(link: Link, kind: str, stop: object = None) -> None:
-        try:
-            link.send(kind, stop=stop)
-        except OSError as error:
-            _log.error("the successor takes no %s: %s", kind, error)
+
+def _pass_on(link: Link, kind: str, stop: object = None, generation: int = 0) -> None:
+    try:
+        link.send(kind, stop=stop, generation=generation)
+    except OSError as error:
+        _log.error("the successor takes no %s: %s", kind, error)
+
+
+def _reply(link: Link, until_s: float) -> Packet | None:
+    """Wait for what the successor says to the state; what is not understood is no answer."""
+    try:
+        return link.wait(until_s - time.monotonic())
+    except (OSError, ValueError) as error:
+        _log.error("the successor's answer cannot be read: %s", error)
+        return None
 
 
 def _why_not(packet: Packet | None, link: Link) -> str:

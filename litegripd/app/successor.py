@@ -104,7 +104,7 @@ class Successor(Daemon):
         try:
             history = read_document(self._history)
             handover.adopt_history(self._machine, self._service, history)
-        except (PlainError, OSError, ValueError) as error:
+        except Exception as error:  # noqa: BLE001 - the jaws are held, whatever becomes of it
             _log.error("the jobs of the daemon before are not known any more: %s", error)
         self._calibration_is_known = True
         self._urgent.add(self._link.fileno(), self)
@@ -117,7 +117,10 @@ class Successor(Daemon):
         packet = self._link.receive()
         if packet is not None and packet.kind == "stop":
             stop = value_of(packet.body["stop"], Stop, "stop")
-            self._machine.engine.stop(stop.level, stop.by, stop.why, time.monotonic())
+            engine = self._machine.engine
+            engine.stop(stop.level, stop.by, stop.why, time.monotonic())
+            latch = engine.stop_latch  # whoever was told of a generation is to find no older one
+            latch.generation = max(latch.generation, int(packet.body["generation"]))
             self._service.reporter.refresh()
         elif packet is not None and packet.kind == "end":
             self._end()

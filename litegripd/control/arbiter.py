@@ -65,6 +65,11 @@ class Arbiter:
         ending = ENDING if self._is_ending else None
         return ending or self.stop_latch.refusal() or busy_refusal(self.jobs.running)
 
+    @property
+    def is_ending(self) -> bool:
+        """Whether the daemon's end has begun."""
+        return self._is_ending
+
     def unsettled(self) -> Refusal | None:
         """Say why no successor can take over now: the daemon's end, a motion, or a disabling."""
         ending = ENDING if self._is_ending else None

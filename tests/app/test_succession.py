@@ -160,6 +160,8 @@ def test_the_bus_is_handed_over_once_the_successor_has_sent_its_first_command(ri
     line = rig.step()
     thread.join()
     assert line is not None
+    assert rig.told == []
+    rig.succession.tell_outcome()
     assert rig.told == [Restarted(rig.process.pid, 0.005)]
     assert rig.succession.pid == rig.process.pid
     assert rig.process.poll() is None
@@ -167,11 +169,12 @@ def test_the_bus_is_handed_over_once_the_successor_has_sent_its_first_command(ri
     assert len(seen[0].descriptors) == 2
     assert seen[0].body["due_s"] > seen[0].body["sent_s"]
     stop = Stop("relax", Owner(3, 4, 5, "a program"), 17.5, "a test")
-    rig.succession.tell_stop(line, stop)
+    rig.succession.tell_stop(line, stop, 9)
     rig.succession.tell_end(line)
     packet = link.receive()
     assert packet is not None
     assert value_of(packet.body["stop"], Stop, "stop") == stop
+    assert packet.body["generation"] == 9
     last = link.receive()
     assert last is not None
     assert last.kind == "end"
@@ -246,6 +249,7 @@ def test_a_motion_that_begins_meanwhile_is_waited_for(rig: Rig) -> None:
     line = rig.step()
     thread.join()
     assert line is not None
+    rig.succession.tell_outcome()
     line.close()
 
 

@@ -50,3 +50,18 @@ def test_why_there_is_no_restart_is_told_at_once_or_later() -> None:
     world.restart = lambda told: told(Refusal("restart_failed", "it is broken"))
     error = client.call("daemon.restart", hold_through_restart=True)["error"]
     assert error["message"] == "it is broken"
+
+
+def test_at_the_end_whatever_would_be_lost_is_refused_but_a_stop_and_reads_are_not() -> None:
+    world = World()
+    client = world.enabled()
+    world.engine.shut_down()
+    for method, params in (
+        ("config.set", {"config": {"force_n": 5}}),
+        ("stop.clear", {}),
+        ("lease.acquire", {}),
+        ("motion.open", {}),
+    ):
+        assert client.refusal(method, **params) == "shutting_down"
+    generation = client.result("state.get")["stop_generation"]
+    assert client.result("stop")["generation"] == generation + 1
