@@ -18,6 +18,7 @@ from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -25,6 +26,7 @@ from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
+from litegripd.rpc.restarting import OnRestart, OnRestarted, no_restart
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.session import Peer, Session
 from litegripd.sim.gripper import SimulatedGripper
@@ -168,21 +170,23 @@ class World:
         self.gripper = self.make_gripper(parameters)
         self.machine = Machine(Unit(), master_id, config or MotionConfig(), PERIOD_S)
         self.engine = self.machine.engine
-        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
+        self.restart: OnRestart = no_restart
+        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S, restart=self._restart)
         self.sent: list[Sent] = []
         self.condition = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
         self.disk = Disk()
-        memory, dumps = memoryview(self.disk.memory), self.service.dumps
-        self.flight = Flight(memory, self.machine, dumps, {"channel": "virtual"})
-        self.service.on_event = self.flight.note_event
+        self.flight = self.make_flight()
         self._finished: list[tuple[Errand, ErrandResult]] = []
         self._last_pid = 100
         if calibrated:
             geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
             self.engine.use_calibration(Calibration(geometry), None)
+
+    def _restart(self, on_restarted: OnRestarted) -> Refusal | None:
+        return self.restart(on_restarted)
 
     def client(self) -> Client:
         """Let a new client connect."""
@@ -201,6 +205,13 @@ class World:
         self._run_errands()
         while self.service.pending:
             self.service.send_one()
+
+    def make_flight(self) -> Flight:
+        """Make the flight recorder of the present machine."""
+        memory, dumps = memoryview(self.disk.memory), self.service.dumps
+        flight = Flight(memory, self.machine, dumps, {"channel": "virtual"})
+        self.service.on_event = flight.note_event
+        return flight
 
     def make_gripper(self, parameters: SimulatorParameters) -> SimulatedGripper:
         """Make the gripper that is on the bus."""

@@ -68,6 +68,19 @@ class Arbiter:
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.jobs.running)
 
+    @property
+    def is_ending(self) -> bool:
+        """Whether the daemon's end has begun."""
+        return self._is_ending
+
+    def unsettled(self) -> Refusal | None:
+        """Say why no successor can take over now: the daemon's end, a motion, or a disabling."""
+        ending = ENDING if self._is_ending else None
+        refusal = ending or busy_refusal(self.jobs.running)
+        if refusal is None and (self._queue or self.must_disable):
+            refusal = Refusal("busy", "a motion, or disabling the motor, is about to begin")
+        return refusal
+
     def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
         """Begin a job; the caller has made sure that it may."""
         job = self._new_job(kind, owner, detached)

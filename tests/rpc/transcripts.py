@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from litegripd.rpc.methods import METHODS
+from litegripd.rpc.restarting import Restarted
 from tests.world import Client, World
 
 FOLDER = Path(__file__).parent / "transcripts"
@@ -69,6 +70,9 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     yield "motor.disable", {}
     yield "motor.clear_fault", {}
     yield "recorder.dump", {"note": "a test"}
+    client.world.restart = lambda told: told(Restarted(4711, 0.005))
+    yield "daemon.restart", {"hold_through_restart": True}
+    yield "daemon.restart", {"hold_through_restart": False}
     yield "motion.open", {"speed_mm_s": "fast"}
     yield "no.such.method", {}
 

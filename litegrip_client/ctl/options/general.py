@@ -3,6 +3,11 @@
 from litegrip_client.ctl.options.late import LateParser
 from litegrip_client.ctl.options.values import count, positive
 
+_RESTART = """\
+Start a successor of the daemon, which reads the configuration anew and takes
+over. The motor stays enabled, with the same pose and force. For admins, while
+no motion runs."""
+
 _DUMP = """\
 Have the daemon write its flight recorder: the last minute, tick by tick, with
 all events, as an MCAP file on the daemon's machine. It does so by itself when
@@ -65,6 +70,12 @@ def plot(parser: LateParser) -> None:
         "-o", "--output", metavar="PNG", help="the picture (default: beside FILE, as .png)"
     )
     parser.add_argument("--last", type=positive, metavar="S", help="only the last S seconds of it")
+
+
+def restart(parser: LateParser) -> None:
+    """Take that the jaws are to be held; without it nothing is done."""
+    parser.description = _RESTART
+    parser.add_argument("--hold", action="store_true", help="hold through the restart; required")
 
 
 def cancel(parser: LateParser) -> None:
