@@ -2,9 +2,12 @@
 
 import pytest
 
+from litegripd.sim.parameters import SimulatorParameters
 from tests.faults.cell import SITUATIONS, Situation
+from tests.faults.fault_world import FaultWorld
 from tests.faults.matrix import PAGE, cell, page, title
 from tests.faults.rows import FAULTS, Fault
+from tests.world import PERIOD_S
 
 
 @pytest.mark.parametrize("situation", SITUATIONS, ids=lambda situation: situation.name)
@@ -22,3 +25,13 @@ def test_the_page_has_each_run_and_nothing_else() -> None:
 
 def test_no_two_faults_have_one_name() -> None:
     assert len({fault.name for fault in FAULTS}) == len(FAULTS)
+
+
+def test_an_old_command_that_reaches_an_enabled_motor_is_noticed() -> None:
+    with FaultWorld(parameters=SimulatorParameters(watchdog_s=0.4)) as world:
+        world.enabled()
+        world.run(0.5)
+        assert world.oldest_s < PERIOD_S
+        world.faults.to_motor.delay(0.15)
+        world.run(0.3)
+        assert 0.14 < world.oldest_s < 0.17
