@@ -1,11 +1,8 @@
 """Random faults and random clients on one daemon, in virtual time, checked in every tick.
 
-    python -m tests.faults.chaos --minutes 10 --seed 3      one run again
-    python -m tests.faults.chaos --hours 24                 many seeds, all cores; `make chaos`
-
-The same seed does the same. A run is a row of episodes: clients do what they like while faults come
-and go and things and hands get between the jaws; then all faults are taken away, and a fresh client
-must get the gripper back to work within a few seconds.
+A run is a row of episodes: clients do what they like while faults come and go, and things and hands
+get between the jaws; then all faults are taken away, and a fresh client must get the gripper back
+to work within a few seconds. The same seed does the same. `chaos_main` runs it.
 """
 
 import random
@@ -33,7 +30,7 @@ GROWS_BY = 1.25
 """What is kept may differ from episode to episode: jobs, events, who waits."""
 
 
-class Defeat(AssertionError):
+class DefeatError(AssertionError):
     """What must hold did not; says when and in which run."""
 
 
@@ -84,6 +81,7 @@ class Chaos:
         self.watch.tick()
         for client in self.clients:
             client.read()
+        self.world.service.take_events()  # for the log, as the daemon does
         self.world.gripper.received.clear()
         del self.world.sent[:-200]
 
@@ -186,7 +184,7 @@ def _is_done(answer: dict[str, Any]) -> bool:
 
 
 def run(seed: int, minutes: float) -> Chaos:
-    """Run one seed; raises `Defeat`, which names seed and time, when something does not hold."""
+    """Run one seed; raises `DefeatError`, naming seed and time, when something does not hold."""
     chaos = Chaos(seed)
     began_s = chaos.world.now_s
     try:
@@ -195,5 +193,5 @@ def run(seed: int, minutes: float) -> Chaos:
     except Exception as error:
         at_s, faults = chaos.world.now_s - began_s, [f.name for f in chaos.active.values()]
         text = f"seed {seed}, after {at_s:.3f} s, with the faults {faults}: {error!r}"
-        raise Defeat(text) from error
+        raise DefeatError(text) from error
     return chaos

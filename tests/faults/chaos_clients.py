@@ -11,7 +11,7 @@ from typing import Any
 
 from litegripd.rpc.methods import BY_NAME, METHODS
 from litegripd.rpc.schema import Param
-from tests.world import Client, World
+from tests.world import World
 
 CLIENTS = 5
 ACTS_EACH_S = 2.0

@@ -3,9 +3,8 @@
 import gc
 import types
 from collections import deque
-from typing import Any
 
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.motor import codec
 from litegripd.sim.motor import ENABLED
 from tests.control.limits import LimitWatch
@@ -35,6 +34,7 @@ class ChaosWatch:
         self._excused_until_s = 0.0
         self._stands_since_s = world.now_s
         self._unwanted_since_s: float | None = None
+        self._status = world.gripper.motor.status
 
     def tick(self) -> None:
         """Let a tick pass and check it."""
@@ -48,20 +48,30 @@ class ChaosWatch:
         if codec.ENABLE in [frame.data for frame in own]:
             assert running is not None, "armed unasked"
             assert (running.kind, latched) == ("enable", None), "armed unasked"
-        commands = [codec.decode_command(f.data, world.ranges) for f in own if is_command(f)]
-        self._check_commands(commands, is_motion=action is not None and engine.action is action)
+        identity = engine.motor.identity
+        ranges = Ranges() if identity is None else identity.ranges
+        commands = [codec.decode_command(f.data, ranges) for f in own if is_command(f)]
+        is_motion = action is not None and engine.action is action
+        self._check_commands(commands, ranges, is_motion=is_motion)
         self._check_jaws()
         self._check_unwanted()
 
     def _check_owner(self) -> None:
-        """One owner: what runs for a client runs under the lease, where somebody has it."""
+        """One owner: what runs for a client runs under the lease, where somebody has it.
+
+        Disabling always goes on.
+        """
         engine = self._world.engine
         running, holder = engine.jobs.running, engine.lease.holder
         if running is None or holder is None or running.grant is None or running.detached:
             return
+        if running.kind == "disable":
+            return
         assert running.grant == holder.number, (running, holder)
 
-    def _check_commands(self, commands: list[Any], *, is_motion: bool) -> None:
+    def _check_commands(
+        self, commands: list[MitCommand], ranges: Ranges, *, is_motion: bool
+    ) -> None:
         world = self._world
         motor, engine = world.machine.motor, world.engine.motor
         assert len(commands) <= 1, "more than one command in a tick"
@@ -72,7 +82,7 @@ class ChaosWatch:
                 world.now_s,
                 commands[-1],
                 engine.feedback,
-                world.ranges,
+                ranges,
                 is_motion=is_motion,
                 in_codes=True,
                 is_unanswered=motor._silence.unanswered > 1,
@@ -80,13 +90,15 @@ class ChaosWatch:
             return
         for command in commands:
             assert command.kp_nm_rad == command.kd_nm_s_rad == 0.0, "commanded while not enabled"
-            assert abs(command.torque_nm) <= 1.01 * world.ranges.torque_nm / 4095
-        self._limits.check(world.now_s, None, None, world.ranges, is_motion=False)
+            assert abs(command.torque_nm) <= 1.01 * ranges.torque_nm / 4095
+        self._limits.check(world.now_s, None, None, ranges, is_motion=False)
 
     def _check_jaws(self) -> None:
         """Jaws that are disabled or stopped stand; and none leave their travel, but by force."""
         world, engine = self._world, self._world.engine
-        if self.is_lied_to or self.is_pushed or engine.grip is not None:
+        status, self._status = self._status, world.gripper.motor.status
+        springs = status != self._status  # what it has pressed on pushes it back when it lets go
+        if springs or self.is_lied_to or self.is_pushed or engine.grip is not None:
             self._excused_until_s = world.now_s + EXCUSED_S
         may_move = world.gripper.motor.status == ENABLED and engine.stop_latch.latched is None
         if may_move or world.now_s < self._excused_until_s:
@@ -103,7 +115,7 @@ class ChaosWatch:
     def _check_unwanted(self) -> None:
         """A motor that is enabled though the daemon says disabled is disabled soon."""
         world = self._world
-        wanted = world.phase not in (MotorPhase.DISABLED, MotorPhase.FAULT)
+        wanted = world.engine.motor.phase not in (MotorPhase.DISABLED, MotorPhase.FAULT)
         if wanted or world.gripper.motor.status != ENABLED or world.engine.bus.state != "up":
             self._unwanted_since_s = None
         elif self._unwanted_since_s is None:
