@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: help run demo test check format bench clean
+.PHONY: help run demo test check format bench chaos clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper, in the foreground"
@@ -14,6 +14,7 @@ help:
 	@echo "make check   format, lint, types, import layers, generated files, tests"
 	@echo "make format  put all sources into the project's format"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
+	@echo "make chaos   random faults and clients for 24 simulated hours, many seeds on all cores (hours)"
 	@echo "make clean   remove the virtual environment and all caches"
 
 $(STAMP): pyproject.toml
@@ -45,6 +46,9 @@ format: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m bench
+
+chaos: $(STAMP)
+	$(BIN)/python -m tests.faults.chaos_main --hours 24
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -119,14 +119,13 @@ class Chaos:
         self.watch.is_pushed = is_held or gripper._plant._hand != 0.0
 
     def _heal(self) -> None:
-        """Take away every fault, thing and hand; an operator puts the motor's zero right."""
+        """Take away every fault, thing and hand."""
         for fault in self.active.values():
             fault.end(self.world)
         self.active.clear()
         gripper = self.world.gripper
         gripper.remove_object()
         gripper.push(0.0)
-        gripper.motor._offset_rad = 0.0
         self.watch.is_lied_to = self.watch.is_pushed = False
         healed_s = self.world.now_s
         self._until(
@@ -141,7 +140,10 @@ class Chaos:
         return self.world.in_phase(*WAITS) and engine.bus.state == "up" and is_alone
 
     def _get_back_to_work(self) -> None:
-        """Let all clients leave, and a fresh one open the jaws with what a client can do."""
+        """Let all clients leave, and a fresh one open the jaws with what a client can do.
+
+        Where the motor's zero was set anew, an operator sets it as it was, the motor disabled.
+        """
         for client in self.clients:
             client.leave()
         fresh, begins_s = self.world.client(), self.world.now_s
@@ -150,6 +152,9 @@ class Chaos:
         for job in self._ask(fresh, "job.list")["result"]["jobs"]:
             if job["state"] in ("running", "queued"):
                 self._ask(fresh, "job.cancel", job=job["job"])
+        if abs(self.world.gripper.motor._offset_rad) > 1e-6:
+            self._do(fresh, "motor.disable")
+            self.world.gripper.motor._offset_rad = 0.0
         assert self.template is not None
         self._ask(fresh, "calibration.load", template=self.template.mount)
         defaults = MotionConfig().as_fields(PERIOD_S)
