@@ -14,7 +14,7 @@ help:
 	@echo "make check   format, lint, types, import layers, generated files, tests"
 	@echo "make format  put all sources into the project's format"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
-	@echo "make chaos   random faults and clients for 24 simulated hours, many seeds on all cores (hours)"
+	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
 	@echo "make clean   remove the virtual environment and all caches"
 
 $(STAMP): pyproject.toml

@@ -37,7 +37,7 @@ class ChaosWatch:
         self._is_excused = False
         self._stands_since_s = world.now_s
         self._unwanted_since_s: float | None = None
-        self._status = world.gripper.motor.status
+        self._state: tuple[int, type] = (world.gripper.motor.status, type(world.engine.rest))
 
     def tick(self) -> None:
         """Let a tick pass and check it."""
@@ -100,9 +100,9 @@ class ChaosWatch:
     def _check_jaws(self) -> None:
         """Jaws that are disabled or stopped stand; and none leave their travel, but by force."""
         world, engine = self._world, self._world.engine
-        status, self._status = self._status, world.gripper.motor.status
-        springs = status != self._status  # what it has pressed on pushes it back when it lets go
-        if springs or self.is_lied_to or self.is_pushed or engine.grip is not None:
+        before, self._state = self._state, (world.gripper.motor.status, type(engine.rest))
+        lets_go = before != self._state  # what the jaws have pressed on pushes them back then
+        if lets_go or self.is_lied_to or self.is_pushed or engine.grip is not None:
             self._excused_until_s = world.now_s + EXCUSED_S
         may_move = world.gripper.motor.status == ENABLED and engine.stop_latch.latched is None
         if may_move or world.now_s < self._excused_until_s:
