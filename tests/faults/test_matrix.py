@@ -34,4 +34,4 @@ def test_an_old_command_that_reaches_an_enabled_motor_is_noticed() -> None:
         assert world.oldest_s < PERIOD_S
         world.faults.to_motor.delay(0.15)
         world.run(0.3)
-        assert 0.14 < world.oldest_s < 0.17
+        assert 0.13 < world.oldest_s < 0.17  # the last of four that say the same
