@@ -3,10 +3,10 @@
 import pytest
 
 from litegripd.sim.parameters import SimulatorParameters
-from tests.faults.cell import SITUATIONS, Situation
 from tests.faults.fault_world import FaultWorld
 from tests.faults.matrix import PAGE, cell, page, title
 from tests.faults.rows import FAULTS, Fault
+from tests.faults.situations import SITUATIONS, Situation
 from tests.world import PERIOD_S
 
 
