@@ -279,14 +279,20 @@ class Arbiter:
     def _step_authority(self, now_s: float) -> None:
         """Take what time brings: a lease that runs out, and whose turn it is.
 
-        A motion under a lease that is not the present one never goes on, whatever the way.
+        A motion under a lease that is not the present one never goes on, whatever the way;
+        disabling always does.
         """
         loss = self.lease.expire(now_s)
         if loss is not None:
             self.lose(loss, loss.grant.owner.client)
         running, holder = self.jobs.running, self.lease.holder
         present = None if holder is None else holder.number
-        if running is not None and not running.detached and running.grant not in (None, present):
+        if (
+            running is not None
+            and not running.detached
+            and running.kind != "disable"
+            and running.grant not in (None, present)
+        ):
             self.end(announce.loss_refusal(None))
         self._start_queued()
         self.lease.step(now_s, may_grant=self.jobs.running is None and not self._queue)
