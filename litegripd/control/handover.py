@@ -81,6 +81,7 @@ _ENGINE = Carried(
         "action",
         "errands",
         "events",
+        "has_stepped",
         "inquiries",
         "motor",  # handed over by its own room; here only its phase goes along
         "must_disable",
