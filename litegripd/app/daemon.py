@@ -7,6 +7,7 @@ import time
 from collections.abc import Sequence
 
 from litegripd.app.config import Config
+from litegripd.app.ending import Ending
 from litegripd.app.facts import DaemonFacts, Parts
 from litegripd.app.flight import make_flight
 from litegripd.app.logs import log_event, log_motor, make_log_handler
@@ -31,9 +32,6 @@ from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)
 
-END_WITHIN_S = 1.5
-"""So long the end waits for the motor to confirm that it is disabled."""
-
 OPEN_WITHIN_S = 0.5
 """So long the first clients wait for motor and calibration to be found; then they are told that
 these are not there."""
@@ -43,9 +41,6 @@ DRAIN_WITHIN_S = 0.05
 
 MANAGER_WITHIN_S = 1.0
 """So long it waits for the service manager to know the successor as its main process."""
-
-FIND_WITHIN_S = 0.3
-"""So long the end waits for a motor that does not answer: it might be found, and be enabled."""
 
 
 class Daemon:
@@ -106,7 +101,7 @@ class Daemon:
         )
         self._previous_handlers = logging.getLogger().handlers
         self._parts: Parts | None = None
-        self._ending_since_s: float | None = None
+        self._ending = Ending(self._machine)
         self._motor_was_known = False
         self._calibration_is_known = False
         self._opens_at_s: float | None = None
@@ -157,13 +152,7 @@ class Daemon:
         if self._successor is not None:
             _log.info("ended; the motor belongs to the successor, pid %d", self._succession.pid)
             return True
-        is_off = not self._machine.may_be_energised
-        phase = self._machine.motor.view().phase.value
-        if is_off:
-            _log.info("ended; the motor is off (%s)", phase)
-        else:
-            _log.error("ended; the motor did not confirm that it is off (%s): cut its power", phase)
-        return is_off
+        return self._ending.tell()
 
     def _tick(self, now_s: float) -> None:
         """Do one period's work, stops first; whatever fails in it, the end stays possible."""
@@ -179,7 +168,7 @@ class Daemon:
             self._service.reporter.tick(now_s)  # the state must not look fresh
             raise
         finally:
-            if self._is_over(now_s):
+            if self._ending.is_over(now_s):
                 self._reactor.stop()
             self._record(now_s, failed)
 
@@ -242,7 +231,7 @@ class Daemon:
         self._server.drain(time.monotonic() + DRAIN_WITHIN_S)
         if stops.generation != was_told and stops.latched is not None:
             self._succession.tell_stop(successor, stops.latched, stops.generation)
-        if self._ending_since_s is not None:
+        if self._ending.has_begun:
             self._succession.tell_end(successor)
         if notify(f"MAINPID={self._succession.pid}"):
             barrier(MANAGER_WITHIN_S)
@@ -259,20 +248,7 @@ class Daemon:
         self._stop("hold", Owner(0, os.getpid(), os.getuid(), "signal SIGUSR1"), None)
 
     def _end(self) -> None:
-        """Begin the end: the motor is disabled in the next tick."""
-        if self._ending_since_s is None:
-            _log.info("ending: the motor is being disabled")
-            self._ending_since_s = time.monotonic()
-            self._machine.engine.shut_down()
-
-    def _is_over(self, now_s: float) -> bool:
-        """Whether the end has begun and nothing is to be waited for any more."""
-        if self._ending_since_s is None:
-            return False
-        waited_s = now_s - self._ending_since_s
-        if self._machine.is_out_of_reach and waited_s >= FIND_WITHIN_S:
-            return True
-        return self._machine.is_disabled or waited_s >= END_WITHIN_S
+        self._ending.begin(time.monotonic())
 
     def _close(self) -> None:
         self._succession.close()
