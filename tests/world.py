@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from litegripd.app.machine import Machine
+from litegripd.io.atomic_file import FileSystem
 from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP
@@ -115,6 +116,16 @@ class Client:
         self.world.service.closed(self.session, self.world.now_s)
 
 
+class Unsynced(FileSystem):
+    """Files that need not outlive a power cut, and so wait for no disk."""
+
+    def sync(self, descriptor: int) -> None:
+        pass
+
+    def sync_directory(self, directory: Path) -> None:
+        pass
+
+
 class Disk:
     """The helper process's files, in memory: what was saved last, by operation."""
 
@@ -124,7 +135,7 @@ class Disk:
         self.silent = False
         self.found: dict[str, Any] | None = None
         self._folder: Path | None = None
-        self._store = TrajectoryStore(self.trajectories, clock=lambda: 1e9)
+        self._store = TrajectoryStore(self.trajectories, Unsynced(), clock=lambda: 1e9)
 
     def trajectories(self) -> Path:
         """Return where trajectories are kept: they alone are real files, gone with this world."""

@@ -166,14 +166,16 @@ class Trajectories:
         self.replay = action
         return self.replay_job
 
-    def playing(self, job: int | None) -> Replay | Refusal:
-        """Return the replay that runs, if it is this job's."""
+    def playing(self, job: int | None, owner: Owner) -> Replay | Refusal:
+        """Return the replay that runs, if it is this job's, and this owner's or a detached one."""
         running, action = self._engine.jobs.running, self._engine.action
         if running is None or not isinstance(action, Replay):
             return Refusal("unknown_job", "no replay is running")
         if job is not None and running.number != job:
             text = f"job {job} is not the replay that runs: that is job {running.number}"
             return Refusal("unknown_job", text, {"requested": job})
+        if not running.detached and running.owner.client != owner.client:
+            return busy_with(running)
         return action
 
     def _ready(self) -> Geometry | Refusal:

@@ -101,7 +101,7 @@ class TrajectoryMethods:
 
     def _control(self, call: Call) -> Answer:
         params, action = call.params, call.params["action"]
-        replay = self._trajectories.playing(params.get("job"))
+        replay = self._trajectories.playing(params.get("job"), call.owner)
         if isinstance(replay, Refusal):
             return replay
         if ("speed" in params) != (action == "speed"):

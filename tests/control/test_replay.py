@@ -198,6 +198,20 @@ def test_control_is_refused_where_it_makes_no_sense() -> None:
     assert client.refusal("trajectory.control", action="pause") == "unknown_job"
 
 
+@pytest.mark.parametrize("detach", [False, True])
+def test_only_a_detached_one_is_controlled_by_others(detach: bool) -> None:
+    world, client = ready()
+    started(world, client, SLOW, detach=detach)
+    other = world.client()
+    if detach:
+        other.result("trajectory.control", action="pause")
+    else:
+        assert other.refusal("trajectory.control", action="pause") == "busy"
+    assert playing(world).is_paused is detach
+    client.result("trajectory.control", action="resume")
+    assert not playing(world).is_paused
+
+
 # Speeds
 
 
