@@ -155,11 +155,14 @@ class Disk:
             return ErrandResult(templates_operation(parameters))
         packed = json.dumps(parameters)  # as it goes to the helper
         if operation.startswith("trajectory."):
-            answer = self._store.operations()[operation](json.loads(packed))
-            shown = json.dumps(answer).replace(str(self.trajectories().parent), "/state")
-            return ErrandResult(json.loads(shown))
+            return ErrandResult(self.do_plainly(operation, **json.loads(packed)))
         self.saved[operation] = parameters
         return ErrandResult({"path": f"/state/{operation}", "previous": None})
+
+    def do_plainly(self, operation: str, **parameters: Any) -> Any:
+        """Carry out an operation on trajectories; return its answer, without the true path."""
+        answer = self._store.operations()[operation](parameters)
+        return json.loads(json.dumps(answer).replace(str(self.trajectories().parent), "/state"))
 
 
 class World:
