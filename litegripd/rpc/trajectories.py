@@ -119,7 +119,7 @@ class TrajectoryMethods:
         """Tell of what runs, else of what came last."""
         trajectories = self._trajectories
         capture, job = trajectories.capture, trajectories.replay_job
-        if capture is not None and (job is None or not job.is_running):
+        if capture is not None and (job is None or capture.began_s >= job.started_s):
             return _capture_status(capture)
         return self._replay_status()
 
