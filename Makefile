@@ -4,14 +4,16 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+SEED ?= $(shell date -u +%Y%m%d)
 
-.PHONY: help run demo test check format bench clean
+.PHONY: help run demo test check nightly format bench clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper, in the foreground"
 	@echo "make demo    that daemon, and two processes that use it; ends by itself"
 	@echo "make test    the tests"
 	@echo "make check   format, lint, types, import layers, generated files, tests"
+	@echo "make nightly a million hostile lines, other ones every day (about 4 minutes)"
 	@echo "make format  put all sources into the project's format"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
 	@echo "make clean   remove the virtual environment and all caches"
@@ -38,6 +40,9 @@ check: $(STAMP)
 	$(BIN)/lint-imports
 	$(BIN)/python docs/generate.py --check
 	$(BIN)/python -m pytest
+
+nightly: $(STAMP)
+	LITEGRIPD_FUZZ_LINES=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 tests/rpc/test_fuzz.py
 
 format: $(STAMP)
 	$(BIN)/ruff format .

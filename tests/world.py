@@ -14,13 +14,17 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
+from litegripd.control.recorder import memory_bytes, tick_slots
+from litegripd.control.recording import Recording, read
 from litegripd.io.atomic_file import FileSystem
 from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -28,6 +32,7 @@ from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
+from litegripd.rpc.restarting import OnRestart, OnRestarted, no_restart
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.session import Peer, Session
 from litegripd.sim.gripper import SimulatedGripper
@@ -134,6 +139,8 @@ class Disk:
         self.error: str | None = None
         self.silent = False
         self.found: dict[str, Any] | None = None
+        self.memory = bytearray(memory_bytes(tick_slots(PERIOD_S)))
+        self.dumps: list[Recording] = []
         self._folder: Path | None = None
         self._store = TrajectoryStore(self.trajectories, Unsynced(), clock=lambda: 1e9)
 
@@ -156,8 +163,21 @@ class Disk:
         packed = json.dumps(parameters)  # as it goes to the helper
         if operation.startswith("trajectory."):
             return ErrandResult(self.do_plainly(operation, **json.loads(packed)))
+        if operation == "recorder.dump":
+            return ErrandResult(self._dump())
         self.saved[operation] = parameters
-        return ErrandResult({"path": f"/state/{operation}", "previous": None})
+        return ErrandResult({"path": f"/state/{operation}", "previous": None, "saved_s": 1.6e9})
+
+    def _dump(self) -> dict[str, Any]:
+        recording = read(bytes(self.memory))
+        self.dumps.append(recording)
+        path = f"/state/dumps/{len(self.dumps)}"
+        return {
+            "path": path,
+            "ticks": len(recording.ticks),
+            "seconds": recording.duration_s,
+            "bytes": len(self.memory),
+        }
 
     def do_plainly(self, operation: str, **parameters: Any) -> Any:
         """Carry out an operation on trajectories; return its answer, without the true path."""
@@ -183,18 +203,23 @@ class World:
         self.gripper = self.make_gripper(parameters)
         self.machine = Machine(Unit(), master_id, config or MotionConfig(), PERIOD_S)
         self.engine = self.machine.engine
-        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
+        self.restart: OnRestart = no_restart
+        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S, restart=self._restart)
         self.sent: list[Sent] = []
         self.condition = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
         self.disk = Disk()
+        self.flight = self.make_flight()
         self._finished: list[tuple[Errand, ErrandResult]] = []
         self._last_pid = 100
         if calibrated:
             geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
             self.engine.use_calibration(Calibration(geometry), None)
+
+    def _restart(self, on_restarted: OnRestarted) -> Refusal | None:
+        return self.restart(on_restarted)
 
     def client(self) -> Client:
         """Let a new client connect."""
@@ -208,9 +233,18 @@ class World:
         self.gripper.advance(self.now_s)
         self.exchange()
         self.service.after_tick(self.now_s)
+        bus_is_up = self.engine.bus.is_usable
+        self.flight.tick(self.now_s, late_s=0.0, lost_ticks=0, failed=False, bus_is_up=bus_is_up)
         self._run_errands()
         while self.service.pending:
             self.service.send_one()
+
+    def make_flight(self) -> Flight:
+        """Make the flight recorder of the present machine."""
+        memory, dumps = memoryview(self.disk.memory), self.service.dumps
+        flight = Flight(memory, self.machine, dumps, {"channel": "virtual"})
+        self.service.on_event = flight.note_event
+        return flight
 
     def make_gripper(self, parameters: SimulatorParameters) -> SimulatedGripper:
         """Make the gripper that is on the bus."""

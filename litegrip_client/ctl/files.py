@@ -1,4 +1,4 @@
-"""Calibration files on this side: read and written here, sent and received as contents.
+"""Files on this side: calibrations, sent and received as contents, and copies of dumps.
 
 What a content must hold is the daemon's to say.
 """
@@ -34,16 +34,23 @@ def read(path: str) -> dict[str, Any]:
 
 def write(path: str, content: Mapping[str, Any], *, overwrite: bool) -> None:
     """Write a calibration file, wholly or not at all; raises `CommandError`."""
-    if not overwrite and Path(path).exists():
-        raise CommandError(
-            f"{path} exists already",
-            reason="file_exists",
-            data={"hint": "take another name, or replace it with: --overwrite"},
-        )
+    if not overwrite:
+        refuse_existing(path, "take another name, or replace it with: --overwrite")
+    put(path, (json.dumps(content, indent=2) + "\n").encode())
+
+
+def refuse_existing(path: str, hint: str) -> None:
+    """Raise `CommandError` for a file that exists already."""
+    if Path(path).exists():
+        raise CommandError(f"{path} exists already", reason="file_exists", data={"hint": hint})
+
+
+def put(path: str, content: bytes) -> None:
+    """Write a file, wholly or not at all; raises `CommandError`."""
     beside = Path(f"{path}.{os.getpid()}.new")
     try:
         try:
-            beside.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+            beside.write_bytes(content)
             beside.replace(path)
         finally:
             beside.unlink(missing_ok=True)

@@ -6,7 +6,7 @@ import sys
 from argparse import Namespace
 
 from litegrip_client.connection import Connection
-from litegrip_client.ctl.commands import find
+from litegrip_client.ctl.commands import WITHOUT_DAEMON, find
 from litegrip_client.ctl.options import parse
 from litegrip_client.ctl.output import Output
 from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, OK, Run
@@ -49,6 +49,8 @@ def _run(options: Namespace, output: Output) -> int:
     try:
         if options.command == "stop" and _stop_first(options, output):
             return OK
+        if options.command in WITHOUT_DAEMON:
+            return find(options.command)(Run(None, options, output))
         with connect(options.channel, options.socket) as connection:
             _check(connection.greet("litegripctl"), connection, options)
             return find(options.command)(Run(connection, options, output))

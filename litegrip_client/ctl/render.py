@@ -139,6 +139,14 @@ def tree(data: Data) -> str:
     return "\n".join(f"{name:<{width}}  {plain(value)}" for name, value in rows)
 
 
+def health(data: Data) -> str:
+    """Show the daemon's verdict and its reasons, and then the figures."""
+    figures = {name: value for name, value in data.items() if name not in ("verdict", "reasons")}
+    lines = [f"verdict: {plain(data.get('verdict'))}"]
+    lines += [f"- {plain(reason)}" for reason in data.get("reasons", ())]
+    return "\n".join([*lines, "", tree(figures)] if figures else lines)
+
+
 def methods(document: Data) -> str:
     """Show the methods of an OpenRPC document."""
     rows = {row.get("name", ""): row.get("summary", "") for row in document.get("methods", [])}

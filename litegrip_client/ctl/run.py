@@ -29,14 +29,21 @@ ENDING = ("cancelled", "running")
 
 
 class Run:
-    """What a command works with."""
+    """What a command works with; one that needs no daemon gets no connection."""
 
-    __slots__ = ("connection", "options", "output")
+    __slots__ = ("_connection", "options", "output")
 
-    def __init__(self, connection: Connection, options: Namespace, output: Output) -> None:
-        self.connection = connection
+    def __init__(self, connection: Connection | None, options: Namespace, output: Output) -> None:
+        self._connection = connection
         self.options = options
         self.output = output
+
+    @property
+    def connection(self) -> Connection:
+        """The connection to the daemon."""
+        if self._connection is None:
+            raise RuntimeError(f"{self.options.command} is run without a daemon")
+        return self._connection
 
     def refuse(self, text: str, hint: str) -> int:
         """Say that it cannot be used like this, and what to do; returns the exit code."""

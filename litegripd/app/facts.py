@@ -13,7 +13,9 @@ from pathlib import Path
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.heat import COIL_LIMIT_C, HeatGuard
+from litegripd.control.in_use import CalibrationInUse
 from litegripd.io.bus import FrameBus
+from litegripd.io.calibration_files import is_nominal
 from litegripd.io.helper import Helper
 from litegripd.io.log import LogHandler
 from litegripd.io.reactor import Reactor
@@ -46,11 +48,17 @@ def page_bytes(field: int) -> int:
 class DaemonFacts:
     """Implements `Facts` from the daemon's parts."""
 
-    def __init__(self, config: Config, machine: Machine, stop_socket: Path | None = None) -> None:
+    def __init__(
+        self,
+        config: Config,
+        machine: Machine,
+        stop_socket: Path | None = None,
+        epoch: str | None = None,
+    ) -> None:
         self._config = config
         self._stop_socket = None if stop_socket is None else str(stop_socket.absolute())
         self._machine = machine
-        self._epoch = secrets.token_hex(8)
+        self._epoch = epoch or secrets.token_hex(8)
         self._version = daemon_version()
         self._began_s = time.monotonic()
         self._parts: Parts | None = None
@@ -58,7 +66,7 @@ class DaemonFacts:
 
     @property
     def epoch(self) -> str:
-        """Tells this start of the daemon from every other."""
+        """Tells this start of the daemon from every other; a successor has that of the first."""
         return self._epoch
 
     def attach(self, parts: "Parts") -> None:
@@ -94,7 +102,8 @@ class DaemonFacts:
             **self.hello(),
             "registers": {} if identity is None else dict(identity.registers),
             "motor_warnings": [] if identity is None else warnings(identity),
-            "calibration_file": self._machine.engine.calibrated.file,
+            "calibration_file": engine.calibrated.file,
+            "calibration": _calibration(engine.calibrated),
             "motion": engine.config.as_fields(engine.period_s),
             "configuration": {
                 "file": None if config.source is None else str(config.source),
@@ -104,6 +113,7 @@ class DaemonFacts:
                     "bitrate": config.bus.bitrate,
                 },
                 "control": dataclasses.asdict(config.control),
+                "rpc": {"group": config.rpc.group},
             },
         }
 
@@ -252,6 +262,17 @@ class Parts:
             },
             "log": {"dropped": self.log.dropped},
         }
+
+
+def _calibration(in_use: CalibrationInUse) -> Mapping[str, object]:
+    """Tell where the calibration came from; `saved_s` is the file's date, in Unix time."""
+    calibration, file = in_use.calibration, in_use.file
+    return {
+        "file": file,
+        "nominal": file is not None and is_nominal(file),
+        "channel": None if calibration is None else calibration.channel,
+        "saved_s": None if calibration is None else calibration.saved_s,
+    }
 
 
 _BUS_COUNTERS = (

@@ -25,6 +25,7 @@ class Machine:
         self.engine = Engine(config, period_s, unit)
         self.may_be_energised = False
         """Whether the motor was being enabled and has not confirmed since that it is off."""
+        self._sent: list[CanFrame] = []
 
     def tick(
         self, now_s: float, received: Sequence[CanFrame], bus: BusCondition = UP
@@ -44,7 +45,13 @@ class Machine:
         view = replace(view, problem=bus.refusal() or view.problem)
         self.engine.note_bus(bus)
         order = self.engine.step(now_s, view)
-        return self.motor.step(now_s, order)
+        self._sent = self.motor.step(now_s, order)
+        return self._sent
+
+    def take_sent(self) -> list[CanFrame]:
+        """Return once what the latest tick gave to the bus; nothing, where it failed before."""
+        sent, self._sent = self._sent, []
+        return sent
 
     @property
     def is_disabled(self) -> bool:

@@ -21,14 +21,17 @@ def job_started(job: Job) -> Event:
     """Tell who began what."""
     owner = job.owner
     text = f"job {job.number}: {job.kind} by {owner.program} (pid {owner.pid}, uid {owner.uid})"
-    return Event("job_started", text, {"job": job.number, "kind": job.kind})
+    data = {"job": job.number, "kind": job.kind, "client": owner.client, "pid": owner.pid}
+    return Event("job_started", text, {**data, "detached": job.detached})
 
 
 def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
     """Tell how a job ended, and, of a grasp, that its object is lost."""
     how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome)
     text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
-    ended = Event("job_ended", text, {"job": job.number, "state": job.state.value})
+    reason = outcome.reason if isinstance(outcome, Refusal) else None
+    data = {"job": job.number, "state": job.state.value, "reason": reason}
+    ended = Event("job_ended", text, data)
     lost = isinstance(outcome, GraspResult) and outcome.outcome == "object_lost"
     return [object_lost(job.number), ended] if lost else [ended]
 
@@ -107,18 +110,21 @@ def lease_lost(loss: Loss) -> Event:
     text += _CAUSES[loss.cause]
     if by is not None:
         text += f" by {by.program} (pid {by.pid}, uid {by.uid}): {loss.why}"
-    data: dict[str, object] = {"client": owner.client, "cause": loss.cause, "why": loss.why}
+    data: dict[str, object] = {"client": owner.client, "pid": owner.pid}
+    data |= {"cause": loss.cause, "why": loss.why}
     if by is not None:
         data["by"] = {"pid": by.pid, "uid": by.uid, "program": by.program}
     return Event("lease_lost", text, data)
 
 
-def lease_changed(what: str, grant: Grant) -> Event:
+def lease_changed(grant: Grant, *, held: bool) -> Event:
     """Tell who got or gave back the lease, and what for."""
     owner, purpose = grant.owner, grant.wish.purpose
     why = "" if purpose is None else f" for {purpose}"
+    what = "granted to" if held else "given back by"
     text = f"lease {grant.number} {what} {owner.program} (pid {owner.pid}, uid {owner.uid}){why}"
-    return Event("lease", text, {"client": owner.client, "lease": grant.number})
+    data = {"client": owner.client, "pid": owner.pid, "lease": grant.number, "held": held}
+    return Event("lease", text, data)
 
 
 def loss_refusal(loss: Loss | None) -> Refusal:

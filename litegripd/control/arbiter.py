@@ -68,6 +68,19 @@ class Arbiter:
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.jobs.running)
 
+    @property
+    def is_ending(self) -> bool:
+        """Whether the daemon's end has begun."""
+        return self._is_ending
+
+    def unsettled(self) -> Refusal | None:
+        """Say why no successor can take over now: the daemon's end, a motion, or a disabling."""
+        ending = ENDING if self._is_ending else None
+        refusal = ending or busy_refusal(self.jobs.running)
+        if refusal is None and (self._queue or self.must_disable):
+            refusal = Refusal("busy", "a motion, or disabling the motor, is about to begin")
+        return refusal
+
     def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
         """Begin a job; the caller has made sure that it may."""
         job = self._new_job(kind, owner, detached)
@@ -212,7 +225,7 @@ class Arbiter:
         holder, running = self.lease.holder, self.jobs.running
         refusal = self.lease.release(owner)
         if refusal is None and holder is not None:
-            self.events.append(announce.lease_changed("given back by", holder))
+            self.events.append(announce.lease_changed(holder, held=False))
             if running is not None and running.grant == holder.number:
                 running.grant = None
         return refusal
@@ -231,7 +244,7 @@ class Arbiter:
 
     def _granted(self, answer: Grant | Refusal) -> Grant | Refusal:
         if isinstance(answer, Grant):
-            self.events.append(announce.lease_changed("granted to", answer))
+            self.events.append(announce.lease_changed(answer, held=True))
         return answer
 
     # Lost clients and lost leases

@@ -110,7 +110,16 @@ class Calibrating:
         if calibration is None or not calibration.calibrated:
             return engine.calibrated.problem
         content = content_of(calibration, engine.unit, engine.gains, engine.motor)
-        engine.errands.append(save_errand(engine.unit, content, on_saved))
+
+        def saved(result: ErrandResult) -> None:
+            if result.error is None and isinstance(result.value, dict):
+                stored = result.value
+                engine.calibrated.note_saved(
+                    calibration, engine.unit.channel, stored["path"], stored["saved_s"]
+                )
+            on_saved(result)
+
+        engine.errands.append(save_errand(engine.unit, content, saved))
         return None
 
     def _unready(self) -> Refusal | None:

@@ -61,6 +61,11 @@ class Capture:
         """How many samples a second there have been in truth; None before the second one."""
         return None if self.duration_s <= 0.0 else (self.samples - 1) / self.duration_s
 
+    @property
+    def would_be_lost(self) -> bool:
+        """Whether there is a good recording, finished or not, that is not kept anywhere else."""
+        return self.error is None and not self.is_taken
+
     def finish(self) -> None:
         """End it as it should."""
         self.is_over = True

@@ -90,6 +90,14 @@ class Engine(Arbiter):
             self.events.append(announce.bus_changed(self.bus, bus))
         self.bus = bus
 
+    def unsettled(self) -> Refusal | None:
+        """Say why no successor can take over now; so does a recording that would be lost."""
+        refusal, capture = super().unsettled(), self.capture
+        if refusal is None and capture is not None and capture.would_be_lost:
+            text = "a recording is not kept yet: end it (trajectory.record_stop)"
+            return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+        return refusal
+
     # The tick
 
     def step(self, now_s: float, motor: MotorView) -> MotorOrder:

@@ -34,6 +34,12 @@ class CalibrationInUse:
         self.problem = problem or NOT_CALIBRATED
         self.gains = DEFAULT_GAINS if calibration is None else gains_of(calibration, self.gains)
 
+    def note_saved(self, calibration: Calibration, channel: str, file: str, saved_s: float) -> None:
+        """Note that `calibration`, if it is still in use, is in the file of `channel` now."""
+        if self.calibration is calibration:
+            self.calibration = replace(calibration, channel=channel, saved_s=saved_s)
+            self.file = file
+
     def note_zero(self, zero: ZeroView) -> Calibration | None:
         """Give a calibration up as soon as positions may count from another zero.
 

@@ -85,7 +85,9 @@ class Saving:
             return Step(outcome=failed("not_saved", f"not written within {SAVE_WITHIN_S:g} s"))
         if self._saved.error is not None or not isinstance(self._saved.value, dict):
             return Step(outcome=failed("not_saved", f"not saved: {self._saved.error}"))
-        return _adopt(calibration, self._content, str(self._saved.value["path"]))
+        value = self._saved.value
+        stored = replace(calibration, saved_s=float(value["saved_s"]))
+        return _adopt(stored, self._content, str(value["path"]))
 
     def _note(self, result: ErrandResult) -> None:
         self._saved = result

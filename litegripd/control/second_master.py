@@ -46,6 +46,6 @@ class SecondMaster:
     def _text(self) -> str:
         return (
             f"another program commands the motor on the same bus ({self.count} frames so far):"
-            " find and end it (a script with the vendor's SDK, candump's cansend, a second"
+            " find and end it (a script with the vendor's SDK, cansend of can-utils, a second"
             " adapter), for one motor has one owner"
         )

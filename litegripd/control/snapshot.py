@@ -44,7 +44,7 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         error_code=None if feedback is None else feedback.status,
         status=None if feedback is None else status_name(feedback.status),
         enabled=None if out_of_reach and _was_enabled(feedback) else enabled,
-        mode=_mode(engine),
+        mode=mode_of(motor.phase, engine.jobs.running is not None, isinstance(engine.rest, Relax)),
         position_rad=None if feedback is None else feedback.position_rad,
         velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
         torque_nm=None if feedback is None else feedback.torque_nm,
@@ -73,12 +73,13 @@ def _was_enabled(feedback: Feedback | None) -> bool:
     return feedback is not None and feedback.status == Status.ENABLED
 
 
-def _mode(engine: Engine) -> Mode:
-    if engine.motor.phase is not MotorPhase.ENABLED:
-        return _MODES[engine.motor.phase]
-    if engine.jobs.running is not None:
+def mode_of(phase: MotorPhase, has_job: bool, is_slack: bool) -> Mode:
+    """Return the gripper's mode, from the motor's phase, whether a job runs, and the rest."""
+    if phase is not MotorPhase.ENABLED:
+        return _MODES[phase]
+    if has_job:
         return "moving"
-    return "relaxed" if isinstance(engine.rest, Relax) else "holding"
+    return "relaxed" if is_slack else "holding"
 
 
 def _geometric(

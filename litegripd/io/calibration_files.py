@@ -54,6 +54,16 @@ def own_file(channel: str, kind: str) -> Path:
 
     Raises `ValueError` for a channel that is no plain file name: it came from a command line.
     """
+    return state_directory() / f"{_plain(channel)}_{kind}.json"
+
+
+def own_directory(channel: str, kind: str) -> Path:
+    """Return the directory of the daemon's own files of one kind; raises as `own_file` does."""
+    return state_directory() / kind / _plain(channel)
+
+
+def _plain(channel: str) -> str:
+    """Return a channel's name if it can be part of a file's."""
     if (
         not 0 < len(channel) <= _MAX_CHANNEL
         or channel.startswith(".")
@@ -64,7 +74,12 @@ def own_file(channel: str, kind: str) -> Path:
             f"channel {channel[:_MAX_CHANNEL]!r} cannot be part of a file's name: it must have 1 to"
             f" {_MAX_CHANNEL} printable characters, no / and no leading dot"
         )
-    return state_directory() / f"{channel}_{kind}.json"
+    return channel
+
+
+def is_nominal(path: str) -> bool:
+    """Whether a file is one that comes with the daemon: measured on no gripper of its own."""
+    return Path(path).parent == DATA
 
 
 def find_configured(channel: str, mount: str | None) -> Found:
@@ -154,7 +169,7 @@ def _read(path: Path) -> Calibration:
         raise CalibrationError(f"{path}: {error}") from error
     if len(json.dumps(calibration.content)) > MAX_FILE_BYTES:
         raise CalibrationError(f"{path}: larger than {MAX_FILE_BYTES} bytes as ASCII JSON")
-    return calibration
+    return replace(calibration, saved_s=path.stat().st_mtime)
 
 
 def load_operation(parameters: Mapping[str, object]) -> dict[str, object]:

@@ -4,14 +4,20 @@ A child talks over a pair of `SOCK_SEQPACKET` sockets, one message a packet, and
 end of the pair reads end-of-file. It runs at ordinary priority and on all CPUs.
 """
 
+import contextlib
 import os
 import select
 import signal
 import socket
+import struct
 import sys
 from collections.abc import Sequence
 
 CHILD_FD = 3
+MEMORY_FD = 4
+"""Where a child finds its socket, and the shared memory, if it was given one."""
+
+_DESCRIPTOR = struct.Struct("i")
 _BUFFER_BYTES = 212_992  # the kernel's usual ceiling without privileges (net.core.wmem_max)
 MAX_PACKET_BYTES = 65_536
 
@@ -19,21 +25,30 @@ MAX_PACKET_BYTES = 65_536
 class Child:
     """One running child process: a non-blocking socket to it and a pidfd that tells its end."""
 
-    def __init__(self, module: str, arguments: Sequence[str] = ()) -> None:
-        """Start `python -m module 3 arguments...`; raises `OSError` when that is impossible."""
+    def __init__(
+        self, module: str, arguments: Sequence[str] = (), memory_fd: int | None = None
+    ) -> None:
+        """Start `python -m module arguments...`; raises `OSError` when that is impossible."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         ours.setblocking(False)
         ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
         theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
         self.socket = ours
+        inherited: list[tuple[int, int, int]] = [
+            (os.POSIX_SPAWN_DUP2, theirs.fileno(), CHILD_FD),
+        ]
+        if memory_fd is not None:
+            inherited.append((os.POSIX_SPAWN_DUP2, memory_fd, MEMORY_FD))
         try:
             self.pid = os.posix_spawn(
                 sys.executable,
                 [sys.executable, "-m", module, *arguments],
                 os.environ,
-                file_actions=[(os.POSIX_SPAWN_DUP2, theirs.fileno(), CHILD_FD)],
+                file_actions=inherited,
                 setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children
-                setsigmask=(signal.SIGUSR1,),  # a stop for the daemon, though sent to all of it
+                # For the daemon alone, though sent to all of its processes: a stop, and its end,
+                # in which the pump still has to disable the motor.
+                setsigmask=(signal.SIGUSR1, signal.SIGTERM),
                 setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM),
             )
         except OSError:
@@ -43,12 +58,23 @@ class Child:
             theirs.close()
         self.pidfd = os.pidfd_open(self.pid)
 
-    def send(self, packet: bytes) -> bool:
+    @classmethod
+    def of(cls, pid: int, connected: socket.socket, pidfd: int) -> "Child":
+        """Return a child that another process of the daemon has started and handed over."""
+        child = cls.__new__(cls)
+        connected.setblocking(False)
+        child.socket, child.pid, child.pidfd = connected, pid, pidfd
+        return child
+
+    def send(self, packet: bytes, descriptors: Sequence[int] = ()) -> bool:
         """Send without waiting; False when it is too long or nobody takes it now."""
         if len(packet) > MAX_PACKET_BYTES:
             return False
         try:
-            self.socket.send(packet)
+            if descriptors:
+                socket.send_fds(self.socket, [packet], descriptors)
+            else:
+                self.socket.send(packet)
         except (BlockingIOError, ConnectionError):
             return False
         return True
@@ -68,13 +94,40 @@ class Child:
     def close(self, grace_s: float = 0.0) -> None:
         """Close the pair, end the process and reap it; waits for its end.
 
-        It has `grace_s` to finish what it was sent and to end by itself.
+        It has `grace_s` to finish what it was sent and to end by itself. One that was handed over
+        is reaped by whoever got it when its parent ended.
         """
         self.socket.close()
         if not select.select((self.pidfd,), (), (), grace_s)[0]:
-            os.kill(self.pid, signal.SIGKILL)
-        os.waitpid(self.pid, 0)
+            signal.pidfd_send_signal(self.pidfd, signal.SIGKILL)
+            select.select((self.pidfd,), (), ())
+        with contextlib.suppress(ChildProcessError):
+            os.waitpid(self.pid, 0)
         os.close(self.pidfd)
+
+    def let_go(self) -> None:
+        """Close our end and leave the process to the one that has got its own."""
+        self.socket.close()
+        os.close(self.pidfd)
+
+
+def receive_descriptors(
+    connected: socket.socket, most_bytes: int, most: int
+) -> tuple[bytes, list[int]]:
+    """Return a packet and the descriptors that came with it, which no child of ours inherits.
+
+    Raises what `recvmsg` raises. `socket.recv_fds` heeds no flags before Python 3.12.
+    """
+    room = socket.CMSG_SPACE(most * _DESCRIPTOR.size)
+    packet, ancillary, _flags, _address = connected.recvmsg(
+        most_bytes, room, socket.MSG_CMSG_CLOEXEC
+    )
+    descriptors: list[int] = []
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
+            whole = len(data) - len(data) % _DESCRIPTOR.size
+            descriptors += [number for (number,) in _DESCRIPTOR.iter_unpack(data[:whole])]
+    return packet, descriptors
 
 
 def inherited_socket() -> socket.socket:

@@ -7,7 +7,7 @@ helper that dies is started again, and every request it left unanswered fails wi
 import json
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from litegripd.io.child import Child
@@ -17,8 +17,13 @@ _log = logging.getLogger(__name__)
 
 _RESTART_AFTER_S = 0.5
 END_WITHIN_S = 0.5
+FINISH_WITHIN_S = 2.5
+"""So long the end waits for a helper that has something to finish, the dump of a fault for one."""
+
 _PACKETS_PER_EVENT = 8
 MODULE = "litegripd.io.helper_main"
+GOODBYE = "goodbye"
+"""Tells the helper that the daemon ends as it should; one that just vanishes has crashed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +43,8 @@ class Helper:
     """Keeps one helper process running and passes requests to it.
 
     `watch(child)` and `unwatch(child)` register its descriptors with the event loop, which then
-    calls `on_event`; `poll(now_s)`, once per tick, starts the helper where there is none.
+    calls `on_event`; `poll(now_s)`, once per tick, starts the helper where there is none. Every
+    helper gets the shared memory `memory_fd`.
     """
 
     def __init__(
@@ -46,12 +52,14 @@ class Helper:
         watch: Callable[[Child], None],
         unwatch: Callable[[Child], None],
         module: str = MODULE,
+        memory_fd: int | None = None,
     ) -> None:
         self.deaths = 0
         self.refused = 0
         self._watch = watch
         self._unwatch = unwatch
         self._module = module
+        self._memory_fd = memory_fd
         self._requests: dict[int, _Request] = {}
         self._next_id = 0
         self._restart_at_s = 0.0
@@ -67,16 +75,25 @@ class Helper:
         """The helper's process id, None while there is none."""
         return None if self._child is None else self._child.pid
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a request has not been answered yet."""
+        return bool(self._requests)
+
     def request(
         self,
         operation: str,
         parameters: Mapping[str, object],
         on_result: Callable[[HelperResult], None],
+        descriptors: Sequence[int] = (),
     ) -> None:
-        """Ask for `operation`; `on_result` is called once, from the event loop."""
+        """Ask for `operation`; `on_result` is called once, from the event loop.
+
+        The operation gets copies of `descriptors`.
+        """
         self._next_id += 1
         packet = json.dumps([self._next_id, operation, parameters]).encode()
-        if self._child is None or not self._child.send(packet):
+        if self._child is None or not self._child.send(packet, descriptors):
             self.refused += 1
             on_result(HelperResult(error="the helper process is not running or overloaded"))
             return
@@ -106,15 +123,16 @@ class Helper:
             self._start()
 
     def close(self) -> None:
-        """End the helper process once it has done what it was sent, or after `END_WITHIN_S`."""
+        """End the helper process once it has done what it was sent, or after a while."""
         if self._child is not None:
+            self.post(GOODBYE, {})
             self._unwatch(self._child)
-            self._child.close(END_WITHIN_S)
+            self._child.close(FINISH_WITHIN_S if self._requests else END_WITHIN_S)
             self._child = None
 
     def _start(self) -> None:
         try:
-            self._child = Child(self._module)
+            self._child = Child(self._module, memory_fd=self._memory_fd)
         except OSError as error:
             self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
             _log.error("the helper process cannot be started: %s", error)

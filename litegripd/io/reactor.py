@@ -43,7 +43,7 @@ class Backlog(Protocol):
         """Whether anything is left."""
 
     def serve(self, until_s: float) -> None:
-        """Answer what can be answered by `until_s`."""
+        """Answer some of it by `until_s`; it is called again while there is time."""
 
 
 class Reactor:
@@ -59,12 +59,14 @@ class Reactor:
         self.lateness = LatenessMeter()
         self.recent_lateness = RecentLateness(RECENT_S)
         self.tick_cost = LatenessMeter()
+        self.late_s = 0.0
         self.ticks = 0
         self.lost_ticks = 0
         self.tick_errors = 0
         self.backlog_errors = 0
         self.budget_exhausted = 0
         self.late_shares = 0
+        self.next_tick_s = 0.0
         self._had_room_s = 0.0
         self._on_tick = on_tick
         self._epoll = select.epoll()
@@ -95,10 +97,15 @@ class Reactor:
         """How long the longest garbage collection took."""
         return self._collector.longest_s
 
-    def run(self) -> None:
-        """Run until `stop`."""
+    def freeze(self) -> None:
+        """Exempt all that lives now from garbage collection, which takes many milliseconds."""
         self._collector.freeze()
-        timer = PeriodicTimer(self.period_s)
+
+    def run(self, first_tick_s: float | None = None) -> None:
+        """Run until `stop`; the first tick is one period from now, or at `first_tick_s`."""
+        self.freeze()
+        timer = PeriodicTimer(self.period_s, first_tick_s)
+        self.next_tick_s = timer.next_due_s
         self._epoll.register(timer.fileno(), select.EPOLLIN)
         self._running = True
         try:
@@ -120,7 +127,8 @@ class Reactor:
             self.budget_exhausted += 1
         fired = timer.wait()
         now_s = time.monotonic()
-        late_s = now_s - timer.last_due_s
+        self.next_tick_s = timer.next_due_s
+        self.late_s = late_s = now_s - timer.last_due_s
         self.lateness.add(late_s)
         self.recent_lateness.add(now_s, late_s)
         self.ticks += fired

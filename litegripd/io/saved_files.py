@@ -5,6 +5,7 @@ but cannot be used is an error that names it; nothing here puts a default in its
 """
 
 import json
+import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -36,7 +37,11 @@ def save_calibration(
     except CalibrationError as error:
         raise CalibrationError(f"{path} is not written: {error}") from error
     kept = _write(path, text, previous, file_system)
-    return {"path": str(path), "previous": str(previous) if kept else None}
+    return {
+        "path": str(path),
+        "previous": str(previous) if kept else None,
+        "saved_s": time.time(),
+    }
 
 
 def load_motion(parameters: Mapping[str, object]) -> dict[str, object]:

@@ -25,6 +25,7 @@ _log = logging.getLogger(__name__)
 MAX_CONNECTIONS = 256
 MAX_CONNECTIONS_PER_UID = 64
 
+_STEPS_AT_ONCE = 16  # lines, samples and flushes
 _COST_PER_LINE_S = 60e-6
 _COST_PER_BYTE_S = 65e-9  # parsing 64 KiB takes about 4 ms
 _COST_SHARE_AT_MOST = 0.4  # of a period; less than the share that all requests have of it
@@ -63,10 +64,14 @@ class Server:
         """Send what waits and serve one line of each connection in turn, while there is time.
 
         Samples and lines take turns, so that neither can starve the other. A long line that
-        would end in the next tick waits for the begin of a period.
+        would end in the next tick waits for the begin of a period. After a few steps it returns:
+        the loop has to see who else has sent something, or a newcomer would have to wait until
+        a flood has used up the whole share.
         """
         now_s = time.monotonic()
-        while now_s < until_s:
+        for _ in range(_STEPS_AT_ONCE):
+            if now_s >= until_s:
+                return
             if self._dirty:
                 self._dirty.popleft().flush()
             elif self._service.pending and (self._samples_turn or not self._turns):
@@ -138,6 +143,12 @@ class Server:
     def let_in(self, allowed: bool) -> None:
         """Let new clients in, or let them wait in the kernel until this is called again."""
         self._reactor.modify(self._listener.fileno(), select.EPOLLIN if allowed else 0)
+
+    def drain(self, until_s: float) -> None:
+        """Read and serve what every client has sent until now, while there is time."""
+        for connection in list(self._connections.values()):
+            connection.on_event(select.EPOLLIN)
+        self.serve(until_s)
 
     def close(self) -> None:
         """Close the listening socket and every connection."""

@@ -42,7 +42,8 @@ class Calibration:
     """What a file says: the geometry, and the rest where it is given.
 
     `kp` (N·m/rad) and `kd` (N·m·s/rad) are the gains of the hold, None where the file has none;
-    `content` is the whole file, unknown keys included.
+    `content` is the whole file, unknown keys included. `saved_s` is when the file was written (Unix
+    time), None for what is in no file, and for a template.
     """
 
     geometry: Geometry
@@ -51,6 +52,7 @@ class Calibration:
     kp_nm_rad: float | None = None
     kd_nm_s_rad: float | None = None
     content: Mapping[str, Any] = field(default_factory=dict)
+    saved_s: float | None = None
 
     def direction_only(self) -> "Calibration":
         """Return what a template may bring: limits and scale, but no ids and no gains."""
@@ -116,7 +118,7 @@ def measured(
         raise CalibrationError(f"the measured stops cannot be used: {error}") from None
     if before is None:
         return Calibration(geometry)
-    return replace(before, geometry=geometry, calibrated=True)
+    return replace(before, geometry=geometry, calibrated=True, saved_s=None)
 
 
 def to_plain(calibration: Calibration) -> dict[str, Any]:
@@ -133,7 +135,7 @@ def from_plain(values: Mapping[str, Any]) -> Calibration:
     return Calibration(geometry, **{name: values[name] for name in _CARRIED})
 
 
-_CARRIED = ("calibrated", "channel", "kp_nm_rad", "kd_nm_s_rad", "content")
+_CARRIED = ("calibrated", "channel", "kp_nm_rad", "kd_nm_s_rad", "content", "saved_s")
 
 
 def parse_calibration(text: str) -> Calibration:

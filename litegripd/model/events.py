@@ -19,6 +19,7 @@ EventKind: TypeAlias = Literal[
     "calibration",
     "lease",
     "lease_lost",
+    "recorder",
     "refused",
 ]
 

@@ -36,6 +36,7 @@ from litegripd.motor.traffic import MotorCounters, Traffic
 from litegripd.motor.unfaulting import Unfaulting
 from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
 
+_FASTEST_SHARE = 0.99  # of the range of speeds: beyond it, a code may stand for more
 DISABLE_CONFIRM_AFTER_S = 0.01  # older answers may have been under way when disable was sent
 
 
@@ -90,6 +91,16 @@ class Motor:
             foreign_commands=self.counters.foreign_commands,
         )
 
+    @property
+    def phase(self) -> Phase:
+        """The phase, finer than that of the view."""
+        return self._phase
+
+    @property
+    def unanswered(self) -> int:
+        """How many requests have gone out since the last answer."""
+        return self._silence.unanswered
+
     def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         """Do what the engine wants and return the frames to send, in their order."""
         if order.request is not None:
@@ -143,7 +154,9 @@ class Motor:
         """Keep it, unless its position cannot be true: nothing is to be derived from that."""
         if self._arming is not None:
             self._arming.note_answer()
-        if self._phase is Phase.ENABLED and not self._plausibility.accepts(feedback):
+        if self._phase is Phase.ENABLED and not self._plausibility.accepts(
+            feedback, _FASTEST_SHARE * self._identification.ranges.velocity_rad_s
+        ):
             self.counters.implausible_frames += 1
             self._silence.unanswered = 0
             return

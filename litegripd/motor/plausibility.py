@@ -40,12 +40,20 @@ class Plausibility:
         self.in_a_row = 0
         self._last = None
 
-    def accepts(self, feedback: Feedback) -> bool:
-        """Tell whether the jaws can have got to where `feedback` says, and count if not."""
+    def accepts(self, feedback: Feedback, fastest_rad_s: float) -> bool:
+        """Tell whether the jaws can have got to where `feedback` says, and count if not.
+
+        At `fastest_rad_s`, the end of what a frame can tell, the speed is not known, and nothing
+        is judged.
+        """
         last = self._last
         silent_s, self._told_s = feedback.at_s - self._told_s, feedback.at_s
-        energised = feedback.status == Status.ENABLED
-        if energised and last is not None and not _is_reachable(last, feedback, silent_s):
+        is_judged = (
+            last is not None
+            and feedback.status == Status.ENABLED
+            and max(abs(last.velocity_rad_s), abs(feedback.velocity_rad_s)) < fastest_rad_s
+        )
+        if is_judged and last is not None and not _is_reachable(last, feedback, silent_s):
             self.in_a_row += 1
             if self.in_a_row >= IMPLAUSIBLE_FRAMES:
                 self.refusal = implausible_refusal(feedback.position_rad - last.position_rad)

@@ -80,7 +80,12 @@ READING: tuple[Method, ...] = (
         " counted of it (requests, refused, bytes_in, bytes_out, dropped samples,"
         " worst_latency_ms), its subscriptions, its requests that wait (waiting), and is_me.",
     ),
-    Method("info.get", "Tell what does not change: motor, calibration, configuration.", "Facts."),
+    Method(
+        "info.get",
+        "Tell what does not change: motor, calibration, configuration.",
+        "Facts: what hello tells, the motor's registers, motor_warnings, the calibration's file,"
+        " channel and date (saved_s, Unix time; nominal: a template), motion, configuration.",
+    ),
     Method("job.list", "List the jobs that are kept, the oldest first.", "The jobs."),
     Method("job.get", "Tell about one job.", "The job.", (JOB,)),
     Method("job.wait", "Wait until a job has ended.", "The job.", (JOB,), waits=True),

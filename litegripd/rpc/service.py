@@ -4,9 +4,10 @@ Pure: lines come in through `handle`, lines go out through the sessions, time is
 Whatever a line holds, `handle` answers it and does not raise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from litegripd.control.dumps import Dumps
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
@@ -23,7 +24,9 @@ from litegripd.rpc.method import Method
 from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.moving import Moving
 from litegripd.rpc.reading import Reading
+from litegripd.rpc.recording import Recording
 from litegripd.rpc.reporter import Reporter
+from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
 from litegripd.rpc.session import Peer, Role, Session
 from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
@@ -55,8 +58,12 @@ class RpcService:
         *,
         role_of: Callable[[Peer], Role] = lambda _peer: "admin",
         epoch: str = "0",
+        restart: OnRestart = no_restart,
     ) -> None:
         self.refused = 0
+        self.on_event: Callable[[Event, float], None] = lambda _event, _now_s: None
+        """Called with every event and its time."""
+        self.dumps = Dumps(engine)
         self._role_of = role_of
         self._engine = engine
         self.reporter = Reporter(engine, period_s)
@@ -71,6 +78,8 @@ class RpcService:
             Leasing(engine, self._tokens, self.reporter).functions(),
             Moving(engine, self.reporter).functions(),
             Settings(engine).functions(),
+            Recording(self.dumps).functions(),
+            Restarting(restart).functions(),
             self._trajectories.functions(),
         )
         self._gate = Gate(engine, self._tokens)
@@ -149,6 +158,20 @@ class RpcService:
         """
         self._collect_events(self._now_s)
         return self._event_log.take()
+
+    # A successor ----------------------------------------------------------------------------------
+
+    def memory(self) -> dict[str, int]:
+        """Return the numbers that clients know, so that a successor gives none of them twice."""
+        return {
+            "session": self._last_session,
+            "event": self._subscriptions.events.last_sequence,
+        }
+
+    def restore(self, plain: Mapping[str, int]) -> None:
+        """Go on counting where a predecessor was."""
+        self._last_session = plain["session"]
+        self._subscriptions.events.last_sequence = plain["event"]
 
     # Inside ---------------------------------------------------------------------------------------
 
@@ -242,6 +265,7 @@ class RpcService:
     def _note(self, event: Event, now_s: float) -> None:
         """Keep an event for the log, and for who has subscribed to its kind."""
         self._event_log.note(event)
+        self.on_event(event, now_s)
         self._subscriptions.events.note(event, now_s)
         if event.kind == "lease_lost":
             self._tell_loser(event)

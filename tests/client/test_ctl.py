@@ -58,6 +58,12 @@ SHOWN: list[tuple[list[str], str, Any, str]] = [
     ),
     (["jobs"], "job.list", {"jobs": []}, "no jobs\n"),
     (
+        ["restart", "--hold"],
+        "daemon.restart",
+        {"pid": 78, "gap_s": 0.005},
+        "restarted: pid 78 has taken over, the jaws are held (no command for 5.0 ms)\n",
+    ),
+    (
         ["cancel", "4"],
         "job.cancel",
         {"job": 4, "state": "cancelled"},
@@ -67,7 +73,7 @@ SHOWN: list[tuple[list[str], str, Any, str]] = [
         ["health"],
         "health",
         HEALTH,
-        "verdict              ok\ncontrol.late_us.p99  120\nbus.errors           --\n",
+        "verdict: ok\n\ncontrol.late_us.p99  120\nbus.errors           --\n",
     ),
     (["info"], "info.get", {"version": "1", "x": [1]}, "version  1\nx[0]     1\n"),
     (["discover"], "rpc.discover", DOCUMENT, "stop  Stop.\n"),
@@ -107,6 +113,7 @@ def test_what_is_shown(
         (["stop", "--level", "relax"], "stop", {"level": "relax"}),
         (["stop", "--why", "smoke"], "stop", {"level": "hold", "why": "smoke"}),
         (["cancel", "12"], "job.cancel", {"job": 12}),
+        (["restart", "--hold"], "daemon.restart", {"hold_through_restart": True}),
         (["watch", "--hz", "50", "--count", "1"], "state.subscribe", {"hz": 50.0}),
     ],
 )
@@ -164,8 +171,13 @@ def test_what_ended_but_not_well_ends_with_1(
 
 @pytest.mark.parametrize(("verdict", "code"), [("ok", 0), ("degraded", 1), ("down", 2)])
 def test_health_ends_by_the_verdict(daemon: FakeDaemon, ctl: Ctl, verdict: str, code: int) -> None:
-    daemon.handlers["health"] = lambda request: {"verdict": verdict}
-    assert ctl("health")[0] == code
+    health = {"verdict": verdict, "reasons": ["a\x1b[2J", "b"], "uptime_s": 1.5}
+    daemon.handlers["health"] = lambda request: health
+    shown = f"verdict: {verdict}\n- a?[2J\n- b\n\nuptime_s  1.5\n"
+    assert ctl("health") == (code, shown, "")
+    assert ctl("health", "--json")[0] == code
+    daemon.handlers["health"] = lambda request: {"verdict": verdict, "reasons": []}
+    assert ctl("health") == (code, f"verdict: {verdict}\n", "")
 
 
 def test_a_state_in_full(daemon: FakeDaemon, ctl: Ctl) -> None:
@@ -254,3 +266,12 @@ def test_watch_as_json_is_an_object_for_each_state(daemon: FakeDaemon, ctl: Ctl)
     watched(daemon, {**STATE, "seq": 8})
     _, out, _ = ctl("watch", "--count", "2", "--json")
     assert [json.loads(line)["seq"] for line in out.splitlines()] == [7, 8]
+
+
+def test_a_restart_that_lets_go_is_left_to_the_service_manager(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    code, shown, told = ctl("restart")
+    assert (code, shown) == (2, "")
+    assert "systemctl restart litegripd@can0" in told
+    assert "daemon.restart" not in [request.method for request in daemon.requests]

@@ -18,11 +18,13 @@ DEADLINE_S = 30.0
 class Rig:
     """A helper served by a poll of its own, in place of the reactor."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self, module: str = "tests.io.helper_for_tests", memory_fd: int | None = None
+    ) -> None:
         self.poll = select.poll()
         self.watched: list[int] = []
         self.results: list[HelperResult] = []
-        self.helper = Helper(self._watch, self._unwatch, "tests.io.helper_for_tests")
+        self.helper = Helper(self._watch, self._unwatch, module, memory_fd)
         self.helper.poll(time.monotonic())
 
     def _watch(self, child: Child) -> None:
@@ -189,7 +191,7 @@ def test_a_log_that_nobody_reads_does_not_kill_the_helper(rig: Rig) -> None:
 def test_a_helper_that_cannot_be_started_is_tried_again(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def impossible(_module: str) -> None:
+    def impossible(_module: str, memory_fd: int | None) -> None:
         raise OSError(11, "no processes left")
 
     with monkeypatch.context() as patch:

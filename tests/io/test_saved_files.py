@@ -38,10 +38,15 @@ def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_a_saved_calibration_is_the_one_that_is_found(state: Path) -> None:
     answer = save_calibration({"channel": "can0", "content": REVERSE})
     path = state / "can0_calibration.json"
-    assert answer == {"path": str(path), "previous": None}
     found = find_calibration("can0", None)
-    assert (found.path, found.skipped) == (path, ())
     assert found.calibration is not None
+    assert found.calibration.saved_s == path.stat().st_mtime
+    assert answer == {
+        "path": str(path),
+        "previous": None,
+        "saved_s": pytest.approx(path.stat().st_mtime, abs=5.0),
+    }
+    assert (found.path, found.skipped) == (path, ())
     assert found.calibration.geometry.mount == "reverse"
     assert found.calibration.content == {**REVERSE, "channel": "can0"}
 
@@ -231,7 +236,8 @@ def test_the_helper_saves_and_loads(helper: Child, state: Path) -> None:
     assert {"calibration.save", "motion.load", "motion.save"} <= set(OPERATIONS)
     path = str(state / "can0_calibration.json")
     saved = ask(helper, "calibration.save", channel="can0", content=REVERSE)
-    assert saved == {"path": path, "previous": None}
+    assert isinstance(saved, dict)
+    assert (saved["path"], saved["previous"]) == (path, None)
     loaded = ask(helper, "calibration.load", channel="can0", mount=None, configured=True)
     assert isinstance(loaded, dict)
     assert from_plain(loaded["calibration"]) == find_calibration("can0", None).calibration

@@ -11,6 +11,7 @@ import pytest
 
 from litegripd.io import server as server_module
 from litegripd.io.connection import MAX_UNSENT_BYTES
+from litegripd.rpc.session import Session
 from litegripd.rpc.wire import MAX_LINE_BYTES
 from tests.io.loop import Loop, line
 
@@ -99,6 +100,25 @@ def test_a_flooder_takes_no_more_turns_than_a_polite_client(loop: Loop) -> None:
     loop.until(lambda: len(loop.service.served) >= 80)
     turns = Counter(session.identity for session in loop.service.served[:80])
     assert max(turns.values()) - min(turns.values()) <= 2
+
+
+def test_who_comes_while_a_flood_is_served_waits_for_a_few_of_its_lines_only(
+    loop: Loop, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flooder, newcomer = loop.connect(), loop.connect()
+    loop.until(lambda: loop.server.clients == 2)
+    served, handle = loop.service.served, loop.service.handle
+
+    def handle_and_be_asked(session: Session, text: bytes, now_s: float) -> None:
+        if len(served) == 10:
+            newcomer.send(line("echo", 2))
+        handle(session, text, now_s)
+
+    monkeypatch.setattr(loop.service, "handle", handle_and_be_asked)
+    flooder.send(line("echo", 1) * 150)
+    loop.read(newcomer, 1)
+    loop.read(flooder, 150)
+    assert served.index(loop.service.sessions[1]) < 10 + 20
 
 
 def test_a_client_that_does_not_read_is_closed_with_the_reason_and_others_are_served(

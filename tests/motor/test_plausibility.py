@@ -106,7 +106,7 @@ def told(at_s: float, position_rad: float, velocity_rad_s: float, status: int = 
 
 
 @given(
-    velocity=st.floats(-30.0, 30.0),
+    velocity=st.floats(-29.0, 29.0),
     acceleration=st.floats(-5000.0, 5000.0),
     elapsed=st.floats(0.0, 0.02),
 )
@@ -114,14 +114,22 @@ def test_whatever_torque_can_do_is_plausible(
     velocity: float, acceleration: float, elapsed: float
 ) -> None:
     judge = Plausibility()
-    assert judge.accepts(told(0.0, 0.0, velocity))
+    assert judge.accepts(told(0.0, 0.0, velocity), 29.7)
     way = velocity * elapsed + acceleration * elapsed**2 / 2.0
-    assert judge.accepts(told(elapsed, way, velocity + acceleration * elapsed))
+    assert judge.accepts(told(elapsed, way, velocity + acceleration * elapsed), 29.7)
 
 
 def test_a_motor_that_is_not_enabled_may_be_anywhere() -> None:
     judge = Plausibility()
-    assert judge.accepts(told(0.0, 0.0, 0.0))
-    assert judge.accepts(told(0.005, 6.28, 0.0, status=0))
-    assert judge.accepts(told(0.010, 0.0, 0.0, status=0xD))
-    assert not judge.accepts(told(0.015, 6.28, 0.0))
+    assert judge.accepts(told(0.0, 0.0, 0.0), 29.7)
+    assert judge.accepts(told(0.005, 6.28, 0.0, status=0), 29.7)
+    assert judge.accepts(told(0.010, 0.0, 0.0, status=0xD), 29.7)
+    assert not judge.accepts(told(0.015, 6.28, 0.0), 29.7)
+
+
+def test_a_speed_beyond_what_a_frame_can_tell_is_not_judged() -> None:
+    judge = Plausibility()
+    assert judge.accepts(told(0.0, 0.0, 30.0), 29.7)
+    assert judge.accepts(told(0.005, 0.4, 30.0), 29.7)
+    assert judge.accepts(told(0.010, 0.5, 5.0), 29.7)
+    assert not judge.accepts(told(0.015, 0.9, 5.0), 29.7)

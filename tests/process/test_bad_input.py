@@ -23,6 +23,10 @@ BAD = {
     b"[" * 16000 + b"\n": "invalid_request",
     b"\xff\xfe\n": "parse_error",
     b'{"jsonrpc":"2.0","method":"motion.open"}\n': "invalid_request",
+    b'{"jsonrpc":"2.0","id":1,"id":1,"method":"motion.open"}\n': "parse_error",
+    b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"config":%b%b}}\n'
+    % (b"[" * 500, b"]" * 500): "invalid_params",
+    b'{"a":' * 500 + b"1" + b"}" * 500 + b"\n": "invalid_request",
 }
 
 
@@ -31,7 +35,10 @@ def test_bad_input_is_answered_and_survived(simulated: DaemonProcess) -> None:
         client.enabled()
         half.socket.sendall(b'{"jsonrpc":"2.0","id":1,"meth')
         for line, reason in BAD.items():
-            assert client.raw(line)["error"]["data"]["reason"] == reason
+            error = client.raw(line)["error"]
+            assert error["data"]["reason"] == reason
+            assert error["code"] < 0
+            assert error["message"]
         assert client.result("state.get")["mode"] == "holding"
         with simulated.connect() as long:
             answer = long.raw(b"x" * 17_000 + b"\n")

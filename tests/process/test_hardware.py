@@ -139,3 +139,32 @@ def test_a_killed_pump_is_a_bus_that_is_down_and_up_again(client: Client) -> Non
     assert pump_of(pid) != pump
     assert client.despite_silence("motor.enable")["ok"]
     assert client.result("health")["control"]["tick_errors"] == 0
+
+
+def test_an_adapter_that_is_unplugged_while_holding_and_plugged_in_again(tmp_path: Path) -> None:
+    link = tmp_path / "adapter"
+    config = tmp_path / "slcan.toml"
+    config.write_text(SLCAN.format(channel=link), encoding="utf-8")
+    arguments = (f"unplug{os.getpid()}", "--config", str(config))
+    with (
+        simulator("--pty", "--link", str(link)) as adapter,
+        daemon(tmp_path, *arguments) as running,
+        running.connect() as client,
+    ):
+        client.enabled().despite_silence("motion.close", speed_mm_s=100)
+        held_mm = client.until(lambda state: bool(state["mode"] == "holding"))["opening_mm"]
+        adapter.write("unplug")
+        state = client.until(lambda state: bool(state["bus"] == "adapter_gone"))
+        assert state["stale"]
+        error = client.call("motion.open")["error"]
+        assert (error["data"]["reason"], error["data"]["bus"]) == ("bus_down", "adapter_gone")
+        assert client.result("health")["verdict"] == "down"
+        adapter.write("plug")
+        state = client.until(
+            lambda state: bool(state["bus"] == "up" and state["motor"] in ("disabled", "fault"))
+        )
+        assert state["opening_mm"] == pytest.approx(held_mm, abs=2.0)
+        assert client.refusal("motion.open") in ("not_enabled", "motor_fault")
+        assert client.despite_silence("motor.enable")["ok"]
+        assert client.despite_silence("motion.open", speed_mm_s=100)["ok"]
+        assert client.result("health")["control"]["tick_errors"] == 0

@@ -74,11 +74,39 @@ def test_a_motion_is_told_from_its_begin_to_its_end_at_the_times_at_which_it_was
     number = mover.result("motion.close")["job"]
     world.tick()
     started, ended = events(watcher)
-    assert (started["kind"], started["data"]["job"]) == ("job_started", number)
-    assert (ended["kind"], ended["data"]) == ("job_ended", {"job": number, "state": "done"})
+    owner = mover.result("job.get", job=number)["owner"]
+    assert started["kind"] == "job_started"
+    assert started["data"] == {
+        "job": number,
+        "kind": "close",
+        "client": owner["client"],
+        "pid": owner["pid"],
+        "detached": False,
+    }
+    assert ended["kind"] == "job_ended"
+    assert ended["data"] == {"job": number, "state": "done", "reason": None}
     assert started["monotonic_s"] == began_s
     job = mover.result("job.get", job=number)
     assert ended["monotonic_s"] == pytest.approx(job["ended_s"], abs=PERIOD_S)
+
+
+def test_events_tell_a_program_whose_the_lease_was_and_why_a_motion_ended() -> None:
+    world = settled()
+    mover, watcher = world.enabled(), watching(world)
+    number = mover.result("lease.acquire")["number"]
+    motion = mover.result("motion.open", wait=False)["job"]
+    owner = mover.result("job.get", job=motion)["owner"]
+    mine = {"client": owner["client"], "pid": owner["pid"]}
+    mover.result("job.cancel", job=motion)
+    mover.result("lease.release")
+    mover.result("lease.acquire")
+    mover.leave()
+    world.tick()
+    told = [(event["kind"], event["data"]) for event in events(watcher)]
+    assert ("lease", {**mine, "lease": number, "held": True}) in told
+    assert ("lease", {**mine, "lease": number, "held": False}) in told
+    assert ("job_ended", {"job": motion, "state": "cancelled", "reason": "cancelled"}) in told
+    assert ("lease_lost", {**mine, "cause": "connection", "why": None}) in told
 
 
 def test_every_event_comes_once_and_in_order_to_each_subscription() -> None:

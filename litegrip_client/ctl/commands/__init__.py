@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from litegrip_client.ctl.run import Command
 
+WITHOUT_DAEMON = ("doctor", "plot")
 _MOTIONS = ("open", "close", "grasp", "release", "move", "force", "slack")
 
 
@@ -21,6 +22,10 @@ def find(name: str) -> Command:
         from litegrip_client.ctl.commands.settings import COMMANDS  # noqa: PLC0415
     elif name in ("clients", "lease", "stop"):
         from litegrip_client.ctl.commands.clients import COMMANDS  # noqa: PLC0415
+    elif name in ("dump", "plot"):
+        from litegrip_client.ctl.commands.recorder import COMMANDS  # noqa: PLC0415
+    elif name == "doctor":
+        from litegrip_client.ctl.commands.doctor import COMMANDS  # noqa: PLC0415
     else:
         from litegrip_client.ctl.commands.general import COMMANDS  # noqa: PLC0415
     return COMMANDS[name]

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import Output
 from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Run
+from litegrip_client.errors import CommandError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
@@ -99,15 +100,47 @@ def cancel(run: Run) -> int:
 
 
 def health(run: Run) -> int:
-    """Show the daemon's figures; the exit code tells its verdict."""
+    """Show the daemon's verdict and figures; the exit code tells the verdict."""
     data = run.connection.call("health")
-    run.output.result(data, render.tree(data))
+    run.output.result(data, render.health(data))
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
+
+
+def metrics(run: Run) -> int:
+    """Show the daemon's figures as OpenMetrics text."""
+    try:
+        from litegrip_client import metrics as exposition  # noqa: PLC0415 - needs another library
+    except ImportError as error:
+        raise CommandError(
+            f"metrics needs the library prometheus_client: {error}",
+            reason="library_missing",
+            data={"hint": "pip install 'litegripd[metrics]'"},
+        ) from error
+    health, hello = run.connection.call("health"), run.connection.call("hello")
+    text = exposition.text(health, channel=hello["channel"], version=hello["version"])
+    run.output.result({"format": exposition.CONTENT_TYPE, "text": text}, text.rstrip("\n"))
+    return OK
 
 
 def info(run: Run) -> int:
     """Show what does not change."""
     return _tree(run.connection.call("info.get"), run.output)
+
+
+def restart(run: Run) -> int:
+    """Have a successor take the daemon's place, while the jaws are held."""
+    if not run.options.hold:
+        return run.refuse(
+            "a restart that disables the motor is the service manager's to do",
+            f"systemctl restart litegripd@{run.options.channel}; to hold all the while: --hold",
+        )
+    data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
+    gap_ms = render.figure(data["gap_s"] * 1e3, ".1f", "ms")
+    text = (
+        f"restarted: pid {data['pid']} has taken over, the jaws are held (no command for {gap_ms})"
+    )
+    run.output.result(data, render.plain(text))
+    return OK
 
 
 def _tree(data: Mapping[str, Any], output: Output) -> int:
@@ -133,6 +166,8 @@ COMMANDS: Mapping[str, Command] = {
     "jobs": jobs,
     "cancel": cancel,
     "health": health,
+    "metrics": metrics,
     "info": info,
     "discover": discover,
+    "restart": restart,
 }

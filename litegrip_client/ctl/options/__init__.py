@@ -25,7 +25,8 @@ _EPILOG = """\
 exit codes:
   0    ok; the verdict "ok" of health
   1    the action ended, but not as it should (something blocks the jaws, or
-       nothing is held, say), or you said no; the verdict "degraded" of health
+       nothing is held, say), or you said no; the verdict "degraded" of health;
+       doctor has found an error
   2    wrong usage; the verdict "down" of health
   3    no daemon to talk to, or no longer
   4    refused: not calibrated, a value out of its range, no such job or file
@@ -101,7 +102,12 @@ def _parser() -> argparse.ArgumentParser:
     add("calibration", "show, load, store the calibration, or make it by hand", calibration.actions)
     add("config", "show or change the daemon's defaults for motions", settings.config)
     add("register", "read registers of the motor", settings.register)
+    add("dump", "write the last minute, tick by tick, to a file", general.dump)
+    add("plot", "draw such a file as a picture", general.plot)
+    add("doctor", "check link, daemon, motor and calibration; say what mends them")
     add("health", "show how the daemon is; the exit code tells the verdict")
+    add("metrics", "print the figures of health as OpenMetrics text, for Prometheus")
+    add("restart", "restart the daemon without letting go of what is held", general.restart)
     add("info", "show what does not change: versions, motor, calibration")
     add("discover", "list the methods of the daemon (with --json: its OpenRPC document)")
     return parser

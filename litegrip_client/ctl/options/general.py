@@ -3,6 +3,22 @@
 from litegrip_client.ctl.options.late import LateParser
 from litegrip_client.ctl.options.values import count, positive
 
+_RESTART = """\
+Start a successor of the daemon, which reads the configuration anew and takes
+over. The motor stays enabled, with the same pose and force. For admins, while
+no motion runs."""
+
+_DUMP = """\
+Have the daemon write its flight recorder: the last minute, tick by tick, with
+all events, as an MCAP file on the daemon's machine. It does so by itself when
+the motor faults, a tick fails, or the bus of an enabled motor is lost.
+"""
+_PLOT = """\
+Draw a dump of the flight recorder: opening, torque, temperatures and lateness
+over time, with what happened. It needs no daemon, but matplotlib and mcap:
+pip install 'litegripd[plot]'
+"""
+
 
 def watch(parser: LateParser) -> None:
     """Take how often, and until when."""
@@ -37,6 +53,29 @@ def lease(parser: LateParser) -> None:
 def _take(parser: LateParser) -> None:
     parser.description = "End somebody's lease, and with it its motion; the gripper is free then."
     parser.add_argument("why", metavar="REASON", help="told to the loser and to the log")
+
+
+def dump(parser: LateParser) -> None:
+    """Take why, and where to."""
+    parser.description = _DUMP
+    parser.add_argument("--note", metavar="TEXT", help="kept in the file: why it was asked for")
+    parser.add_argument("-o", "--output", metavar="FILE", help="copy it to this file, here")
+
+
+def plot(parser: LateParser) -> None:
+    """Take the dump and the picture."""
+    parser.description = _PLOT
+    parser.add_argument("file", metavar="FILE", help="a dump, of 'dump' or of the daemon itself")
+    parser.add_argument(
+        "-o", "--output", metavar="PNG", help="the picture (default: beside FILE, as .png)"
+    )
+    parser.add_argument("--last", type=positive, metavar="S", help="only the last S seconds of it")
+
+
+def restart(parser: LateParser) -> None:
+    """Take that the jaws are to be held; without it nothing is done."""
+    parser.description = _RESTART
+    parser.add_argument("--hold", action="store_true", help="hold through the restart; required")
 
 
 def cancel(parser: LateParser) -> None:

@@ -1,0 +1,24 @@
+"""The command that looks at everything a gripper needs, also where no daemon runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from litegrip_client.ctl.render_doctor import findings_text
+from litegrip_client.ctl.run import NOT_OK, OK, Command, Run
+from litegrip_client.doctor.findings import as_data, examine
+from litegrip_client.doctor.gather import gather
+from litegrip_client.doctor.table import CHECKS
+
+
+def doctor(run: Run) -> int:
+    """Show what was found; the exit code tells whether there is an error."""
+    options = run.options
+    facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
+    findings = examine(facts, CHECKS)
+    data = as_data(facts.channel, findings)
+    run.output.result(data, findings_text(findings))
+    return OK if data["ok"] else NOT_OK
+
+
+COMMANDS: Mapping[str, Command] = {"doctor": doctor}

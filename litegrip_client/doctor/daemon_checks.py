@@ -1,0 +1,132 @@
+"""The checks of the daemon: whether it runs, whether this user may use it, and what it was granted.
+
+Facts in, findings out; nothing is asked.
+"""
+
+from __future__ import annotations
+
+from litegrip_client.doctor.facts import Facts
+from litegrip_client.doctor.findings import Finding, error, ok, warning
+
+_LIMITS = "[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n"
+_DROP_IN = "/etc/systemd/system/litegripd@.service.d"
+
+
+def daemon(facts: Facts) -> Finding | None:
+    """Check whether a daemon answers, and the one that is meant."""
+    answering = facts.daemon
+    if answering is None:
+        if _closed(facts):
+            return warning(
+                "not known whether it runs: its socket is closed to this user",
+                f"systemctl status litegripd@{facts.channel}",
+            )
+        return error(
+            facts.failure or "it does not answer",
+            f"sudo systemctl start litegripd@{facts.channel}",
+            f"without systemd: litegripd {facts.channel};"
+            f" without hardware: litegripd {facts.channel} --simulate",
+        )
+    channel = answering.hello.get("channel")
+    if facts.asked_channel not in (None, channel):
+        return error(
+            f"the daemon at {answering.path} has channel {channel}, not {facts.asked_channel}",
+            "unset LITEGRIPD_SOCKET",
+        )
+    uptime_s = answering.health.get("uptime_s")
+    since = f" for {uptime_s:.0f} s" if isinstance(uptime_s, int | float) else ""
+    return ok(f"runs{since}, pid {answering.hello.get('pid')}, {answering.path}")
+
+
+def version(facts: Facts) -> Finding | None:
+    """Check whether daemon and client are of one version."""
+    if facts.daemon is None:
+        return None
+    told = facts.daemon.hello.get("version")
+    if told == facts.version:
+        return ok(f"{told}, as this program")
+    return warning(
+        f"the daemon is {told}, this program {facts.version}",
+        f"sudo systemctl restart litegripd@{facts.channel}",
+        "a daemon goes on running as what it was started; else install one version for both",
+    )
+
+
+def sockets(facts: Facts) -> Finding | None:
+    """Check whether this user may connect, and stop."""
+    if not facts.sockets:
+        return None
+    closed = _closed(facts)
+    if not closed:
+        return ok(f"{facts.user.name} may open {' and '.join(s.path for s in facts.sockets)}")
+    text = f"{facts.user.name} may not open {' and '.join(closed)}"
+    return error(text, _admit(facts), "groups count from the next login on")
+
+
+def group(facts: Facts) -> Finding | None:
+    """Check whether this user is in the group that may connect."""
+    user = facts.user
+    if user.has_group:
+        return ok(f"{user.name} is in group {user.group}")
+    if user.group_exists and (user.uid == 0 or any(s.owner_uid == user.uid for s in facts.sockets)):
+        return ok(f"{user.name} needs no group {user.group}")
+    if not user.group_exists:
+        text = f"there is no group {user.group}: only root and the daemon's user may connect"
+    elif user.is_member:
+        text = f"{user.name} is in group {user.group}, but not yet in this session"
+    else:
+        text = f"{user.name} is not in group {user.group}"
+    return warning(text, _admit(facts), "groups count from the next login on")
+
+
+def real_time(facts: Facts) -> Finding | None:
+    """Check whether the daemon has the real-time rights that it asked for."""
+    if facts.daemon is None or "control" not in facts.daemon.health:
+        return None
+    granted = facts.daemon.health["control"]
+    wanted = facts.daemon.info.get("configuration", {}).get("control", {}).get("priority")
+    priority, locked = granted.get("fifo_priority"), granted.get("memory_locked")
+    missing = []
+    if not priority and wanted != 0:
+        missing.append(f"SCHED_FIFO {wanted or ''}".strip())
+    if not locked:
+        missing.append("locked memory")
+    if not missing:
+        order = f"SCHED_FIFO {priority}" if priority else "ordinary priority, as configured"
+        return ok(f"{order}, memory locked")
+    return warning(
+        f"not granted: {' and '.join(missing)}; ticks may start late",
+        f"sudo mkdir -p {_DROP_IN} && printf '{_LIMITS}' | sudo tee {_DROP_IN}/realtime.conf"
+        f" && sudo systemctl daemon-reload && sudo systemctl restart litegripd@{facts.channel}",
+        "a container must be given CAP_SYS_NICE and CAP_IPC_LOCK as well",
+    )
+
+
+def health(facts: Facts) -> Finding | None:
+    """Pass on the daemon's own verdict."""
+    if facts.daemon is None:
+        return None
+    verdict = facts.daemon.health.get("verdict")
+    if verdict == "ok":
+        return ok("the daemon's verdict on itself is ok")
+    reasons = "; ".join(map(str, facts.daemon.health.get("reasons", ())))
+    found = warning if verdict == "degraded" else error
+    return found(f"{verdict}: {reasons}", f"{facts.ctl} health")
+
+
+def _closed(facts: Facts) -> list[str]:
+    return [socket.path for socket in facts.sockets if not socket.is_accessible]
+
+
+def _admit(facts: Facts) -> str:
+    """Give the command that lets this user connect; a daemon looks for its group when it starts."""
+    user, restart = facts.user, f"sudo systemctl restart litegripd@{facts.channel}"
+    if user.has_group:
+        return restart
+    if user.group_exists and user.is_member:
+        return f"newgrp {user.group}"
+    join = f"sudo usermod --append --groups {user.group} {user.name}"
+    if user.group_exists:
+        return join
+    make = f"sudo groupadd --system {user.group}"
+    return " && ".join([make, *([join] if user.uid else []), restart])

@@ -1,0 +1,123 @@
+"""What the checks are told: values, and nothing that asks for them.
+
+What the daemon answered is kept as it came, so that an older or newer daemon is examined, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+SIMULATED = ("litegrip_sim", "virtual")
+"""Interfaces of python-can without an adapter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A network interface; None where that is not known, or where its kind has no such thing."""
+
+    name: str
+    is_can: bool
+    is_up: bool
+    kind: str | None = None
+    """As iproute2 names it: "can" for an adapter, "vcan"; None where iproute2 told nothing."""
+    queue_frames: int | None = None
+    bitrate: int | None = None
+    sample_point: float | None = None
+    restart_ms: int | None = None
+    state: str | None = None
+    """The controller's: ERROR-ACTIVE, ERROR-WARNING, ERROR-PASSIVE, BUS-OFF, STOPPED, ..."""
+    tx_errors: int | None = None
+    rx_errors: int | None = None
+    history: Mapping[str, int] = field(default_factory=dict)
+    """What has happened since the driver was loaded: bus_off, bus_error, error_passive, ..."""
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """What the operating system says of the bus."""
+
+    link: Link | None = None
+    ip_problem: str | None = None
+    """Why iproute2 told nothing, if so; the link is then what the kernel's files tell."""
+    can_links: tuple[str, ...] = ()
+    """The CAN interfaces that there are."""
+    driver: str | None = None
+    adapter: str | None = None
+    """What a USB adapter calls itself."""
+    device: Device | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """The file of an adapter that is no network interface."""
+
+    path: str
+    is_there: bool
+    is_character_device: bool = False
+    is_accessible: bool = False
+    """Whether this user may read and write it."""
+    group: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Socket:
+    """One of the daemon's sockets."""
+
+    path: str
+    is_accessible: bool
+    """Whether this user may connect."""
+    owner_uid: int
+
+
+@dataclass(frozen=True, slots=True)
+class User:
+    """Who runs this program, and the group whose members may connect to the daemon."""
+
+    name: str
+    uid: int
+    group: str
+    group_exists: bool = True
+    is_member: bool = True
+    """By the system's list of groups."""
+    has_group: bool = True
+    """In this session: groups are taken at the login."""
+
+
+@dataclass(frozen=True, slots=True)
+class Daemon:
+    """A daemon that answers: its `hello`, `info.get`, `health` and `state.get`."""
+
+    path: str
+    hello: Mapping[str, Any]
+    info: Mapping[str, Any]
+    health: Mapping[str, Any]
+    state: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """All that is known; `daemon` None where none answers, `failure` then says why.
+
+    `ctl` is how litegripctl is called for this gripper, `asked_channel` the channel that was asked
+    for by name, `now_s` the Unix time.
+    """
+
+    channel: str
+    version: str
+    user: User
+    system: System
+    sockets: tuple[Socket, ...] = ()
+    daemon: Daemon | None = None
+    failure: str | None = None
+    ctl: str = "litegripctl"
+    asked_channel: str | None = None
+    interface: str = "socketcan"
+    bus_channel: str = "can0"
+    now_s: float = 0.0
+
+    @property
+    def is_enabled(self) -> bool:
+        """Whether the motor is enabled, as far as is known."""
+        return self.daemon is not None and self.daemon.state.get("enabled") is True

@@ -1,0 +1,216 @@
+"""The checks of what hangs on the bus: the motor, its registers, the calibration.
+
+Facts in, findings out; nothing is asked. All of it is known from the daemon alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from litegrip_client.doctor.facts import Daemon, Facts
+from litegrip_client.doctor.findings import Finding, error, ok, warning
+
+MIT_MODE = 1
+CAN_BR_1_MBIT_S = 4
+TIMEOUT_UNIT_S = 50e-6
+LONGEST_WATCHDOG_S = 0.4
+"""The longest that motors are known to come with; the daemon takes a longer one for off."""
+
+MODEL_RANGES = {"PMAX": 12.5, "VMAX": 30.0, "TMAX": 10.0}
+"""rad, rad/s and N·m: what a DM4310 leaves the factory with."""
+
+BIT_RATES = {0: "125 kbit/s", 1: "200 kbit/s", 2: "250 kbit/s", 3: "500 kbit/s", 4: "1 Mbit/s"}
+"""By the code of register can_br."""
+
+USABLE = ("up", "motor_silent")
+"""States of a bus on which frames can be exchanged."""
+
+_DAY_S = 86_400.0
+_SET = "with the maker's tool, while the daemon does not run"
+_NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X, at 1 Mbit/s"
+
+
+def bus(facts: Facts) -> Finding | None:
+    """Check whether the daemon can use the bus."""
+    figures = facts.daemon.health.get("bus") if facts.daemon is not None else None
+    if not figures:
+        return None
+    if figures.get("state") not in USABLE:
+        return error(
+            f"the daemon cannot use it ({figures.get('state')}): {figures.get('error')}",
+            advice="mend what is found above; the daemon then goes on by itself",
+        )
+    load = figures.get("load") or 0.0
+    return ok(f"the daemon uses it, load {load:.0%}, {figures.get('send_failures')} lost frames")
+
+
+def motor(facts: Facts) -> Finding | None:
+    """Check whether the motor answers, and what it says."""
+    daemon = facts.daemon
+    if daemon is None or not _bus_is_up(daemon):
+        return None
+    state = daemon.state
+    phase, age_s = state.get("motor"), state.get("age_s")
+    age = "no feedback yet" if age_s is None else f"last feedback {age_s:.3f} s ago"
+    if phase == "fault":
+        return error(
+            f"it reports a fault: {state.get('status')}, {age}",
+            f"{facts.ctl} enable",
+            "enabling clears the fault: find its cause first",
+        )
+    if phase in ("silent", "unknown") or state.get("stale") or age_s is None:
+        can_id = daemon.hello.get("motor", {}).get("can_id", 0x08)
+        return error(f"{phase}, {age}", advice=_NO_ANSWER % can_id)
+    return ok(f"{phase}, {age}")
+
+
+def other_master(facts: Facts) -> Finding | None:
+    """Check whether somebody else commands the motor."""
+    counters = facts.daemon.health.get("motor") if facts.daemon is not None else None
+    if not counters or "foreign_commands" not in counters:
+        return None
+    count = counters["foreign_commands"]
+    if not count:
+        return ok("nobody but the daemon commands the motor")
+    return error(
+        f"another program has sent the motor {count} frames: a second master",
+        f"candump {facts.bus_channel}",
+        "end that program, or let it use the daemon",
+    )
+
+
+def control_mode(facts: Facts) -> Finding | None:
+    """Check that the motor takes MIT commands."""
+    mode = _registers(facts).get("CTRL_MODE")
+    if mode is None:
+        return None
+    if mode == MIT_MODE:
+        return ok("CTRL_MODE 1, MIT")
+    text = f"CTRL_MODE is {mode}, not {MIT_MODE} (MIT): the motor cannot be enabled"
+    return error(text, advice=f"set register 10 to {MIT_MODE} {_SET}")
+
+
+def bit_rate_code(facts: Facts) -> Finding | None:
+    """Check the bit rate that the motor will have after its next power-on."""
+    code = _registers(facts).get("can_br")
+    if code is None:
+        return None
+    text = f"can_br {code}, {BIT_RATES.get(int(code), 'unknown')}"
+    if code == CAN_BR_1_MBIT_S:
+        return ok(text)
+    advice = f"set register 35 to {CAN_BR_1_MBIT_S} {_SET}"
+    return warning(f"{text}, where 1 Mbit/s ({CAN_BR_1_MBIT_S}) is expected", advice=advice)
+
+
+def ids(facts: Facts) -> Finding | None:
+    """Check the ids under which the motor is commanded and answers."""
+    registers, daemon = _registers(facts), facts.daemon
+    master_id, own_id = registers.get("MST_ID"), registers.get("ESC_ID")
+    if daemon is None or master_id is None:
+        return None
+    can_id = int(daemon.hello.get("motor", {}).get("can_id", 0x08))
+    text = f"commanded by 0x{can_id:02X}, answers on 0x{int(master_id):02X}"
+    if own_id not in (None, can_id):
+        return error(
+            f"{text}, but its ESC_ID is 0x{int(own_id):02X}",
+            advice=f"set [motor] can_id = 0x{int(own_id):02X} and restart the daemon",
+        )
+    if master_id == can_id:
+        advice = f"set register 7 (MST_ID) to 0x{can_id + 0x10:02X} {_SET}"
+        return error(f"{text}: commands and answers cannot be told apart", advice=advice)
+    if master_id == 0:
+        advice = f"set register 7 (MST_ID) to 0x{can_id + 0x10:02X} {_SET}"
+        return warning(f"{text}: MST_ID was never set, so two motors would collide", advice=advice)
+    return ok(text)
+
+
+def watchdog(facts: Facts) -> Finding | None:
+    """Check whether the motor lets go by itself when nobody commands it any more."""
+    timeout = _registers(facts).get("TIMEOUT")
+    if timeout is None:
+        return None
+    timeout_s = timeout * TIMEOUT_UNIT_S
+    if 0.0 < timeout_s <= LONGEST_WATCHDOG_S:
+        return ok(f"TIMEOUT {timeout:.0f}: the motor lets go {timeout_s * 1e3:.0f} ms after a loss")
+    told = "TIMEOUT is 0, off" if not timeout else f"TIMEOUT is {timeout_s:g} s"
+    return warning(
+        f"{told} after power-on; the daemon sets it to 100 ms before it enables",
+        advice=f"for other programs, too: set register 9 to 2000 and save it, {_SET}",
+    )
+
+
+def ranges(facts: Facts) -> Finding | None:
+    """Check the ranges that the motor's frames span."""
+    registers = _registers(facts)
+    read = {name: registers.get(name) for name in MODEL_RANGES}
+    if any(value is None for value in read.values()):
+        return None
+    listed = ", ".join(f"{name} {value:g}" for name, value in read.items())
+    if read == MODEL_RANGES:
+        return ok(f"{listed}, the model's")
+    usual = ", ".join(f"{value:g}" for value in MODEL_RANGES.values())
+    return warning(
+        f"{listed} instead of the model's {usual}; the motor's own are used",
+        advice="nothing to do with this daemon; programs that assume the model's would be wrong",
+    )
+
+
+def calibration(facts: Facts) -> Finding | None:
+    """Check whether the travel is known, and was measured on this gripper."""
+    daemon = facts.daemon
+    if daemon is None:
+        return None
+    gripper, source = daemon.hello.get("gripper", {}), _calibration(daemon)
+    if not gripper.get("calibrated"):
+        return warning(
+            "none: motions are refused",
+            advice=f"load the mount's template: {facts.ctl} calibration load normal (or reverse);"
+            f" then measure: {facts.ctl} enable && {facts.ctl} zero",
+        )
+    text = f"mount {gripper.get('mount')}, travel {gripper.get('travel_mm', 0.0):.1f} mm"
+    file = source.get("file")
+    if file is None:
+        return warning(f"{text}, in no file: lost at a restart", f"{facts.ctl} calibration save")
+    if source.get("nominal"):
+        return warning(
+            f"{text}, nominal: it was not measured on this gripper",
+            f"{facts.ctl} enable && {facts.ctl} zero",
+        )
+    return ok(f"{text}, {_age(facts.now_s, source.get('saved_s'))}, {file}")
+
+
+def calibration_channel(facts: Facts) -> Finding | None:
+    """Check whether the calibration is this gripper's and not another channel's."""
+    source = {} if facts.daemon is None else _calibration(facts.daemon)
+    channel = source.get("channel")
+    if channel is None:
+        return None
+    if channel == facts.channel:
+        return ok(f"the calibration is for {channel}")
+    return warning(
+        f"the calibration is for {channel}, this is {facts.channel}",
+        f"{facts.ctl} enable && {facts.ctl} zero",
+        "closing may have the other direction: look at its mount first",
+    )
+
+
+def _bus_is_up(daemon: Daemon) -> bool:
+    return daemon.health.get("bus", {}).get("state", "up") in USABLE
+
+
+def _registers(facts: Facts) -> Mapping[str, Any]:
+    return {} if facts.daemon is None else facts.daemon.info.get("registers", {})
+
+
+def _calibration(daemon: Daemon) -> Mapping[str, Any]:
+    """Return where the calibration came from; an older daemon tells the file alone."""
+    told = daemon.info.get("calibration")
+    return told if isinstance(told, Mapping) else {"file": daemon.info.get("calibration_file")}
+
+
+def _age(now_s: float, saved_s: object) -> str:
+    if not isinstance(saved_s, int | float):
+        return "of unknown date"
+    days = (now_s - saved_s) / _DAY_S
+    return "of today" if days < 1.0 else f"{days:.0f} days old"

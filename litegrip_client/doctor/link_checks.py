@@ -1,0 +1,244 @@
+"""The checks of the bus: the network interface and its controller, or another adapter's file.
+
+Facts in, findings out; nothing is asked.
+"""
+
+from __future__ import annotations
+
+from litegrip_client.doctor.facts import SIMULATED, Facts, Link
+from litegrip_client.doctor.findings import Finding, error, ok, warning
+
+BITRATE = 1_000_000
+"""bit/s; the motor's."""
+
+SAMPLE_POINTS = (0.7, 0.9)
+"""0.75 is what Linux takes above 800 kbit/s (CiA 301), and 0.875 what many set; within these limits
+an adapter's clock may be too coarse to meet them."""
+
+LONGEST_QUEUE_S = 0.1
+"""The motor's watchdog: what waits for longer would come when the motor has given up already."""
+
+RATE_HZ = 200.0
+"""The daemon's, where it does not tell."""
+
+_SETTINGS = f"type can bitrate {BITRATE} restart-ms 100"
+_WIRING = (
+    "look at the wiring (CAN-H, CAN-L, 120 ohms at both ends), the motor's 24 V, and the bit rate"
+)
+
+
+def tool(facts: Facts) -> Finding | None:
+    """Check whether iproute2 tells about the link."""
+    problem = facts.system.ip_problem
+    if facts.interface != "socketcan" or problem is None:
+        return None
+    return warning(
+        f"bit rate, restart-ms and error counters are not known: {problem}",
+        "sudo apt install iproute2",
+    )
+
+
+def link(facts: Facts) -> Finding | None:
+    """Check whether the network interface is there, is one for CAN, and is up."""
+    if facts.interface != "socketcan":
+        return None
+    name, found = facts.bus_channel, facts.system.link
+    if found is None:
+        return _missing(facts)
+    if not found.is_can:
+        listed = ", ".join(facts.system.can_links) or "none"
+        return error(
+            f"{name} is no CAN interface",
+            advice=f'name one in the configuration, [bus] channel = "..."; there are: {listed}',
+        )
+    virtual = ", virtual: without bit rate and error counters" if _is_virtual(found) else ""
+    if not found.is_up:
+        settings = "" if virtual else f" {_SETTINGS}"
+        return error(f"{name} is down{virtual}", f"sudo ip link set {name} up{settings}")
+    return ok(f"{name} is up{virtual}")
+
+
+def bit_rate(facts: Facts) -> Finding | None:
+    """Check whether the bus runs at the motor's bit rate."""
+    found = _controller(facts)
+    if found is None:
+        return _configured_bit_rate(facts)
+    if found.bitrate is None:
+        return error("no bit rate is set", _anew(facts, _SETTINGS))
+    text = f"{found.bitrate / 1e6:g} Mbit/s"
+    if found.bitrate == BITRATE:
+        return ok(text)
+    return error(f"{text}, but the motor speaks at 1 Mbit/s", _anew(facts, _SETTINGS))
+
+
+def sample_point(facts: Facts) -> Finding | None:
+    """Check where in a bit the adapter looks."""
+    found = _controller(facts)
+    if found is None or found.sample_point is None:
+        return None
+    low, high = SAMPLE_POINTS
+    text = f"at {found.sample_point:.1%} of a bit"
+    if low <= found.sample_point <= high:
+        return ok(text)
+    settings = f"type can bitrate {found.bitrate} sample-point 0.75"
+    return warning(f"{text}; {low:.0%} to {high:.0%} are usual", _anew(facts, settings))
+
+
+def restart(facts: Facts) -> Finding | None:
+    """Check whether the controller restarts by itself after bus-off."""
+    found = _controller(facts)
+    if found is None or found.restart_ms is None:
+        return None
+    if found.restart_ms > 0:
+        return ok(f"by itself, {found.restart_ms} ms after bus-off")
+    return warning(
+        "restart-ms is not set: after bus-off the bus stays off",
+        _anew(facts, "type can restart-ms 100" if found.bitrate else _SETTINGS),
+    )
+
+
+def queue(facts: Facts) -> Finding | None:
+    """Check that no more commands can wait than the motor's watchdog outlasts."""
+    found = _can_link(facts)
+    if found is None or found.queue_frames is None or _is_virtual(found):
+        return None
+    rate_hz = RATE_HZ
+    if facts.daemon is not None:
+        rate_hz = float(facts.daemon.hello.get("limits", {}).get("rate_hz", RATE_HZ))
+    held_s = found.queue_frames / rate_hz
+    text = f"{found.queue_frames} frames, {held_s * 1e3:.0f} ms of commands at {rate_hz:g} Hz"
+    if held_s <= LONGEST_QUEUE_S:
+        return ok(text)
+    return warning(
+        f"{text}: a dead bus that comes back gets old commands",
+        f"sudo ip link set {found.name} txqueuelen 10",
+    )
+
+
+def bus_state(facts: Facts) -> Finding | None:
+    """Check the controller's state."""
+    found = _controller(facts)
+    if found is None or found.state is None or not found.is_up:
+        return None
+    counters = f"tx errors {_count(found.tx_errors)}, rx errors {_count(found.rx_errors)}"
+    text = f"{found.state.lower()}, {counters}"
+    if found.state == "ERROR-ACTIVE":
+        return ok(text)
+    if found.state == "ERROR-WARNING":
+        return warning(text, advice=_WIRING)
+    command = None
+    if found.state == "BUS-OFF" and not found.restart_ms:
+        command = f"sudo ip link set {found.name} type can restart"
+    return error(text, command, _WIRING)
+
+
+def errors(facts: Facts) -> Finding | None:
+    """Check what went wrong on the bus since the driver was loaded."""
+    found = _controller(facts)
+    if found is None or not found.history:
+        return None
+    seen = [
+        f"{count} {name.replace('_', ' ')}"
+        for name, count in found.history.items()
+        if count and name not in ("restarts", "arbitration_lost")
+    ]
+    if not seen:
+        return ok("none since the driver was loaded")
+    return warning(f"since the driver was loaded: {', '.join(seen)}", advice=_WIRING)
+
+
+def adapter(facts: Facts) -> Finding | None:
+    """Tell which driver and adapter it is."""
+    found, system = _can_link(facts), facts.system
+    if found is None or _is_virtual(found):
+        return None
+    if system.driver is None:
+        return warning(
+            "no driver is known: a serial-line adapter, perhaps, which may be too slow",
+            advice='let the daemon open it itself: [bus] interface = "slcan", see etc/slcan.toml',
+        )
+    named = "" if system.adapter is None else f", {system.adapter}"
+    return ok(f"driver {system.driver}{named}")
+
+
+def device(facts: Facts) -> Finding | None:
+    """Check the adapter that is no network interface, as far as this program can."""
+    if facts.interface == "socketcan":
+        return None
+    if facts.interface in SIMULATED:
+        return ok(f"interface {facts.interface}: no adapter to check")
+    found = facts.system.device
+    if found is None:
+        return ok(f"interface {facts.interface}, channel {facts.bus_channel}: python-can opens it")
+    if not found.is_there:
+        advice = "plug the adapter in, and name it in the configuration: [bus] channel"
+        return error(f"{found.path} is not there", "ls -l /dev/serial/by-id/", advice)
+    if not found.is_character_device:
+        advice = "name the adapter's device in the configuration: [bus] channel"
+        return error(f"{found.path} is no device", "ls -l /dev/serial/by-id/", advice)
+    is_up = facts.daemon is not None and facts.daemon.health.get("bus", {}).get("state") == "up"
+    if is_up or found.is_accessible:
+        return ok(f"{found.path} is there and accessible")
+    return warning(
+        f"{found.path} is there, but not for {facts.user.name}",
+        f"sudo usermod --append --groups {found.group or 'dialout'} {facts.user.name}",
+        "needed if the daemon runs as this user; then log in anew",
+    )
+
+
+def _missing(facts: Facts) -> Finding:
+    name, others = facts.bus_channel, facts.system.can_links
+    listed = f"; there are: {', '.join(others)}" if others else ", and no other one for CAN"
+    text = f"there is no network interface {name}{listed}"
+    if name.startswith("vcan"):
+        return error(text, f"sudo ip link add dev {name} type vcan && sudo ip link set {name} up")
+    return error(
+        text,
+        advice="plug the adapter in and load its driver (sudo modprobe gs_usb, say); one on a"
+        " serial line is named in the configuration, see etc/slcan.toml",
+    )
+
+
+def _configured_bit_rate(facts: Facts) -> Finding | None:
+    """Check what the daemon is told, where it and not the system sets the bit rate."""
+    if facts.daemon is None or facts.interface in ("socketcan", *SIMULATED):
+        return None
+    bitrate = facts.daemon.info.get("configuration", {}).get("bus", {}).get("bitrate")
+    if bitrate is None:
+        return None
+    if bitrate == BITRATE:
+        return ok("1 Mbit/s, by the configuration")
+    return error(
+        f"{bitrate / 1e6:g} Mbit/s by the configuration, but the motor speaks at 1 Mbit/s",
+        advice=f"set [bus] bitrate = {BITRATE} and restart the daemon",
+    )
+
+
+def _can_link(facts: Facts) -> Link | None:
+    found = facts.system.link
+    return found if facts.interface == "socketcan" and found is not None and found.is_can else None
+
+
+def _controller(facts: Facts) -> Link | None:
+    """Give the link if it has a controller, about which iproute2 has told."""
+    found = _can_link(facts)
+    return found if found is not None and found.kind == "can" else None
+
+
+def _is_virtual(found: Link) -> bool:
+    return found.kind in ("vcan", "vxcan") or (
+        found.kind is None and found.name.startswith(("vcan", "vxcan"))
+    )
+
+
+def _anew(facts: Facts, settings: str) -> str:
+    """Give the command that sets a link up anew, which the motor does not survive enabled."""
+    name, found = facts.bus_channel, facts.system.link
+    commands = [f"{facts.ctl} disable"] if facts.is_enabled else []
+    if found is not None and found.is_up:
+        commands.append(f"sudo ip link set {name} down")
+    return " && ".join([*commands, f"sudo ip link set {name} up {settings}"])
+
+
+def _count(counter: int | None) -> str:
+    return "unknown" if counter is None else str(counter)

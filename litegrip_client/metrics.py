@@ -1,0 +1,221 @@
+"""The figures of `health` as OpenMetrics text, for Prometheus and what reads its format.
+
+The one module of the client that needs more than the standard library: `prometheus_client`, of
+the extra `metrics`. Nobody imports it but the command that prints the text. The table below is the
+one place that knows names and units; it asks nobody for figures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Literal, TypeAlias
+
+from prometheus_client import CollectorRegistry
+from prometheus_client.metrics_core import Metric
+from prometheus_client.openmetrics.exposition import CONTENT_TYPE_LATEST, generate_latest
+from prometheus_client.registry import Collector
+
+CONTENT_TYPE = CONTENT_TYPE_LATEST
+VERDICTS = ("ok", "degraded", "down")
+USABLE = ("up", "motor_silent")
+"""States of a bus on which frames can be exchanged."""
+
+_PREFIX = "litegripd"
+_QUANTILES = {"p50_us": "0.5", "p99_us": "0.99", "p99_9_us": "0.999"}
+_MICRO = 1e-6
+_MEGA = 1e6
+
+Kind: TypeAlias = Literal["counter", "gauge"]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One figure: where `health` has it, and its name, kind and meaning as a metric.
+
+    `unit` is the ending of the name, a base unit; the value is multiplied by `scale`.
+    """
+
+    path: str
+    name: str
+    kind: Kind
+    help: str
+    unit: str = ""
+    scale: float = 1.0
+
+
+def _counter(path: str, name: str, text: str) -> Row:
+    return Row(path, name, "counter", text)
+
+
+ROWS: tuple[Row, ...] = (
+    Row("uptime_s", "uptime_seconds", "gauge", "Since the daemon's start.", "seconds"),
+    Row("control.rate_hz", "control_rate_hertz", "gauge", "Ticks wanted a second.", "hertz"),
+    _counter("control.ticks", "ticks", "Ticks of the control loop."),
+    _counter("control.lost_ticks", "lost_ticks", "Ticks that were left out, being too late."),
+    _counter("control.tick_errors", "tick_errors", "Ticks that failed by a defect."),
+    Row(
+        "control.lateness.worst_us",
+        "tick_lateness_max_seconds",
+        "gauge",
+        "The latest start of a tick.",
+        "seconds",
+        _MICRO,
+    ),
+    Row(
+        "control.tick_cost.worst_us",
+        "tick_duration_max_seconds",
+        "gauge",
+        "The longest tick.",
+        "seconds",
+        _MICRO,
+    ),
+    Row("control.cpu_share", "cpu_ratio", "gauge", "The control thread's share of a CPU.", "ratio"),
+    Row("control.fifo_priority", "fifo_priority", "gauge", "SCHED_FIFO priority, 0 for none."),
+    Row("control.memory_locked", "memory_locked", "gauge", "Whether its memory is locked."),
+    Row(
+        "control.longest_collection_us",
+        "garbage_collection_max_seconds",
+        "gauge",
+        "The longest run of Python's garbage collector.",
+        "seconds",
+        _MICRO,
+    ),
+    Row(
+        "control.resident_mb",
+        "resident_memory_bytes",
+        "gauge",
+        "Resident memory.",
+        "bytes",
+        _MEGA,
+    ),
+    Row("bus.load", "bus_load_ratio", "gauge", "The bus's load, estimated from frames.", "ratio"),
+    _counter("bus.sent", "bus_frames_sent", "Frames sent."),
+    _counter("bus.received", "bus_frames_received", "Frames received."),
+    _counter("bus.send_failures", "bus_frames_lost", "Frames that could not be sent."),
+    _counter("bus.ignored", "bus_frames_ignored", "Frames of a kind that is not the motor's."),
+    _counter("bus.error_frames", "bus_error_frames", "What the controller had to mend."),
+    _counter("bus.errors", "bus_errors", "Errors of sending and receiving."),
+    _counter("bus.reopened", "bus_reopened", "How often the bus was opened again."),
+    _counter("motor.commands", "motor_commands", "Commands to the motor."),
+    _counter("motor.missed_replies", "motor_missed_replies", "Ticks without the reply due."),
+    _counter("motor.withheld_commands", "motor_withheld_commands", "Commands that were not sent."),
+    _counter("motor.ignored_frames", "motor_ignored_frames", "Frames that nobody had asked for."),
+    _counter("motor.foreign_commands", "motor_foreign_commands", "Commands of a second master."),
+    _counter(
+        "motor.implausible_frames", "motor_implausible_frames", "Positions that no jaw can have."
+    ),
+    Row(
+        "heat.coil_c",
+        "coil_temperature_celsius",
+        "gauge",
+        "The coil's temperature by the model.",
+        "celsius",
+    ),
+    Row(
+        "heat.limit_c",
+        "coil_temperature_limit_celsius",
+        "gauge",
+        "Where holds are limited.",
+        "celsius",
+    ),
+    Row(
+        "heat.time_to_limit_s",
+        "coil_time_to_limit_seconds",
+        "gauge",
+        "Until the limit, with the present load; absent if never.",
+        "seconds",
+    ),
+    Row(
+        "heat.allowed_nm",
+        "hold_torque_allowed_newton_meters",
+        "gauge",
+        "To what holds are limited; absent while they are not.",
+        "newton_meters",
+    ),
+    Row("rpc.clients", "rpc_clients", "gauge", "Connected clients."),
+    _counter("rpc.requests", "rpc_requests", "Requests."),
+    _counter("rpc.refused_requests", "rpc_requests_refused", "Requests that were refused."),
+    _counter("rpc.refused_connections", "rpc_connections_refused", "Connections not let in."),
+    _counter("rpc.budget_exhausted", "rpc_budget_exhausted", "Periods that left requests waiting."),
+    _counter("rpc.late_shares", "rpc_late_shares", "Ticks that requests ran into."),
+    _counter("helper.deaths", "helper_deaths", "Deaths of the helper process."),
+    _counter("helper.refused", "helper_requests_refused", "Requests that it did not take."),
+    _counter("log.dropped", "log_lines_dropped", "Lines of the log that were lost."),
+)
+
+SUMMARIES = {
+    "control.lateness": ("tick_lateness_seconds", "How late ticks start, since the start."),
+    "control.tick_cost": ("tick_duration_seconds", "How long ticks take, since the start."),
+}
+"""Quantiles, each from a mapping of `health`: name and meaning."""
+
+
+def text(health: Mapping[str, Any], *, channel: str, version: str) -> str:
+    """Give the figures of `health` as OpenMetrics text; what is not known is left out."""
+    registry = CollectorRegistry()
+    registry.register(_Figures(list(_metrics(health, channel, version))))
+    exposed: bytes = generate_latest(registry)
+    return exposed.decode()
+
+
+class _Figures(Collector):
+    """Metrics that are there already, as a registry wants them."""
+
+    def __init__(self, metrics: list[Metric]) -> None:
+        self._metrics = metrics
+
+    def collect(self) -> list[Metric]:
+        """Give the metrics."""
+        return self._metrics
+
+
+def _metrics(health: Mapping[str, Any], channel: str, version: str) -> Iterator[Metric]:
+    labels = {"channel": channel}
+    build = _new("build_info", "The daemon's version.", "gauge")
+    build.add_sample(build.name, {**labels, "version": version}, 1.0)
+    yield build
+    verdict = _new("verdict", "The daemon's verdict on itself: 1 for the one that holds.", "gauge")
+    for one in VERDICTS:
+        holds = float(health.get("verdict") == one)
+        verdict.add_sample(verdict.name, {**labels, "verdict": one}, holds)
+    yield verdict
+    state = _find(health, "bus.state")
+    if state is not None:
+        up = _new("bus_up", "Whether the bus can be used.", "gauge")
+        up.add_sample(up.name, labels, float(state in USABLE))
+        yield up
+    for row in ROWS:
+        value = _find(health, row.path)
+        if isinstance(value, int | float):
+            metric = _new(row.name, row.help, row.kind, row.unit)
+            ending = "_total" if row.kind == "counter" else ""
+            metric.add_sample(f"{metric.name}{ending}", labels, float(value) * row.scale)
+            yield metric
+    for path, (name, meaning) in SUMMARIES.items():
+        yield from _summary(_find(health, path), name, meaning, labels)
+
+
+def _summary(
+    figures: object, name: str, meaning: str, labels: Mapping[str, str]
+) -> Iterator[Metric]:
+    if not isinstance(figures, Mapping):
+        return
+    metric = _new(name, meaning, "summary", "seconds")
+    for key, quantile in _QUANTILES.items():
+        if isinstance(figures.get(key), int | float):
+            metric.add_sample(metric.name, {**labels, "quantile": quantile}, figures[key] * _MICRO)
+    if metric.samples:
+        yield metric
+
+
+def _new(name: str, meaning: str, kind: str, unit: str = "") -> Metric:
+    return Metric(f"{_PREFIX}_{name}", meaning, kind, unit)
+
+
+def _find(health: Mapping[str, Any], path: str) -> object:
+    """Return what `health` has under a dotted name, None where it has none."""
+    value: object = health
+    for name in path.split("."):
+        value = value.get(name) if isinstance(value, Mapping) else None
+    return value

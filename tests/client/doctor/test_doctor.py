@@ -1,0 +1,164 @@
+"""litegripctl doctor as a command: with a daemon, without one, with a strange one."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import litegrip_client
+from litegrip_client.ctl.main import main
+from litegrip_client.ctl.render_doctor import findings_text
+from litegrip_client.doctor import gather_system
+from litegrip_client.doctor.facts import System, User
+from litegrip_client.doctor.findings import error, ok, warning
+from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
+from tests.client.fake_daemon import FakeDaemon, Handler
+from tests.client.helpers import Ctl
+
+ADAPTER = System(link("healthy"), None, ("can0",), "gs_usb")
+
+
+@pytest.fixture(autouse=True)
+def machine(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """Return what the system is asked, on a machine that is as it should be."""
+    asked: dict[str, Any] = {"system": ADAPTER}
+
+    def system(interface: str, bus_channel: str) -> System:
+        asked["bus"] = (interface, bus_channel)
+        found = asked["system"]
+        assert isinstance(found, System)
+        return found
+
+    monkeypatch.setattr(gather_system, "system", system)
+    monkeypatch.setattr(gather_system, "user", lambda group: User("alice", 1000, group))
+    return asked
+
+
+@pytest.fixture
+def well(daemon: FakeDaemon) -> FakeDaemon:
+    """Return a daemon with which all is well."""
+    hello = {**HELLO, "protocol": 1, "version": litegrip_client.__version__}
+    answers = {"hello": hello, "info.get": INFO, "health": HEALTH, "state.get": STATE}
+    for method, answer in answers.items():
+        daemon.handlers[method] = answering(answer)
+    return daemon
+
+
+def answering(answer: dict[str, Any]) -> Handler:
+    return lambda request: answer
+
+
+def levels(out: str) -> dict[str, str]:
+    return {row["check"]: row["level"] for row in json.loads(out)["findings"]}
+
+
+def test_all_is_well(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
+    code, out, err = ctl("doctor")
+    assert (code, err) == (0, "")
+    lines = out.splitlines()
+    assert lines[0] == "OK       link          can0 is up"
+    assert lines[-1] == "no errors, no warnings"
+    assert {line.split()[0] for line in lines[:-2]} == {"OK"}
+    assert machine["bus"] == ("socketcan", "can0")
+    assert well.methods() == ["hello", "info.get", "health", "state.get"]
+
+
+def test_what_is_not_well_is_told_and_ends_with_1(well: FakeDaemon, ctl: Ctl) -> None:
+    silent = {**STATE, "motor": "silent", "stale": True}
+    well.handlers["state.get"] = lambda request: silent
+    well.handlers["info.get"] = lambda request: changed(INFO, "calibration.file", None)
+    code, out, _ = ctl("doctor")
+    assert code == 1
+    assert "ERROR    motor         silent, last feedback 0.004 s ago\n         (switch" in out
+    save = f"litegripctl --socket {well.path} calibration save\n"
+    assert f"lost at a restart\n         {save}" in out
+    assert out.endswith("\n1 error, 1 warning\n")
+
+
+def test_warnings_alone_end_with_0(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
+    machine["system"] = System(link("long_queue"), None, ("can0",), "gs_usb")
+    code, out, _ = ctl("doctor")
+    assert (code, out.splitlines()[-1]) == (0, "no errors, 1 warning")
+
+
+def test_as_json(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
+    machine["system"] = System(link("wrong_bitrate"), None, ("can0",), "gs_usb")
+    code, out, _ = ctl("doctor", "--json")
+    data = json.loads(out)
+    assert (code, data["ok"], data["channel"]) == (1, False, "can0")
+    row = next(row for row in data["findings"] if row["check"] == "bit-rate")
+    assert row == {
+        "check": "bit-rate",
+        "level": "error",
+        "text": "0.5 Mbit/s, but the motor speaks at 1 Mbit/s",
+        "command": "sudo ip link set can0 down"
+        " && sudo ip link set can0 up type can bitrate 1000000 restart-ms 100",
+        "advice": None,
+    }
+
+
+def test_without_a_daemon(capsys: pytest.CaptureFixture[str], machine: dict[str, Any]) -> None:
+    assert main(["-c", "nodaemon7", "doctor"]) == 1
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    assert "ERROR    daemon        no daemon can be reached for channel nodaemon7" in captured.out
+    assert "\n         sudo systemctl start litegripd@nodaemon7\n" in captured.out
+    assert machine["bus"] == ("socketcan", "nodaemon7")
+    assert main(["-c", "nodaemon7", "doctor", "--json"]) == 1
+    found = levels(capsys.readouterr().out)
+    assert (found["link"], found["daemon"], found["bit-rate"]) == ("ok", "error", "ok")
+    assert "motor" not in found
+
+
+def test_a_bus_that_the_daemon_names(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
+    bus = {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 1_000_000}
+    well.handlers["info.get"] = lambda request: changed(INFO, "configuration.bus", bus)
+    machine["system"] = System()
+    assert {"device", "bit-rate"} <= levels(ctl("doctor", "--json")[1]).keys()
+    assert machine["bus"] == ("slcan", "/dev/ttyACM0")
+
+
+def test_the_daemon_of_another_channel(
+    well: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("LITEGRIPD_SOCKET", well.path)
+    assert main(["-c", "can1", "doctor"]) == 1
+    assert "has channel can0, not can1\n         unset LITEGRIPD_SOCKET" in capsys.readouterr().out
+    assert main(["doctor"]) == 0
+
+
+def test_a_daemon_of_another_protocol_or_that_refuses(well: FakeDaemon, ctl: Ctl) -> None:
+    well.handlers["health"] = lambda request: request.fail("internal_error", -32603, "a defect")
+    code, out, _ = ctl("doctor")
+    assert (code, "ERROR    daemon        a defect" in out) == (1, True)
+    well.handlers["hello"] = lambda request: {**HELLO, "protocol": 2}
+    code, out, _ = ctl("doctor")
+    assert (code, "the daemon speaks protocol 2, this client 1" in out) == (1, True)
+
+
+def test_an_older_daemon_that_tells_less(well: FakeDaemon, ctl: Ctl) -> None:
+    for method in ("info.get", "health", "state.get"):
+        well.handlers[method] = lambda request: {"stop_generation": 1}
+    well.handlers["hello"] = lambda request: {"protocol": 1, "channel": "can0", "version": "0.0.1"}
+    code, out, err = ctl("doctor", "--json")
+    assert (code, err) == (1, "")
+    found = levels(out)
+    assert (found["daemon"], found["version"], found["motor"]) == ("ok", "warning", "error")
+    assert "ranges" not in found
+
+
+def test_texts_from_elsewhere_do_not_steer_the_terminal() -> None:
+    findings = [("a", error("x\x1b[2J\ny", "c\td", "e\r")), ("b", warning("w")), ("c", ok("o"))]
+    assert findings_text(findings) == (
+        "ERROR    a             x?[2J?y\n         c?d\n         (e?)\n"
+        "WARNING  b             w\nOK       c             o\n\n1 error, 1 warning"
+    )
+
+
+def test_an_interrupt_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(interface: str, bus_channel: str) -> System:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(gather_system, "system", interrupted)
+    assert main(["--socket", str(tmp_path / "x.sock"), "doctor"]) == 130

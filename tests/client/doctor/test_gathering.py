@@ -1,0 +1,163 @@
+"""What is asked of the system: iproute2, the kernel's files, devices, users, sockets."""
+
+import os
+import socket
+from pathlib import Path
+
+import pytest
+
+from litegrip_client.doctor import gather_system
+from litegrip_client.doctor.facts import Device, Link, Socket, System
+from tests.client.doctor.known import LINKS, link
+
+
+@pytest.fixture
+def net(tmp_path: Path) -> Path:
+    """Return a /sys/class/net with a USB adapter, an interface without driver, and no CAN one."""
+    usb = tmp_path / "devices" / "usb1"
+    (usb / "1-1.0").mkdir(parents=True)
+    (usb / "product").write_text("candleLight USB to CAN adapter\n", encoding="utf-8")
+    (tmp_path / "drivers" / "gs_usb").mkdir(parents=True)
+    (usb / "1-1.0" / "driver").symlink_to(tmp_path / "drivers" / "gs_usb")
+    root = tmp_path / "net"
+    for name, kind in (("can0", "280"), ("can1", "280"), ("eth0", "1")):
+        (root / name).mkdir(parents=True)
+        (root / name / "type").write_text(f"{kind}\n", encoding="ascii")
+        (root / name / "flags").write_text("0x40081\n", encoding="ascii")
+        (root / name / "tx_queue_len").write_text("10\n", encoding="ascii")
+    (root / "can0" / "device").symlink_to(usb / "1-1.0")
+    return root
+
+
+@pytest.fixture
+def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the one directory in which programs are looked for."""
+    path = tmp_path / "bin"
+    path.mkdir()
+    monkeypatch.setenv("PATH", str(path))
+    monkeypatch.setattr(gather_system, "_ADMIN_PATHS", ())
+    return path
+
+
+def ip_says(programs: Path, script: str) -> None:
+    program = programs / "ip"
+    program.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    program.chmod(0o755)
+
+
+def test_iproute2_is_asked_for_one_link(net: Path, programs: Path) -> None:
+    expected = "-details -statistics -json link show can0"
+    answer = (LINKS / "healthy.json").read_text(encoding="utf-8")
+    ip_says(programs, f"[ \"$*\" = '{expected}' ] && [ $LC_ALL = C ] && echo '{answer}'")
+    assert gather_system.system("socketcan", "can0", net) == System(
+        link("healthy"), None, ("can0", "can1"), "gs_usb", "candleLight USB to CAN adapter"
+    )
+
+
+def test_a_link_that_there_is_not(net: Path, programs: Path) -> None:
+    ip_says(programs, "echo 'Device \"can9\" does not exist.' >&2; exit 1")
+    assert gather_system.system("socketcan", "can9", net) == System(None, None, ("can0", "can1"))
+
+
+@pytest.mark.parametrize(
+    ("script", "problem"),
+    [
+        (None, "ip (iproute2) is not installed"),
+        ("echo 'ip: invalid option' >&2; exit 2", "ip ended with 2: ip: invalid option"),
+        ("exit 3", "ip ended with 3: no word"),
+        ("echo '2: can0: <NOARP,UP>'", "ip gives no JSON: it is not iproute2's, or older"),
+    ],
+)
+def test_without_iproute2_the_kernels_files_tell(
+    net: Path, programs: Path, script: str | None, problem: str
+) -> None:
+    if script is not None:
+        ip_says(programs, script)
+    found = gather_system.system("socketcan", "can1", net)
+    assert found.link == Link("can1", True, True, queue_frames=10)
+    assert problem in str(found.ip_problem)
+    assert (found.driver, found.adapter) == (None, None)
+    assert gather_system.system("socketcan", "can9", net).link is None
+
+
+def test_an_iproute2_that_hangs_is_not_waited_for(
+    net: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gather_system, "IP_WITHIN_S", 0.05)
+    ip_says(programs, "read line < /dev/zero")
+    assert "cannot be run" in str(gather_system.system("socketcan", "can1", net).ip_problem)
+
+
+def test_a_machine_without_can(tmp_path: Path, programs: Path) -> None:
+    problem = "ip (iproute2) is not installed"
+    assert gather_system.system("socketcan", "can0", tmp_path / "none") == System(None, problem)
+
+
+def test_the_simulator_has_no_adapter(programs: Path) -> None:
+    assert gather_system.system("litegrip_sim", "sim0") == System()
+
+
+def test_the_file_of_an_adapter(tmp_path: Path) -> None:
+    controller, terminal = os.openpty()
+    try:
+        path = os.ttyname(terminal)
+        found = gather_system.system("slcan", f"{path}@115200").device
+        assert found is not None
+        assert (found.path, found.is_there, found.is_character_device) == (path, True, True)
+        assert found.is_accessible
+    finally:
+        os.close(controller)
+        os.close(terminal)
+    missing = tmp_path / "ttyACM7"
+    assert gather_system.system("slcan", str(missing)).device == Device(str(missing), False)
+    missing.touch()
+    found = gather_system.system("slcan", str(missing)).device
+    assert found is not None
+    assert (found.is_there, found.is_character_device) == (True, False)
+    assert gather_system.system("pcan", "PCAN_USBBUS1").device is None
+
+
+def test_the_user_and_a_group() -> None:
+    import grp  # noqa: PLC0415 - beside its use
+    import pwd  # noqa: PLC0415
+
+    entry = pwd.getpwuid(os.getuid())
+    own = grp.getgrgid(os.getgid()).gr_name
+    found = gather_system.user(own)
+    assert (found.name, found.uid, found.group) == (entry.pw_name, os.getuid(), own)
+    assert (found.group_exists, found.is_member, found.has_group) == (True, True, True)
+    found = gather_system.user("no-such-group-7")
+    assert (found.group_exists, found.is_member, found.has_group) == (False, False, False)
+
+
+def test_a_group_of_which_this_session_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grp.getgrnam", lambda name: type("G", (), {"gr_gid": 4321}))
+    monkeypatch.setattr("os.getgrouplist", lambda name, gid: [gid, 4321])
+    found = gather_system.user("litegrip")
+    assert (found.is_member, found.has_group) == (True, False)
+    monkeypatch.setattr("os.getgroups", lambda: [4321])
+    assert gather_system.user("litegrip").has_group
+
+
+def test_a_user_without_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.getuid", lambda: 54321)
+    assert gather_system.user("no-such-group-7").name == "54321"
+
+
+def test_sockets_are_looked_at_and_not_connected_to(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "can0.sock"
+    assert gather_system.sockets([str(path)]) == ()
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(path))
+        (tmp_path / "can0.stop.sock").touch()
+        found = gather_system.sockets([str(path)])
+        assert found == (
+            Socket(str(path), True, os.getuid()),
+            Socket(str(tmp_path / "can0.stop.sock"), True, os.getuid()),
+        )
+        monkeypatch.setattr("os.access", lambda path, mode: False)
+        assert [one.is_accessible for one in gather_system.sockets([str(path)])] == [False, False]
+    within_a_file = gather_system.sockets([str(path / "can0.sock")])
+    assert [one.is_accessible for one in within_a_file] == [False, False]
