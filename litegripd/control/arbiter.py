@@ -47,6 +47,8 @@ class Arbiter:
         self.now_s = 0.0
         self.rest: Rest = Relax()
         self.action: Action | None = None
+        self.has_stepped = False
+        """Whether the present or latest action has had any say in what the motor is told."""
         self.events: list[Event] = []
         self.must_disable = False
         self._is_ending = False
@@ -85,7 +87,7 @@ class Arbiter:
         """Begin a job; the caller has made sure that it may."""
         job = self._new_job(kind, owner, detached)
         self.jobs.begin(job, self.now_s)
-        self.action = action
+        self.action, self.has_stepped = action, False
         self.events.append(announce.job_started(job))
         return job
 
@@ -113,7 +115,8 @@ class Arbiter:
             return
         self.jobs.end(job, outcome, self.now_s)
         feedback = self.motor.feedback
-        if action is not None and action.needs_power and feedback is not None:
+        took_part = action is not None and action.needs_power and self.has_stepped
+        if action is not None and took_part and feedback is not None:
             gains = self.calibrated.gains
             self.rest = action.rest() or Hold(feedback.position_rad, gains)
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
@@ -279,14 +282,20 @@ class Arbiter:
     def _step_authority(self, now_s: float) -> None:
         """Take what time brings: a lease that runs out, and whose turn it is.
 
-        A motion under a lease that is not the present one never goes on, whatever the way.
+        A motion under a lease that is not the present one never goes on, whatever the way;
+        disabling always does.
         """
         loss = self.lease.expire(now_s)
         if loss is not None:
             self.lose(loss, loss.grant.owner.client)
         running, holder = self.jobs.running, self.lease.holder
         present = None if holder is None else holder.number
-        if running is not None and not running.detached and running.grant not in (None, present):
+        if (
+            running is not None
+            and not running.detached
+            and running.kind != "disable"
+            and running.grant not in (None, present)
+        ):
             self.end(announce.loss_refusal(None))
         self._start_queued()
         self.lease.step(now_s, may_grant=self.jobs.running is None and not self._queue)

@@ -142,6 +142,7 @@ class Engine(Arbiter):
         if action.needs_power and motor.phase is not MotorPhase.ENABLED:
             self.end(motor_refusal(motor) or NOT_ENABLED)
             return None, None
+        self.has_stepped = True
         step = action.step(now_s, motor)
         if step.errand is not None:
             self.errands.append(step.errand)

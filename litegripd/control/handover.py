@@ -82,6 +82,7 @@ _ENGINE = Carried(
         "capture",  # what could only be lost refuses: `unsettled`
         "errands",
         "events",
+        "has_stepped",
         "inquiries",
         "motor",  # handed over by its own room; here only its phase goes along
         "must_disable",

@@ -71,3 +71,13 @@ def test_the_force_is_held_though_the_configuration_changes_and_the_client_dies(
     assert "error" not in admin.call("config.set", config={"force_n": 5})
     world.run(1.0)
     assert squeezed_n(world) == pytest.approx(20.0, abs=1.0)
+
+
+def test_a_motion_that_is_cancelled_before_it_begins_changes_nothing() -> None:
+    world, client = gripping()
+    job = client.send("motion.open", wait=False)
+    client.read()
+    client.send("job.cancel", job=client.answers[job]["result"]["job"])
+    world.run(1.0)
+    assert world.state.is_grasped
+    assert squeezed_n(world) == pytest.approx(20.0, abs=1.0)
