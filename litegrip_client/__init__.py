@@ -28,6 +28,7 @@ from litegrip_client.errors import (
     NotPermittedError,
     ProtocolError,
     StoppedError,
+    TrajectoryBusyError,
 )
 from litegrip_client.gripper import LiteGrip
 
@@ -78,6 +79,7 @@ __all__ = [
     "SetZeroResult",
     "SetpointStream",
     "StoppedError",
+    "TrajectoryBusyError",
     "UnitConversion",
     "__version__",
     "list_templates",

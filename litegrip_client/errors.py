@@ -81,6 +81,10 @@ class BusyError(CommandError):
     """Another motion is running, or there is too much at once."""
 
 
+class TrajectoryBusyError(BusyError):
+    """A trajectory is being recorded or replayed."""
+
+
 class LeaseError(BusyError):
     """Another client has the gripper to itself, or the lease is lost; see `owner`."""
 
@@ -106,6 +110,7 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
         HardwareError,
         ConnectError,
         BusyError,
+        TrajectoryBusyError,
         LeaseError,
         NotPermittedError,
         StoppedError,

@@ -5,16 +5,22 @@ result every time.
 """
 
 import json
+import shutil
+import tempfile
+import weakref
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
 from litegripd.control.recorder import memory_bytes, tick_slots
 from litegripd.control.recording import Recording, read
+from litegripd.io.atomic_file import FileSystem
 from litegripd.io.calibration_files import load_operation, templates_operation
+from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
@@ -115,15 +121,35 @@ class Client:
         self.world.service.closed(self.session, self.world.now_s)
 
 
+class Unsynced(FileSystem):
+    """Files that need not outlive a power cut, and so wait for no disk."""
+
+    def sync(self, descriptor: int) -> None:
+        pass
+
+    def sync_directory(self, directory: Path) -> None:
+        pass
+
+
 class Disk:
     """The helper process's files, in memory: what was saved last, by operation."""
 
     def __init__(self) -> None:
         self.saved: dict[str, Any] = {}
         self.error: str | None = None
+        self.silent = False
         self.found: dict[str, Any] | None = None
         self.memory = bytearray(memory_bytes(tick_slots(PERIOD_S)))
         self.dumps: list[Recording] = []
+        self._folder: Path | None = None
+        self._store = TrajectoryStore(self.trajectories, Unsynced(), clock=lambda: 1e9)
+
+    def trajectories(self) -> Path:
+        """Return where trajectories are kept: they alone are real files, gone with this world."""
+        if self._folder is None:
+            self._folder = Path(tempfile.mkdtemp())
+            weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
+        return self._folder / "trajectories"
 
     def do(self, errand: Errand) -> ErrandResult:
         """Carry out one errand."""
@@ -134,7 +160,9 @@ class Disk:
             return ErrandResult(load_operation(parameters) if self.found is None else self.found)
         if operation == "calibration.templates":
             return ErrandResult(templates_operation(parameters))
-        json.dumps(parameters)  # as it goes to the helper
+        packed = json.dumps(parameters)  # as it goes to the helper
+        if operation.startswith("trajectory."):
+            return ErrandResult(self.do_plainly(operation, **json.loads(packed)))
         if operation == "recorder.dump":
             return ErrandResult(self._dump())
         self.saved[operation] = parameters
@@ -150,6 +178,11 @@ class Disk:
             "seconds": recording.duration_s,
             "bytes": len(self.memory),
         }
+
+    def do_plainly(self, operation: str, **parameters: Any) -> Any:
+        """Carry out an operation on trajectories; return its answer, without the true path."""
+        answer = self._store.operations()[operation](parameters)
+        return json.loads(json.dumps(answer).replace(str(self.trajectories().parent), "/state"))
 
 
 class World:
@@ -232,7 +265,8 @@ class World:
         finished, self._finished = self._finished, []
         for errand, result in finished:
             errand.on_result(result)
-        self._finished = [(errand, self.disk.do(errand)) for errand in errands]
+        if not self.disk.silent:
+            self._finished = [(errand, self.disk.do(errand)) for errand in errands]
 
     def inject(self, frame: CanFrame) -> None:
         """Let a frame arrive that the motor did not send."""

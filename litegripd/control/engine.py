@@ -14,6 +14,7 @@ from litegripd.control.admission import (
     motor_refusal,
 )
 from litegripd.control.arbiter import Arbiter
+from litegripd.control.capture import Capture
 from litegripd.control.filter import bounds_of
 from litegripd.control.gains import Gains
 from litegripd.control.grip import Grip
@@ -60,6 +61,7 @@ class Engine(Arbiter):
         self.output = Output()
         self.inquiries = Inquiries()
         self.errands: list[Errand] = []
+        self.capture: Capture | None = None
 
     @property
     def geometry(self) -> Geometry | None:
@@ -88,6 +90,14 @@ class Engine(Arbiter):
             self.events.append(announce.bus_changed(self.bus, bus))
         self.bus = bus
 
+    def unsettled(self) -> Refusal | None:
+        """Say why no successor can take over now; so does a recording that would be lost."""
+        refusal, capture = super().unsettled(), self.capture
+        if refusal is None and capture is not None and capture.would_be_lost:
+            text = "a recording is not kept yet: end it (trajectory.record_stop)"
+            return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+        return refusal
+
     # The tick
 
     def step(self, now_s: float, motor: MotorView) -> MotorOrder:
@@ -99,6 +109,8 @@ class Engine(Arbiter):
         self.now_s = now_s
         self._step_authority(now_s)
         self._note_second_master(now_s, motor.foreign_commands)
+        if self.capture is not None:
+            self.capture.step(now_s, motor, self.geometry)
         inquiry = self.inquiries.step(motor.register)
         if self.must_disable:
             self.must_disable = False

@@ -79,6 +79,7 @@ _ENGINE = Carried(
     Engine,
     left=(
         "action",
+        "capture",  # what could only be lost refuses: `unsettled`
         "errands",
         "events",
         "has_stepped",

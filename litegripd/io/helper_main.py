@@ -21,6 +21,7 @@ from litegripd.io.child import (
 )
 from litegripd.io.helper import GOODBYE
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
+from litegripd.io.trajectory_store import TrajectoryStore
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]
@@ -85,6 +86,7 @@ OPERATIONS: dict[str, Operation] = {
     "motion.load": load_motion,
     "motion.save": save_motion,
     "recorder.dump": dump_recorder,
+    **TrajectoryStore().operations(),
 }
 
 

@@ -120,6 +120,30 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         True,
         "A file of the daemon could not be written; what it held before is kept.",
     ),
+    ErrorKind(
+        "unknown_trajectory",
+        -32015,
+        "CommandError",
+        4,
+        False,
+        "No trajectory of that name, and no such upload or recording, or no longer kept.",
+    ),
+    ErrorKind(
+        "trajectory_unreadable",
+        -32016,
+        "CommandError",
+        4,
+        False,
+        "A trajectory that was asked for, or sent, cannot be used.",
+    ),
+    ErrorKind(
+        "recording_failed",
+        -32017,
+        "CommandError",
+        4,
+        False,
+        "No recording came about, or one that was broken off or is empty.",
+    ),
     ErrorKind("busy", -32020, "BusyError", 6, True, "Another motion is running."),
     ErrorKind(
         "stopped", -32021, "StoppedError", 7, False, "A stop is latched; clear it with stop.clear."
@@ -162,6 +186,14 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         9,
         False,
         "The user's role, by the daemon's configuration, does not allow it.",
+    ),
+    ErrorKind(
+        "trajectory_busy",
+        -32029,
+        "TrajectoryBusyError",
+        6,
+        True,
+        "A trajectory is being recorded or replayed.",
     ),
     ErrorKind("not_enabled", -32030, "HardwareError", 5, False, "The motor is not enabled."),
     ErrorKind(

@@ -25,6 +25,14 @@ ZeroOutcome: TypeAlias = Literal["measured", "implausible_travel", "not_found", 
 `not_saved`: the file could not be written."""
 
 
+RecordOutcome: TypeAlias = Literal["stopped", "full", "failed"]
+"""`stopped`: ended as asked for. `full`: as long as it could or should be. `failed`: broken off."""
+
+ReplayOutcome: TypeAlias = Literal["completed", "blocked", "not_aligned"]
+"""`completed`: the path was gone to its end. `blocked`: so it was, but the jaws did not get there.
+`not_aligned`: they did not get to its start."""
+
+
 @dataclass(frozen=True, slots=True)
 class MoveResult:
     """How `open`, `close` or a move to a position ended.
@@ -142,6 +150,33 @@ class SetZeroResult:
     position_rad: float
 
 
+@dataclass(frozen=True, slots=True)
+class RecordResult:
+    """How a recording by hand ended; `missed` samples were due, but not measured in time."""
+
+    ok: bool
+    outcome: RecordOutcome
+    samples: int
+    missed: int
+    message: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayResult:
+    """How a replay ended: after `loops` whole passes and `frames` commands.
+
+    `largest_lag_mm` is how far the jaws were from the path at most, what they travel while a
+    measurement is on its way included.
+    """
+
+    ok: bool
+    outcome: ReplayOutcome
+    loops: int
+    frames: int
+    largest_lag_mm: float
+    final_command_rad: float
+
+
 Result: TypeAlias = (
     MoveResult
     | EnableResult
@@ -154,6 +189,8 @@ Result: TypeAlias = (
     | StreamResult
     | ZeroResult
     | SetZeroResult
+    | RecordResult
+    | ReplayResult
 )
 
 
@@ -167,3 +204,13 @@ class Progress:
     command_rad: float
     position_rad: float
     torque_nm: float
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayProgress(Progress):
+    """Where a replay is; `openness` is what the path has now, `loops` counts whole passes."""
+
+    frames: int
+    speed: float
+    openness: float
+    loops: int

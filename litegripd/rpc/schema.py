@@ -24,7 +24,10 @@ _NAMED: dict[Kind, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Param:
-    """One parameter of a method; `minimum` and `maximum` are included in the range."""
+    """One parameter of a method; `minimum` and `maximum` are included in the range.
+
+    A text has at most `longest` characters.
+    """
 
     name: str
     kind: Kind
@@ -33,6 +36,7 @@ class Param:
     minimum: float | None = None
     maximum: float | None = None
     choices: tuple[str, ...] = ()
+    longest: int = _MAX_TEXT
 
     def problem(self, value: object) -> str | None:
         """Say what is wrong with `value` and what is allowed, if anything is wrong."""
@@ -56,8 +60,8 @@ class Param:
     def _problem_of_text(self, text: str) -> str | None:
         if self.choices and text not in self.choices:
             return f"is {_shown(text)}, it must be one of: {', '.join(self.choices)}"
-        if len(text) > _MAX_TEXT:
-            return f"is longer than {_MAX_TEXT} characters"
+        if len(text) > self.longest:
+            return f"is longer than {self.longest} characters"
         if not text.isprintable():
             return f"is {_shown(text)}, it must be printable: it is shown in one line of the log"
         return None

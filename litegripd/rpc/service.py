@@ -30,6 +30,7 @@ from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
 from litegripd.rpc.session import Peer, Role, Session
 from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
+from litegripd.rpc.trajectories import TrajectoryMethods
 from litegripd.rpc.view import progress_view
 from litegripd.rpc.waiting import Waiter, WaitingRoom
 from litegripd.rpc.watching import Watching
@@ -70,6 +71,7 @@ class RpcService:
         self._subscriptions = Subscriptions()
         self._waiting = WaitingRoom()
         self._tokens = Tokens(epoch)
+        self._trajectories = TrajectoryMethods(engine)
         handlers = Handlers(
             Reading(engine, facts, self._clients, self.reporter).functions(),
             Watching(self._subscriptions, self.reporter).functions(),
@@ -78,6 +80,7 @@ class RpcService:
             Settings(engine).functions(),
             Recording(self.dumps).functions(),
             Restarting(restart).functions(),
+            self._trajectories.functions(),
         )
         self._gate = Gate(engine, self._tokens)
         self._dispatch = Dispatch(engine, handlers)
@@ -100,11 +103,13 @@ class RpcService:
         self._clients.remove(session)
         self._subscriptions.remove_all(session)
         self._waiting.remove_all(session)
+        self._trajectories.session_ended(session)
         self._engine.client_lost(session.identity)
         self._collect_events(now_s)
 
     def process_ended(self, session: Session, now_s: float) -> None:
         """End what a process owned that is gone, though a forked child has its connection."""
+        self._trajectories.session_ended(session)
         self._engine.client_lost(session.identity, "process")
         self._collect_events(now_s)
 

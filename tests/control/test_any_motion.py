@@ -30,6 +30,7 @@ from tests.control.any_requests import (
     good_fields,
     motions,
     odd_contents,
+    trajectories,
 )
 from tests.control.bench import LEAVE, Bench, Course, Request
 from tests.control.limits import LimitWatch
@@ -50,7 +51,7 @@ def test_fields_in_their_ranges_make_a_configuration_if_they_go_together(fields:
 # The engine alone
 
 configs: st.SearchStrategy[Values] = st.just({}) | good_fields
-requests = st.tuples(st.integers(0, 1), calls, st.booleans())
+requests = st.tuples(st.integers(0, 1), calls | trajectories, st.booleans())
 leaving: st.SearchStrategy[Request] = st.tuples(
     st.integers(0, 1), st.just((LEAVE, {})), st.just(True)
 )

@@ -40,6 +40,9 @@ MOVING: dict[str, dict[str, Any]] = {
     "calibration.zero": {},
     "calibration.manual": {"step": "begin"},
     "motor.set_zero": {},
+    "trajectory.record_start": {},
+    "trajectory.play": {"name": "pick"},
+    "trajectory.control": {"action": "pause"},
 }
 
 

@@ -10,6 +10,7 @@ from litegripd.rpc.methods import METHODS
 from litegripd.rpc.restarting import Restarted
 from litegripd.rpc.waiting import MAX_PER_SESSION
 from tests.rpc.raw import answered
+from tests.trajectories import lgt, pieces
 from tests.world import PERIOD_S, Client, World
 
 PARAMS: dict[str, dict[str, Any]] = {
@@ -34,6 +35,13 @@ PARAMS: dict[str, dict[str, Any]] = {
     "job.get": {"job": 1},
     "job.wait": {"job": 1},
     "job.cancel": {"job": 1},
+    "trajectory.record_start": {"zero_gravity": False, "rate_hz": 50},
+    "trajectory.record_stop": {"name": "taught"},
+    "trajectory.play": {"name": "taught", "loop": True, "wait": False},
+    "trajectory.control": {"action": "speed", "speed": 0.5},
+    "trajectory.get": {"name": "taught", "format": "csv"},
+    "trajectory.put": pieces(lgt([(0.0, 0.5)]))[0],
+    "trajectory.delete": {"name": "taught"},
 }
 
 
@@ -43,7 +51,9 @@ def test_every_method_answers_with_a_result() -> None:
     client = world.client()
     client.result("motor.enable")
     for method in METHODS:
-        if method.name.startswith(("motion.", "calibration.")):
+        if method.name == "trajectory.record_start":
+            client.result("calibration.load", template="normal")
+        if method.name.startswith(("motion.", "calibration.", "trajectory.record_start")):
             client.result("motor.enable")
         if method.name == "calibration.manual":
             for step in ("begin", "cancel"):

@@ -13,6 +13,7 @@ from typing import Any
 
 from litegripd.rpc.methods import METHODS
 from litegripd.rpc.restarting import Restarted
+from tests.trajectories import lgt, pieces
 from tests.world import Client, World
 
 FOLDER = Path(__file__).parent / "transcripts"
@@ -66,6 +67,7 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     yield "lease.take", {"why": "a test"}
     yield "lease.release", {}
     yield "lease.resume", {"lease": "0:1"}
+    yield from trajectories(client)
     yield "motor.set_zero", {}
     yield "motor.disable", {}
     yield "motor.clear_fault", {}
@@ -75,6 +77,37 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     yield "daemon.restart", {"hold_through_restart": False}
     yield "motion.open", {"speed_mm_s": "fast"}
     yield "no.such.method", {}
+
+
+def trajectories(client: Client) -> Iterator[tuple[str, Params]]:
+    """Record by hand and beside a motion, keep, fetch, send, play and remove."""
+    yield "trajectory.status", {}
+    yield "trajectory.record_start", {"rate_hz": 50, "max_samples": 500}
+    client.world.run(0.1)
+    yield "trajectory.status", {}
+    yield "trajectory.record_stop", {"allow_empty": True, "allow_partial": True}
+    yield "trajectory.record_start", {"zero_gravity": False}
+    client.world.run(0.1)
+    yield "trajectory.record_stop", {"name": "a test"}
+    yield "trajectory.record_stop", {}
+    yield "trajectory.list", {"after": "a"}
+    yield "trajectory.get", {"name": "a test", "offset": 0, "length": 66, "format": "lgt"}
+    yield "trajectory.get", {"recording": 1, "format": "csv"}
+    for piece in pieces(lgt([(0.0, 0.2), (0.5, 0.3), (1.0, 0.2)])):
+        yield "trajectory.put", piece
+    yield "trajectory.play", {"name": "a test", "speed": 0.5, "align": True, "repeat": 2}
+    yield "trajectory.play", {"upload": 1, "torque_nm": 1, "kp": 50, "kd": 1, "wait": False}
+    client.world.run(0.1)
+    yield "trajectory.play", {"recording": 1, "loop": True}
+    yield "trajectory.control", {"action": "pause"}
+    yield "trajectory.control", {"action": "speed", "speed": 2.0}
+    yield "trajectory.control", {"action": "resume"}
+    yield "trajectory.status", {}
+    client.world.run(5.0)
+    yield "trajectory.control", {"action": "pause"}
+    yield "trajectory.delete", {"upload": 1}
+    yield "trajectory.delete", {"name": "a test"}
+    yield "trajectory.delete", {"name": "a test"}
 
 
 def talk() -> dict[str, list[dict[str, Any]]]:

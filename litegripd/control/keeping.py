@@ -1,0 +1,71 @@
+"""Takes a recording to the helper process, piece after piece, which makes the file of it."""
+
+import base64
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from litegripd.control.capture import Capture
+from litegripd.control.engine import Engine
+from litegripd.control.loading import outcome_of
+from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
+from litegripd.model.path import PIECE_BYTES
+
+
+def recording_key(number: int) -> str:
+    """Return what the helper process keeps a recording under."""
+    return f"recording {number}"
+
+
+class Keeping:
+    """One recording on its way; `on_kept` is called once, with what is known of the whole.
+
+    Only the latest recording is kept: the one before goes when this one comes.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        capture: Capture,
+        number: int,
+        name: str | None,
+        on_kept: Callable[[Mapping[str, Any] | Refusal], None],
+    ) -> None:
+        self._engine = engine
+        self._capture = capture
+        self._number = number
+        self._name = name
+        self._on_kept = on_kept
+        self._sent = 0
+
+    def begin(self) -> None:
+        """Send the first piece."""
+        before = {"keys": [recording_key(self._number - 1)]}
+        self._engine.errands.append(Errand("trajectory.drop", before, lambda _result: None))
+        self._send()
+
+    def _send(self) -> None:
+        capture = self._capture
+        data = capture.piece(self._sent) if capture.size else memoryview(b"")
+        parameters = {
+            "key": recording_key(self._number),
+            "offset": self._sent * PIECE_BYTES,
+            "total": capture.size,
+            "sha256": None,
+            "data": base64.b64encode(data).decode("ascii"),
+            "name": self._name,
+            "header": capture.header(self._engine.unit.can_id),
+        }
+        self._sent += 1
+        self._engine.errands.append(Errand("trajectory.put", parameters, self._answered))
+
+    def _answered(self, result: ErrandResult) -> None:
+        answer = outcome_of(result, "not_saved")
+        if isinstance(answer, Refusal):
+            self._on_kept(answer)
+        elif answer["complete"]:
+            number = None if self._name is not None else self._number
+            known = {key: answer[key] for key in answer.keys() - {"received", "complete"}}
+            self._on_kept({"recording": number, **known})
+        else:
+            self._send()

@@ -1,0 +1,238 @@
+"""The trajectories that the daemon keeps: files by name, and what is there until its client goes.
+
+Lives in the helper process, which alone reads and judges whole trajectories. A refusal that can be
+expected is an answer with `refused`: a reason of the error table and a sentence.
+"""
+
+import hashlib
+import json
+import os
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+from litegripd.io import atomic_file
+from litegripd.io.atomic_file import REAL, FileSystem
+from litegripd.io.calibration_files import state_directory
+from litegripd.io.trajectory_content import (
+    Content,
+    StoreError,
+    content_of,
+    decoded,
+    encoded,
+    entry_of,
+    open_file,
+    unknown,
+    unopened,
+)
+from litegripd.model.path import PIECE_BYTES
+from litegripd.model.trajectory import HEADER, MAX_BYTES, SAMPLE, Header, name_problem
+
+ENDING = ".lgt"
+LISTED_BYTES = 40_000
+"""So much of a list in one answer, which must fit into a packet."""
+
+_MAX_CACHED = 2
+
+
+class TrajectoryStore:
+    """The operations `trajectory.*` of the helper process; each takes and returns plain values.
+
+    A `source` is {"name": ...} for a file, or {"kept": ...} for an upload or a recording.
+    """
+
+    def __init__(
+        self,
+        directory: Callable[[], Path] = lambda: state_directory() / "trajectories",
+        file_system: FileSystem = REAL,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._directory = directory
+        self._file_system = file_system
+        self._clock = clock
+        self._coming: dict[str, bytearray] = {}
+        self._kept: dict[str, Content] = {}
+        self._cached: dict[tuple[str, int, int, int], Content] = {}
+        self._csv: tuple[str, bytes] | None = None
+
+    def operations(self) -> dict[str, Callable[[Mapping[str, Any]], object]]:
+        """Return the operations by their names."""
+        functions = {
+            "list": self.list_names,
+            "open": self.open,
+            "samples": self.samples,
+            "read": self.read,
+            "put": self.put,
+            "delete": self.delete,
+            "drop": self.drop,
+        }
+        return {f"trajectory.{name}": _refusing(do) for name, do in functions.items()}
+
+    # Reading
+
+    def list_names(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """List the files after the name `after`, in order; `more` tells that there are others."""
+        directory, after = self._directory(), parameters["after"]
+        try:
+            found = self._file_system.names(directory)
+        except FileNotFoundError:
+            found = []
+        names = sorted(name.removesuffix(ENDING) for name in found if name.endswith(ENDING))
+        usable = [name for name in names if name_problem(name) is None and name > (after or "")]
+        entries: list[dict[str, Any]] = []
+        size = 0
+        for name in usable:
+            entries.append(entry_of(name, self._path(name)))
+            size += len(json.dumps(entries[-1]))
+            if size > LISTED_BYTES:
+                break
+        return {"trajectories": entries, "more": len(entries) < len(usable)}
+
+    def open(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Judge a whole trajectory and tell what is known of it."""
+        return self._content(parameters["source"]).facts()
+
+    def samples(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Return `PIECE_BYTES` of samples, from the byte `offset` of them on."""
+        content = self._content(parameters["source"])
+        if content.sha256 != parameters["sha256"]:
+            raise StoreError("trajectory_unreadable", "it was changed while it was being loaded")
+        begins = HEADER.size + int(parameters["offset"])
+        return {"data": encoded(content.whole[begins : begins + PIECE_BYTES])}
+
+    def read(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a piece of a whole trajectory, as the file or as CSV."""
+        content = self._content(parameters["source"])
+        whole, sha256 = content.whole, content.sha256
+        if parameters["format"] == "csv":
+            whole = self._as_csv(content)
+            sha256 = hashlib.sha256(whole).hexdigest()
+        offset, length = int(parameters["offset"]), int(parameters["length"])
+        if offset > len(whole):
+            text = f"offset is {offset}, beyond the end: there are {len(whole)} bytes"
+            raise StoreError("out_of_limits", text)
+        data = encoded(whole[offset : offset + length])
+        return {"data": data, "offset": offset, "total": len(whole), "sha256": sha256}
+
+    # Writing
+
+    def put(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Take a piece of what shall be kept under `key`; the last one makes it whole.
+
+        Whole it is judged, and written under `name`, if there is one. With `header` the pieces are
+        samples only, and the file is made here. Whatever is wrong, nothing of it stays.
+        """
+        key, offset, total = parameters["key"], int(parameters["offset"]), int(parameters["total"])
+        before = self._coming.pop(key, None)
+        coming = before if offset else bytearray()
+        data = decoded(parameters["data"])
+        if coming is None or len(coming) != offset:
+            has = 0 if coming is None else len(coming)
+            text = f"offset is {offset}, but {has} bytes are here: begin again at 0, in order"
+            raise StoreError("out_of_limits", text)
+        if offset + len(data) > total or (not data and total > 0):
+            text = f"a piece of {len(data)} bytes at {offset} does not go with a total of {total}"
+            raise StoreError("out_of_limits", text)
+        coming += data
+        if len(coming) < total:
+            self._coming[key] = coming
+            return {"received": len(coming), "complete": False}
+        content = self._finished(bytes(coming), parameters)
+        name, path = parameters["name"], None
+        if name is None:
+            self._kept[key] = content
+        else:
+            path = self._write(name, content)
+        facts = content.facts()
+        return {"received": total, "complete": True, "name": name, "path": path, **facts}
+
+    def delete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Remove the file of a name."""
+        path = self._path(parameters["name"])
+        try:
+            self._file_system.remove(path)
+            self._file_system.sync_directory(path.parent)
+        except FileNotFoundError:
+            raise unknown(parameters["name"]) from None
+        except OSError as error:
+            raise StoreError("not_saved", f"{path}: cannot be removed: {error.strerror}") from None
+        return {"name": parameters["name"], "deleted": True}
+
+    def drop(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Forget what was kept under these keys, or is still coming."""
+        for key in parameters["keys"]:
+            self._coming.pop(key, None)
+            self._kept.pop(key, None)
+        return {}
+
+    # Inside
+
+    def _finished(self, whole: bytes, parameters: Mapping[str, Any]) -> Content:
+        sha256, header = parameters["sha256"], parameters["header"]
+        if sha256 is not None and hashlib.sha256(whole).hexdigest() != sha256:
+            text = "what arrived does not have the SHA-256 that was announced: send it again"
+            raise StoreError("trajectory_unreadable", text)
+        if header is None:
+            return Content.of(whole)
+        samples = len(whole) // SAMPLE.size
+        return Content.of(Header(samples, created_s=self._clock(), **header).pack() + whole)
+
+    def _write(self, name: str, content: Content) -> str:
+        path = self._path(name)
+        try:
+            atomic_file.write(path, content.whole, file_system=self._file_system)
+        except OSError as error:
+            text = f"{path}: cannot be written: {error.strerror}"
+            raise StoreError("not_saved", text) from None
+        return str(path)
+
+    def _path(self, name: str) -> Path:
+        problem = name_problem(name)
+        if problem is not None:
+            text = f"{name[:80]!r} cannot be a trajectory's name: {problem}"
+            raise StoreError("out_of_limits", text)
+        return self._directory() / f"{name}{ENDING}"
+
+    def _content(self, source: Mapping[str, Any]) -> Content:
+        """Return a trajectory that was judged; a file again only when it has changed."""
+        if "kept" in source:
+            kept = self._kept.get(source["kept"])
+            if kept is None:
+                text = "this upload or recording is no longer kept: send or record it again"
+                raise StoreError("unknown_trajectory", text)
+            return kept
+        path = self._path(source["name"])
+        try:
+            with open_file(path) as file:
+                status = os.fstat(file.fileno())
+                key = (str(path), status.st_ino, status.st_mtime_ns, status.st_size)
+                if key not in self._cached:
+                    self._keep_in_cache(key, content_of(path, file.read(MAX_BYTES + 1)))
+        except OSError as error:
+            raise unopened(source["name"], path, error) from None
+        return self._cached[key]
+
+    def _keep_in_cache(self, key: tuple[str, int, int, int], content: Content) -> None:
+        while len(self._cached) >= _MAX_CACHED:
+            del self._cached[next(iter(self._cached))]
+        self._cached[key] = content
+
+    def _as_csv(self, content: Content) -> bytes:
+        if self._csv is None or self._csv[0] != content.sha256:
+            self._csv = (content.sha256, content.as_csv())
+        return self._csv[1]
+
+
+def _refusing(
+    do: Callable[[Mapping[str, Any]], dict[str, Any]],
+) -> Callable[[Mapping[str, Any]], object]:
+    """Make an expected refusal an answer."""
+
+    def answer(parameters: Mapping[str, Any]) -> object:
+        try:
+            return do(parameters)
+        except StoreError as error:
+            return {"refused": {"reason": error.reason, "message": str(error)}}
+
+    return answer

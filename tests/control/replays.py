@@ -1,0 +1,62 @@
+"""Replays on the simulated gripper, for the scenes about them."""
+
+from typing import Any
+
+from litegripd.control.actions.replay import Replay
+from tests.trajectories import Point, sampled, swing, uploaded
+from tests.world import Client, World
+
+SLOW = sampled(swing(period_s=8.0), 4.0)
+TOLERANCE = 0.01
+"""Of the travel: what the jaws may be off their path."""
+
+
+def ready(mount: str = "normal", **world: Any) -> tuple[World, Client]:
+    made = World(mount, **world)
+    return made, made.enabled()
+
+
+def playing(world: World) -> Replay:
+    action = world.engine.action
+    assert isinstance(action, Replay)
+    return action
+
+
+def started(world: World, client: Client, points: list[Point], **params: Any) -> int:
+    """Begin a replay and let it come onto its path; return the request's number."""
+    number = client.send("trajectory.play", upload=uploaded(client, points), **params)
+    world.run_until(lambda: playing(world).phase == "play")
+    return number
+
+
+def openness(world: World) -> float:
+    """The true openness, by the calibration in use."""
+    geometry = world.engine.geometry
+    assert geometry is not None
+    return geometry.opening_mm(world.gripper.position_rad) / geometry.travel_mm
+
+
+def followed(world: World, client: Client, number: int) -> list[float]:
+    """Let a replay go on to its end; return how far the jaws were off, share of the travel."""
+    errors = []
+    while not client.has_answer(number):
+        action = world.engine.action
+        on_path = isinstance(action, Replay) and action.phase == "play"
+        wanted = action.openness if isinstance(action, Replay) else None
+        world.tick()  # what was commanded takes until now
+        if on_path and wanted is not None:
+            errors.append(abs(openness(world) - wanted))
+    return errors
+
+
+def result_of(client: Client, number: int) -> dict[str, Any]:
+    answer = client.answers[number]
+    assert "result" in answer, answer
+    result: dict[str, Any] = answer["result"]
+    return result
+
+
+def reason_of(client: Client, number: int) -> str:
+    client.world.run_until(lambda: client.has_answer(number))
+    reason: str = client.answers[number]["error"]["data"]["reason"]
+    return reason

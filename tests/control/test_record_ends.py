@@ -1,0 +1,223 @@
+"""How recordings end and what keeps them from beginning."""
+
+import json
+from itertools import pairwise
+
+import pytest
+
+from litegripd.app import handover
+from litegripd.control.handover import adopt_jobs, export_jobs
+from tests.control.recordings import recording, taken
+from tests.control.states import in_state
+from tests.trajectories import fetched
+from tests.world import PERIOD_S, World
+
+
+@pytest.mark.parametrize("end", ["cancel", "stop", "leave", "fault", "relax"])
+def test_broken_off_by_hand_it_is_no_good_recording(end: str) -> None:
+    world, client = recording()
+    world.run(0.5)
+    watcher = world.client()
+    job = world.engine.jobs.running
+    assert job is not None
+    if end == "cancel":
+        client.result("job.cancel", job=job.number)
+    elif end in ("stop", "relax"):
+        watcher.result("stop", level="hold" if end == "stop" else "relax")
+    elif end == "leave":
+        client.leave()
+    else:
+        world.gripper.set_supply(40.0)
+        world.run(0.05)
+    world.run(0.3)
+    assert not job.is_running
+    assert world.state.mode == {"fault": "fault", "relax": "relaxed"}.get(end, "holding")
+    if end in ("stop", "relax"):
+        watcher.result("stop.clear")
+    status = watcher.result("trajectory.status")
+    assert status["active"] is False
+    assert status["error"]
+    assert watcher.refusal("trajectory.record_stop") == "recording_failed"
+    assert watcher.result("trajectory.record_stop", allow_partial=True)["samples"] > 40
+
+
+def test_stopping_in_the_tick_of_its_end_does_not_make_it_good() -> None:
+    """The job has ended, but no tick has passed in which the recording could notice."""
+    world, client = recording()
+    world.run(0.5)
+    job = world.engine.jobs.running
+    assert job is not None
+    client.send("job.cancel", job=job.number)
+    number = client.send("trajectory.record_stop")
+    world.tick()
+    assert client.has_answer(number)
+    assert client.answers[number]["error"]["data"]["reason"] == "recording_failed"
+
+
+def test_a_detached_one_goes_on_without_its_client() -> None:
+    world, client = recording(detach=True)
+    world.run(0.2)
+    client.leave()
+    world.run(0.2)
+    other = world.client()
+    assert other.result("trajectory.status")["active"]
+    assert other.result("trajectory.record_stop")["samples"] > 35
+
+
+def test_a_recording_beside_others_ends_with_its_client() -> None:
+    world, client = recording(zero_gravity=False)
+    world.run(0.2)
+    client.leave()
+    world.run(0.1)
+    status = world.client().result("trajectory.status")
+    assert status["active"] is False
+    assert "went away" in status["error"]
+
+
+def test_another_calibration_breaks_it_off() -> None:
+    world, client = recording(zero_gravity=False)
+    world.run(0.2)
+    content = {"zero_position_rad": 0.1, "max_position_rad": -1.4, "rad_to_mm": 74.0}
+    client.result("calibration.load", content=content)
+    world.run(0.1)
+    assert "calibration" in client.result("trajectory.status")["error"]
+    assert client.refusal("trajectory.record_stop") == "recording_failed"
+
+
+@pytest.mark.parametrize(
+    ("state", "reason"),
+    [("disabled", "not_enabled"), ("fault", "motor_fault"), ("opening", "busy")],
+)
+def test_it_needs_power_and_slack_jaws_a_free_gripper(state: str, reason: str) -> None:
+    _, client = in_state(state)
+    assert client.refusal("trajectory.record_start") == reason
+    if reason == "busy":
+        client.result("trajectory.record_start", zero_gravity=False)
+    else:
+        assert client.refusal("trajectory.record_start", zero_gravity=False) == reason
+
+
+def test_it_needs_a_calibration() -> None:
+    world = World(calibrated=False)
+    client = world.enabled()
+    for slack in (True, False):
+        assert client.refusal("trajectory.record_start", zero_gravity=slack) == "not_calibrated"
+    assert world.engine.jobs.running is None
+
+
+def test_it_needs_the_lease_only_where_the_jaws_go_slack() -> None:
+    world = World()
+    world.enabled().result("lease.acquire")
+    other = world.client()
+    assert other.refusal("trajectory.record_start") == "lease_held"
+    other.result("trajectory.record_start", zero_gravity=False)
+    other.result("trajectory.record_stop", allow_empty=True)
+
+
+def test_more_samples_than_measurements_are_refused() -> None:
+    client = World().enabled()
+    answer = client.call("trajectory.record_start", rate_hz=250)
+    assert answer["error"]["data"]["reason"] == "out_of_limits"
+    assert answer["error"]["data"]["limit"] == 200
+
+
+@pytest.mark.parametrize("slack", [True, False])
+def test_recording_excludes_recording_and_replay(slack: bool) -> None:
+    world, client = recording(zero_gravity=slack)
+    for other in (client, world.client()):
+        for zero_gravity in (True, False):
+            reason = other.refusal("trajectory.record_start", zero_gravity=zero_gravity)
+            assert reason == "trajectory_busy"
+        assert other.refusal("trajectory.play", name="x") == "trajectory_busy"
+
+
+def test_a_disk_that_fails_loses_no_recording() -> None:
+    world, client = recording()
+    world.run(0.5)
+    world.disk.error = "no space left on the device"
+    answer = client.call("trajectory.record_stop", name="pick")
+    assert answer["error"]["data"]["reason"] == "not_saved"
+    assert "no space left" in answer["error"]["message"]
+    assert world.state.mode == "holding"
+    world.disk.error = None
+    assert client.result("trajectory.record_stop", name="pick")["samples"] > 45
+    assert [one["name"] for one in client.result("trajectory.list")["trajectories"]] == ["pick"]
+
+
+def test_while_it_is_taken_to_the_disk_nothing_interferes() -> None:
+    world, client = recording()
+    world.run(0.5)
+    number = client.send("trajectory.record_stop")
+    assert not client.has_answer(number)
+    assert client.refusal("trajectory.record_stop") == "trajectory_busy"
+    world.run_until(lambda: client.has_answer(number))
+    assert "result" in client.answers[number]
+
+
+def test_only_the_latest_recording_is_kept() -> None:
+    world, client = recording()
+    numbers = []
+    for _ in range(2):
+        world.run(0.2)
+        numbers.append(client.result("trajectory.record_stop")["recording"])
+        client.result("trajectory.record_start")
+    assert client.refusal("trajectory.get", recording=numbers[0]) == "unknown_trajectory"
+    assert fetched(client, recording=numbers[1])
+
+
+def test_a_name_that_cannot_be_leaves_the_recording_running() -> None:
+    world, client = recording()
+    world.run(0.2)
+    assert client.refusal("trajectory.record_stop", name="../x") == "invalid_params"
+    assert client.result("trajectory.status")["active"]
+
+
+def test_late_ticks_do_not_bend_the_times() -> None:
+    """A tick that comes three periods late measures later, and says so."""
+    world, client = recording(rate_hz=200, zero_gravity=False)
+    world.run(0.2)
+    world.now_s += 3 * PERIOD_S
+    world.gripper.advance(world.now_s)
+    world.run(0.2)
+    times = [sample[0] for sample in taken(client)]
+    gaps = [later - earlier for earlier, later in pairwise(times)]
+    assert max(gaps) == pytest.approx(4 * PERIOD_S)
+    assert sum(gaps) == pytest.approx(0.4 + 3 * PERIOD_S, abs=3 * PERIOD_S)
+
+
+def test_a_motion_ends_it_no_more_than_it_ends_a_motion() -> None:
+    _, client = recording()
+    assert client.refusal("motion.open") == "busy"
+    assert client.result("trajectory.status")["active"]
+
+
+def test_what_a_restart_would_lose_refuses_it() -> None:
+    world, client = recording(zero_gravity=False)
+    world.run(0.3)
+    for _ in ("under way", "over but not kept"):
+        refusal = handover.unsettled(world.machine)
+        assert refusal is not None
+        assert refusal.reason == "trajectory_busy"
+        assert world.engine.capture is not None
+        world.engine.capture.finish()
+    client.result("trajectory.record_stop", name="pick")
+    assert handover.unsettled(world.machine) is None
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.lose_from_motor = lambda _frame: True
+    world.run(0.3)
+    world.lose_from_motor = lambda _frame: False
+    world.run_until(lambda: handover.unsettled(world.machine) is None, 2.0)
+
+
+def test_the_results_of_recordings_and_replays_are_carried_over_a_restart() -> None:
+    world, client = recording()
+    world.run(0.3)
+    client.result("trajectory.record_stop", name="pick")
+    client.result("trajectory.play", name="pick")
+    plain = json.loads(json.dumps(export_jobs(world.engine)))
+    successor = World().engine
+    adopt_jobs(successor, plain)
+    assert [(job.kind, job.result) for job in successor.jobs] == [
+        (job.kind, job.result) for job in world.engine.jobs
+    ]
+    assert [job.kind for job in successor.jobs] == ["enable", "record", "play"]

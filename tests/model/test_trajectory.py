@@ -1,0 +1,271 @@
+"""The `.lgt` format to the bit, against a reader and a writer made from its description alone."""
+
+import math
+import random
+import struct
+from contextlib import suppress
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from litegripd.model.geometry import Mount
+from litegripd.model.trajectory import (
+    HEADER,
+    MAX_SAMPLES,
+    SAMPLE,
+    Header,
+    TrajectoryError,
+    csv_line,
+    name_problem,
+    read,
+    read_header,
+    summarize,
+)
+from tests.trajectories import HEADER_BYTES, SAMPLE_BYTES, Point, lgt, points_of, sampled, swing
+
+MOUNTS: tuple[Mount | None, ...] = ("normal", "reverse", None)
+
+finite = st.floats(allow_nan=False, allow_infinity=False)
+positive = st.floats(min_value=5e-324, allow_infinity=False)
+figures = st.fixed_dictionaries(
+    {
+        "sample_hz": positive,
+        "created_s": finite,
+        "closed_rad": finite,
+        "open_rad": finite,
+        "rad_to_mm": positive,
+        "can_id": st.integers(0, 2**32 - 1),
+        "mount": st.sampled_from(MOUNTS),
+    }
+).filter(lambda values: values["closed_rad"] != values["open_rad"])
+times = st.lists(finite, max_size=20).map(sorted)
+any_samples = times.flatmap(
+    lambda ts: st.tuples(
+        *(st.tuples(st.just(t), st.floats(0.0, 1.0), finite, finite, finite) for t in ts)
+    )
+)
+
+
+def independent(content: bytes) -> tuple[dict[str, Any], list[tuple[float, ...]]]:
+    """Read a file by the description of its fields, offset by offset."""
+    assert content[:8] == b"LGRTRJ01"
+    assert int.from_bytes(content[8:10], "little") == 1
+    count = int.from_bytes(content[10:14], "little")
+    names = ("sample_hz", "created_s", "closed_rad", "open_rad", "rad_to_mm")
+    figures = {
+        name: struct.unpack("<d", content[at : at + 8])[0]
+        for name, at in zip(names, range(14, 54, 8), strict=True)
+    }
+    figures["can_id"] = int.from_bytes(content[54:58], "little")
+    figures["mount"] = content[58:66].split(b"\0")[0].decode("ascii") or None
+    samples = points_of(content)
+    assert len(samples) == count
+    return figures, samples
+
+
+def bits(values: Any) -> bytes:
+    return b"".join(struct.pack("<d", value) for value in values)
+
+
+def taught(count: int = 30) -> bytes:
+    return lgt(sampled(swing(), (count - 1) / 100.0))
+
+
+@given(figures=figures, samples=any_samples)
+def test_what_is_written_reads_back_to_the_bit(
+    figures: dict[str, Any], samples: tuple[tuple[float, ...], ...]
+) -> None:
+    header = Header(len(samples), **figures)
+    content = header.pack() + b"".join(SAMPLE.pack(*sample) for sample in samples)
+    seen_figures, seen = independent(content)
+    for name in ("mount", "can_id"):
+        assert seen_figures.pop(name) == figures[name]
+    for name, value in seen_figures.items():
+        assert bits([value]) == bits([figures[name]]), name
+    assert [bits(one) for one in seen] == [bits(one) for one in samples]
+    back, _ = read(memoryview(content))
+    assert back == header
+    assert back.pack() == content[:HEADER_BYTES]
+
+
+def test_the_sizes_are_those_of_the_format() -> None:
+    assert (HEADER.size, SAMPLE.size) == (HEADER_BYTES, SAMPLE_BYTES)
+
+
+@pytest.mark.parametrize(
+    ("fields", "reason"),
+    [
+        ({"magic": b"LGRTRJ02"}, "no .lgt file"),
+        ({"magic": b"\0" * 8}, "no .lgt file"),
+        ({"version": 0}, "version 0"),
+        ({"version": 2}, "version 2"),
+        ({"sample_hz": 0.0}, "sample_hz"),
+        ({"sample_hz": -100.0}, "sample_hz"),
+        ({"sample_hz": math.nan}, "sample_hz"),
+        ({"sample_hz": math.inf}, "sample_hz"),
+        ({"created_s": math.nan}, "created_s"),
+        ({"closed_rad": math.inf}, "closed_rad"),
+        ({"open_rad": math.nan}, "open_rad"),
+        ({"rad_to_mm": 0.0}, "rad_to_mm"),
+        ({"rad_to_mm": -74.8}, "rad_to_mm"),
+        ({"rad_to_mm": -math.inf}, "rad_to_mm"),
+        ({"open_rad": 0.114}, "zero travel"),
+        ({"mount": b"sideways"}, "unknown mount"),
+        ({"mount": b"Normal\0\0"}, "unknown mount"),
+        ({"mount": b"normal  "}, "unknown mount"),
+        ({"mount": b"normal\0x"}, "unknown mount"),
+        ({"mount": b"\xff" * 8}, "unknown mount"),
+        ({"count": 2}, "3 samples"),
+        ({"count": 4}, "4 samples"),
+        ({"count": MAX_SAMPLES + 1}, "at most"),
+        ({"count": 2**32 - 1}, "at most"),
+    ],
+)
+def test_a_wrong_header_is_rejected_with_its_reason(fields: dict[str, Any], reason: str) -> None:
+    content = lgt([(0.0, 0.1), (0.1, 0.2), (0.2, 0.3)], **fields)
+    expected = "2 samples make" if fields == {"count": 2} else reason
+    with pytest.raises(TrajectoryError, match=expected):
+        read(memoryview(content))
+
+
+@pytest.mark.parametrize(
+    ("points", "reason"),
+    [
+        ([(0.0, 0.5), (0.1, 1.0000001)], "sample 1: openness"),
+        ([(0.0, -1e-9)], "sample 0: openness"),
+        ([(0.0, 0.5), (math.nan, 0.5)], "sample 1 has a value that is not finite"),
+        ([(0.0, math.nan)], "sample 0 has a value that is not finite"),
+        ([(-math.inf, 0.5)], "sample 0 has a value that is not finite"),
+        ([(0.0, 0.5), (0.2, 0.5), (0.1, 0.5)], "sample 2: time runs backwards"),
+    ],
+)
+def test_a_wrong_sample_is_rejected_with_its_number(points: list[Point], reason: str) -> None:
+    with pytest.raises(TrajectoryError, match=reason):
+        read(memoryview(lgt(points)))
+
+
+@pytest.mark.parametrize("field", [2, 3, 4])
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_no_field_of_a_sample_may_be_other_than_finite(field: int, value: float) -> None:
+    values = [0.0, 0.5, 0.0, 0.0, 0.0]
+    values[field] = value
+    content = lgt([(0.0, 0.5)])[:HEADER_BYTES] + struct.pack("<5d", *values)
+    with pytest.raises(TrajectoryError, match="not finite"):
+        read(memoryview(content))
+
+
+def test_large_finite_values_are_no_reason() -> None:
+    values = struct.pack("<5d", 0.0, 0.5, 1.7e308, 1.7e308, 1.7e308)
+    read(memoryview(lgt([(0.0, 0.5)])[:HEADER_BYTES] + values))
+
+
+@pytest.mark.parametrize("mount", [b"normal\0\0", b"reverse\0", b"\0" * 8])
+def test_each_mount_and_none_are_read(mount: bytes) -> None:
+    header = read_header(memoryview(lgt([(0.0, 0.5)], mount=mount)))
+    assert header.mount == (mount.rstrip(b"\0").decode() or None)
+
+
+def test_time_may_stand_still_and_begin_anywhere() -> None:
+    _, summary = read(memoryview(lgt([(-1e9, 0.5), (-1e9, 0.5), (-1e9 + 1.0, 0.75)])))
+    assert summary.duration_s == 1.0
+    assert summary.max_rate_s == pytest.approx(0.25)
+
+
+def test_a_jump_has_an_infinite_rate() -> None:
+    _, summary = read(memoryview(lgt([(0.0, 0.5), (0.0, 0.6), (1.0, 0.6)])))
+    assert summary.max_rate_s == math.inf
+
+
+def test_the_fastest_part_is_found_in_either_direction() -> None:
+    _, summary = read(memoryview(lgt([(0.0, 0.5), (1.0, 0.6), (1.1, 0.2), (5.0, 1.0)])))
+    assert summary.max_rate_s == pytest.approx(4.0)
+
+
+def test_without_samples_it_is_whole_but_nothing() -> None:
+    header, summary = read(memoryview(lgt([])))
+    assert (header.samples, summary.duration_s, summary.max_rate_s) == (0, 0.0, 0.0)
+
+
+def test_cut_off_at_any_byte_it_is_rejected() -> None:
+    content = taught()
+    for length in range(len(content)):
+        with pytest.raises(TrajectoryError):
+            read(memoryview(content[:length]))
+
+
+@pytest.mark.parametrize("added", [1, 39, 40, 41])
+def test_with_something_added_it_is_rejected(added: int) -> None:
+    with pytest.raises(TrajectoryError, match="something was added"):
+        read(memoryview(taught() + b"\0" * added))
+
+
+def test_thousands_of_mutations_are_read_whole_or_rejected() -> None:
+    """Never a crash, and what passes has every property that a reader relies on."""
+    chance, whole = random.Random(5), taught()
+    read_again = 0
+    for _ in range(5000):
+        content = bytearray(whole)
+        for _ in range(chance.randint(1, 4)):
+            at = chance.randrange(len(content))
+            how = chance.randrange(3)
+            if how == 0:
+                content[at] ^= 1 << chance.randrange(8)
+            elif how == 1:
+                content[at] = chance.randrange(256)
+            else:
+                width = chance.choice((1, 8, 40))
+                del content[at : at + width]
+        try:
+            header, _ = read(memoryview(content))
+        except TrajectoryError:
+            continue
+        read_again += 1
+        samples = points_of(bytes(content))
+        assert header.samples == len(samples)
+        assert all(math.isfinite(value) for sample in samples for value in sample)
+        assert all(0.0 <= sample[1] <= 1.0 for sample in samples)
+        assert [sample[0] for sample in samples] == sorted(sample[0] for sample in samples)
+    assert 500 < read_again < 4500
+
+
+@given(st.binary(max_size=200), st.booleans())
+def test_any_bytes_are_read_or_rejected(content: bytes, begins_well: bool) -> None:
+    candidate = lgt([])[:14] + content if begins_well else content
+    with suppress(TrajectoryError):
+        header, _ = read(memoryview(candidate))
+        assert header.samples == 0
+
+
+@given(any_samples)
+def test_csv_reads_back_to_the_bit(samples: tuple[tuple[float, ...], ...]) -> None:
+    for sample in samples:
+        line = csv_line(sample)
+        assert bits(map(float, line.rstrip("\n").split(","))) == bits(sample)
+
+
+@pytest.mark.parametrize("samples", [-1, MAX_SAMPLES + 1])
+def test_no_header_is_made_that_could_not_be_read(samples: int) -> None:
+    with pytest.raises(TrajectoryError):
+        Header(samples, 100.0, 0.0, 0.1, -1.5, 74.8, 8, None)
+    with pytest.raises(TrajectoryError):
+        Header(1, 100.0, 0.0, 0.1, -1.5, 74.8, 2**32, None)
+
+
+def test_samples_are_judged_in_a_view_without_a_copy() -> None:
+    content = memoryview(taught())
+    assert summarize(content[HEADER_BYTES:]) == read(content)[1]
+
+
+@pytest.mark.parametrize(
+    "name", ["", "x" * 65, "a/b", "..", "../x", "/x", "a\\b", ".x", " x", "x ", "a\nb", "a\0b",
+             "\ud800", "\u202e", "😀" * 60]
+)  # fmt: skip
+def test_names_that_leave_the_directory_or_hide_are_refused(name: str) -> None:
+    assert name_problem(name) is not None
+
+
+@pytest.mark.parametrize("name", ["pick", "x" * 64, "pick and place", "Größe 3", "a..b", "x.lgt"])
+def test_ordinary_names_are_fine(name: str) -> None:
+    assert name_problem(name) is None
