@@ -24,7 +24,6 @@ from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identification import STILL_READ
 from litegripd.motor.listening import Listener
 from litegripd.motor.phases import ARMING_PHASES, PUBLIC, Event, Phase
-from litegripd.motor.plausibility import BRAKE_KD_NM_S_RAD
 from litegripd.motor.silence import DISABLE_GIVES_UP_S, REPEATED_COMMANDS
 from litegripd.motor.unfaulting import Unfaulting
 from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
@@ -151,7 +150,8 @@ class Motor(Listener):
     def _command(self, command: MitCommand, is_motion: bool) -> list[CanFrame]:
         """Give the command; while the position is in doubt only brake, which needs none."""
         if self._plausibility.in_a_row:
-            command = MitCommand(command.position_rad, 0.0, 0.0, BRAKE_KD_NM_S_RAD, 0.0)
+            damping = self._plausibility.brake_kd_nm_s_rad
+            command = MitCommand(command.position_rad, 0.0, 0.0, damping, 0.0)
             self._traffic.forget_command()
         return self._traffic.command(command, is_motion, self._identification.ranges)
 
