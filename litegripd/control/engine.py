@@ -153,7 +153,9 @@ class Engine(Arbiter):
         return step.command, step.request
 
     def _rest_command(self, now_s: float, feedback: Feedback) -> MitCommand:
-        rest = self.rest
+        rest, geometry = self.rest, self.geometry
+        if isinstance(rest, Hold) and geometry is not None:
+            self.rest = rest = rest.eased(feedback.position_rad, geometry)
         command = rest.command(now_s, feedback)
         if isinstance(rest, Grip) and rest.is_lost:
             self.events.append(announce.object_lost(None))
