@@ -25,7 +25,7 @@ def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
 
 def log_event(event: Event) -> None:
     """Tell of one event."""
-    is_bad = event.kind in _WARNINGS or "error" in event.data
+    is_bad = event.kind in _WARNINGS or bool(event.data.get("error"))
     level = logging.WARNING if is_bad else logging.INFO
     _log.log(level, "%s", event.message)
 
