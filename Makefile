@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 SEED ?= $(shell date -u +%Y%m%d)
 
-.PHONY: help run demo test check nightly format bench clean
+.PHONY: help run demo test check nightly format bench chaos clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper, in the foreground"
@@ -16,6 +16,7 @@ help:
 	@echo "make nightly a million hostile lines, other ones every day (about 4 minutes)"
 	@echo "make format  put all sources into the project's format"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
+	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
 	@echo "make clean   remove the virtual environment and all caches"
 
 $(STAMP): pyproject.toml
@@ -50,6 +51,9 @@ format: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m bench
+
+chaos: $(STAMP)
+	$(BIN)/python -m tests.faults.chaos_main --hours 24
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

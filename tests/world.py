@@ -18,11 +18,13 @@ from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
 from litegripd.control.recorder import memory_bytes, tick_slots
 from litegripd.control.recording import Recording, read
+from litegripd.io.atomic_file import FileSystem
 from litegripd.io.calibration_files import load_operation, templates_operation
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -30,6 +32,7 @@ from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
+from litegripd.rpc.restarting import OnRestart, OnRestarted, no_restart
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.session import Peer, Session
 from litegripd.sim.gripper import SimulatedGripper
@@ -118,6 +121,16 @@ class Client:
         self.world.service.closed(self.session, self.world.now_s)
 
 
+class Unsynced(FileSystem):
+    """Files that need not outlive a power cut, and so wait for no disk."""
+
+    def sync(self, descriptor: int) -> None:
+        pass
+
+    def sync_directory(self, directory: Path) -> None:
+        pass
+
+
 class Disk:
     """The helper process's files, in memory: what was saved last, by operation."""
 
@@ -126,10 +139,10 @@ class Disk:
         self.error: str | None = None
         self.silent = False
         self.found: dict[str, Any] | None = None
-        self._folder: Path | None = None
-        self._store = TrajectoryStore(self.trajectories, clock=lambda: 1e9)
         self.memory = bytearray(memory_bytes(tick_slots(PERIOD_S)))
         self.dumps: list[Recording] = []
+        self._folder: Path | None = None
+        self._store = TrajectoryStore(self.trajectories, Unsynced(), clock=lambda: 1e9)
 
     def trajectories(self) -> Path:
         """Return where trajectories are kept: they alone are real files, gone with this world."""
@@ -149,9 +162,7 @@ class Disk:
             return ErrandResult(templates_operation(parameters))
         packed = json.dumps(parameters)  # as it goes to the helper
         if operation.startswith("trajectory."):
-            answer = self._store.operations()[operation](json.loads(packed))
-            shown = json.dumps(answer).replace(str(self.trajectories().parent), "/state")
-            return ErrandResult(json.loads(shown))
+            return ErrandResult(self.do_plainly(operation, **json.loads(packed)))
         if operation == "recorder.dump":
             return ErrandResult(self._dump())
         self.saved[operation] = parameters
@@ -167,6 +178,11 @@ class Disk:
             "seconds": recording.duration_s,
             "bytes": len(self.memory),
         }
+
+    def do_plainly(self, operation: str, **parameters: Any) -> Any:
+        """Carry out an operation on trajectories; return its answer, without the true path."""
+        answer = self._store.operations()[operation](parameters)
+        return json.loads(json.dumps(answer).replace(str(self.trajectories().parent), "/state"))
 
 
 class World:
@@ -187,21 +203,23 @@ class World:
         self.gripper = self.make_gripper(parameters)
         self.machine = Machine(Unit(), master_id, config or MotionConfig(), PERIOD_S)
         self.engine = self.machine.engine
-        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S)
+        self.restart: OnRestart = no_restart
+        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S, restart=self._restart)
         self.sent: list[Sent] = []
         self.condition = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
         self.disk = Disk()
-        memory, dumps = memoryview(self.disk.memory), self.service.dumps
-        self.flight = Flight(memory, self.machine, dumps, {"channel": "virtual"})
-        self.service.on_event = self.flight.note_event
+        self.flight = self.make_flight()
         self._finished: list[tuple[Errand, ErrandResult]] = []
         self._last_pid = 100
         if calibrated:
             geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
             self.engine.use_calibration(Calibration(geometry), None)
+
+    def _restart(self, on_restarted: OnRestarted) -> Refusal | None:
+        return self.restart(on_restarted)
 
     def client(self) -> Client:
         """Let a new client connect."""
@@ -220,6 +238,13 @@ class World:
         self._run_errands()
         while self.service.pending:
             self.service.send_one()
+
+    def make_flight(self) -> Flight:
+        """Make the flight recorder of the present machine."""
+        memory, dumps = memoryview(self.disk.memory), self.service.dumps
+        flight = Flight(memory, self.machine, dumps, {"channel": "virtual"})
+        self.service.on_event = flight.note_event
+        return flight
 
     def make_gripper(self, parameters: SimulatorParameters) -> SimulatedGripper:
         """Make the gripper that is on the bus."""

@@ -4,66 +4,43 @@ import logging
 import os
 import signal
 import time
-from pathlib import Path
+from collections.abc import Sequence
 
 from litegripd.app.config import Config
+from litegripd.app.ending import Ending
 from litegripd.app.facts import DaemonFacts, Parts
 from litegripd.app.flight import make_flight
+from litegripd.app.logs import log_event, log_motor, make_log_handler
 from litegripd.app.machine import Machine
+from litegripd.app.making import Legacy, make_bus, occupy_places
 from litegripd.app.starting import load_at_start
-from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
+from litegripd.app.succession import Succession
 from litegripd.io.child import Child
+from litegripd.io.handover_link import Link
 from litegripd.io.helper import Helper
-from litegripd.io.listener import ChannelClaim, listen_on_all, runtime_directory
-from litegripd.io.log import JournalSink, LogHandler, goes_to_journal
-from litegripd.io.pumped_bus import PumpedBus
+from litegripd.io.notify import barrier, notify
 from litegripd.io.reactor import Reactor
-from litegripd.io.realtime import acquire
+from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import Server
 from litegripd.io.signals import Signals
 from litegripd.io.stop_listener import StopListener
 from litegripd.io.urgent import Urgent
-from litegripd.model.events import Event
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.unit import Unit
-from litegripd.motor.look import warnings
 from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)
-
-_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
-
-END_WITHIN_S = 1.5
-"""So long the end waits for the motor to confirm that it is disabled."""
 
 OPEN_WITHIN_S = 0.5
 """So long the first clients wait for motor and calibration to be found; then they are told that
 these are not there."""
 
-FIND_WITHIN_S = 0.3
-"""So long the end waits for a motor that does not answer: it might be found, and be enabled."""
+DRAIN_WITHIN_S = 0.05
+"""So long a daemon that has handed over serves what its clients have sent before."""
 
-
-def socket_path(config: Config) -> Path:
-    """Return where clients find the daemon; raises `InUseError` where no place can be used."""
-    if config.rpc.socket is not None:
-        return Path(config.rpc.socket)
-    return runtime_directory() / f"{config.channel}.sock"
-
-
-def stop_socket_path(path: Path) -> Path:
-    """Return where stops are taken: `can0.stop.sock` beside `can0.sock`."""
-    return path.parent / f"{path.name.removesuffix('.sock')}.stop.sock"
-
-
-def make_bus(config: Config, period_s: float) -> FrameBus:
-    """Choose how the adapter is driven: in the control thread, or by a process of its own."""
-    if config.bus.interface in DIRECT_INTERFACES:
-        from litegripd.io.direct_bus import DirectBus  # noqa: PLC0415 - imports python-can
-
-        return DirectBus(config.bus)
-    return PumpedBus(config.bus, period_s)
+MANAGER_WITHIN_S = 1.0
+"""So long it waits for the service manager to know the successor as its main process."""
 
 
 class Daemon:
@@ -72,37 +49,49 @@ class Daemon:
     Raises `InUseError` when the channel or the socket belongs to another process.
     """
 
-    def __init__(self, config: Config) -> None:
+    def __init__(
+        self, config: Config, arguments: Sequence[str] = (), legacy: Legacy | None = None
+    ) -> None:
         period_s = 1.0 / config.control.rate_hz
         self._config = config
-        self._claim = ChannelClaim(config.bus.interface, config.bus.channel)
-        self._path = socket_path(config)
-        self._stop_path = stop_socket_path(self._path)
-        # In this order, so that whoever has reached the one can stop by the other.
-        stops, listener = listen_on_all((self._stop_path, self._path), config.rpc.group)
+        self._places = occupy_places(config) if legacy is None else legacy.places
         unit = Unit(
             config.channel, config.motor.can_id, config.gripper.stroke_mm, config.gripper.mount
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
-        self._facts = DaemonFacts(config, self._machine, self._stop_path)
+        epoch = None if legacy is None else legacy.epoch
+        self._facts = DaemonFacts(config, self._machine, self._places.stop_path, epoch)
         self._service = RpcService(
             self._machine.engine,
             self._facts,
             period_s,
             role_of=config.access.role_of,
             epoch=self._facts.epoch,
+            restart=lambda told: self._succession.begin(told, time.monotonic()),
         )
         self._reactor = Reactor(period_s, self._tick)
         self._urgent = Urgent(period_s)
-        self._stop_listener = StopListener(self._urgent, stops, self._stop)
-        self._server = Server(self._reactor, listener, self._service)
+        self._stop_listener = StopListener(self._urgent, self._places.stops, self._stop)
+        self._server = Server(self._reactor, self._places.requests, self._service)
         self._server.let_in(False)
         self._reactor.backlog = self._server
         self._flight, self._memory = make_flight(config, self._machine, self._service)
         self._helper = Helper(self._watch, self._unwatch, memory_fd=self._memory.fd)
         self._bus = make_bus(config, period_s)
-        self._log_handler = self._make_log_handler()
+        self._log_handler = make_log_handler(
+            config.channel, lambda text: self._helper.post("log", {"text": text})
+        )
+        self._succession = Succession(
+            config,
+            arguments,
+            self._facts.epoch,
+            machine=self._machine,
+            service=self._service,
+            helper=self._helper,
+            bus=self._bus,
+            places=self._places,
+        )
         self._signals = Signals(
             {
                 signal.SIGTERM: self._end,
@@ -110,23 +99,30 @@ class Daemon:
                 signal.SIGUSR1: self._stop_by_signal,
             }
         )
+        self._previous_handlers = logging.getLogger().handlers
         self._parts: Parts | None = None
-        self._ending_since_s: float | None = None
+        self._ending = Ending(self._machine)
         self._motor_was_known = False
         self._calibration_is_known = False
         self._opens_at_s: float | None = None
+        self._successor: Link | None = None
 
     def run(self) -> bool:
         """Run until told to end, and disable the motor; tell whether it is known to be off."""
+        load_at_start(self._machine.engine, self._note_calibration)
+        self._begin()
+        self._opens_at_s = time.monotonic() + OPEN_WITHIN_S
+        return self._loop()
+
+    def _begin(self) -> None:
+        """Get all that a loop needs: processes, rights, descriptors."""
         self._urgent.add(self._signals.fileno(), self._signals)
         self._reactor.add(self._urgent.fileno(), self._urgent)
-        self._reactor.add(self._claim.fileno(), self._claim)
+        self._reactor.add(self._places.claim.fileno(), self._places.claim)
         self._helper.poll(time.monotonic())
-        load_at_start(self._machine.engine, self._note_calibration)
         self._run_errands()
-        self._bus.receive(time.monotonic())  # opens the adapter, which may take many periods
-        root = logging.getLogger()
-        previous, root.handlers = root.handlers, [self._log_handler]
+        self._open_bus()
+        logging.getLogger().handlers = [self._log_handler]
         rights = acquire(self._config.control.priority, self._config.control.cpus)
         for refused in rights.refused:
             _log.warning("not granted, going on without: %s", refused)
@@ -141,22 +137,28 @@ class Daemon:
             bitrate=self._config.bus.bitrate,
         )
         self._facts.attach(self._parts)
-        self._opens_at_s = time.monotonic() + OPEN_WITHIN_S
+
+    def _open_bus(self) -> None:
+        """Open the adapter, which may take many periods."""
+        self._bus.receive(time.monotonic())
+
+    def _loop(self, first_tick_s: float | None = None) -> bool:
+        root = logging.getLogger()
         try:
-            self._reactor.run()
+            self._reactor.run(first_tick_s)
         finally:
             self._close()
-            root.handlers = previous
-        is_off = not self._machine.may_be_energised
-        phase = self._machine.motor.view().phase.value
-        if is_off:
-            _log.info("ended; the motor is off (%s)", phase)
-        else:
-            _log.error("ended; the motor did not confirm that it is off (%s): cut its power", phase)
-        return is_off
+            root.handlers = self._previous_handlers
+        if self._successor is not None:
+            _log.info("ended; the motor belongs to the successor, pid %d", self._succession.pid)
+            return True
+        return self._ending.tell()
 
     def _tick(self, now_s: float) -> None:
         """Do one period's work, stops first; whatever fails in it, the end stays possible."""
+        if self._successor is not None:  # not even a defect in `_retire` may command again
+            self._reactor.stop()
+            return
         self._urgent.serve()
         failed = True
         try:
@@ -166,7 +168,7 @@ class Daemon:
             self._service.reporter.tick(now_s)  # the state must not look fresh
             raise
         finally:
-            if self._is_over(now_s):
+            if self._ending.is_over(now_s):
                 self._reactor.stop()
             self._record(now_s, failed)
 
@@ -182,6 +184,10 @@ class Daemon:
         self._greet_motor()
         if self._opens_at_s is not None:
             self._open_when_ready(now_s, self._opens_at_s)
+        self._successor = self._succession.step(now_s, self._reactor.next_tick_s)
+        if self._successor is not None:
+            self._reactor.stop()
+            self._retire(self._successor)
 
     def _record(self, now_s: float, failed: bool) -> None:
         """Record the tick; errands and events leave even where it failed."""
@@ -195,15 +201,40 @@ class Daemon:
         )
         self._run_errands()
         for event in self._service.take_events():
-            _log_event(event)
+            log_event(event)
 
     def _open_when_ready(self, now_s: float, latest_s: float) -> None:
         """Let clients in once motor and calibration are found, or have not been for a while."""
         if now_s >= latest_s or (self._calibration_is_known and not self._machine.is_out_of_reach):
             self._opens_at_s = None
-            self._server.let_in(True)
-            channel = self._config.channel
-            _log.info("channel %s: listening on %s and %s", channel, self._path, self._stop_path)
+            self._open()
+            notify("READY=1")
+
+    def _open(self) -> None:
+        self._server.let_in(True)
+        channel, places = self._config.channel, self._places
+        _log.info("channel %s: listening on %s and %s", channel, places.path, places.stop_path)
+
+    def _retire(self, successor: Link) -> None:
+        """End after a successor has taken over: the bus is its own, and so is whoever comes now.
+
+        Who had connected before gets its answers; a stop or SIGTERM is passed on.
+        """
+        give_up_priority()
+        self._succession.tell_outcome()
+        engine, stops = self._machine.engine, self._machine.engine.stop_latch
+        was_told = stops.generation
+        engine.shut_down()  # this engine has no motor any more: it only refuses
+        self._server.let_in(False)
+        self._stop_listener.let_in_no_more()
+        self._urgent.serve()
+        self._server.drain(time.monotonic() + DRAIN_WITHIN_S)
+        if stops.generation != was_told and stops.latched is not None:
+            self._succession.tell_stop(successor, stops.latched, stops.generation)
+        if self._ending.has_begun:
+            self._succession.tell_end(successor)
+        if notify(f"MAINPID={self._succession.pid}"):
+            barrier(MANAGER_WITHIN_S)
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop, in force with the next command; return the level that is latched, and the count."""
@@ -217,33 +248,24 @@ class Daemon:
         self._stop("hold", Owner(0, os.getpid(), os.getuid(), "signal SIGUSR1"), None)
 
     def _end(self) -> None:
-        """Begin the end: the motor is disabled in the next tick."""
-        if self._ending_since_s is None:
-            _log.info("ending: the motor is being disabled")
-            self._ending_since_s = time.monotonic()
-            self._machine.engine.shut_down()
-
-    def _is_over(self, now_s: float) -> bool:
-        """Whether the end has begun and nothing is to be waited for any more."""
-        if self._ending_since_s is None:
-            return False
-        waited_s = now_s - self._ending_since_s
-        if self._machine.is_out_of_reach and waited_s >= FIND_WITHIN_S:
-            return True
-        return self._machine.is_disabled or waited_s >= END_WITHIN_S
+        self._ending.begin(time.monotonic())
 
     def _close(self) -> None:
+        self._succession.close()
         self._server.flush()
         self._server.close()
         self._stop_listener.close()
-        for path in (self._path, self._stop_path):
-            path.unlink(missing_ok=True)
         self._service.dumps.finish(time.monotonic())
         self._run_errands()
+        if self._successor is None:
+            self._places.remove()
+            self._bus.close()
+        else:
+            self._successor.close()
+            self._bus.leave()
         self._helper.close()
-        self._bus.close()
         self._signals.close()
-        self._claim.close()
+        self._places.claim.close()
         self._urgent.close()
         self._reactor.close()
         self._memory.close()
@@ -251,18 +273,9 @@ class Daemon:
     def _greet_motor(self) -> None:
         """Say once what the motor told about itself."""
         identity = self._machine.motor.view().identity
-        known = identity is not None
         if identity is not None and not self._motor_was_known:
-            serial = identity.registers.get("SN")
-            _log.info(
-                "motor 0x%02X answers on 0x%02X, serial %s",
-                identity.can_id,
-                identity.master_id,
-                serial,
-            )
-            for warning in warnings(identity):
-                _log.warning("%s", warning)
-        self._motor_was_known = known
+            log_motor(identity)
+        self._motor_was_known = identity is not None
 
     def _run_errands(self) -> None:
         """Hand the slow work that the pure rooms want done to the helper process."""
@@ -279,17 +292,3 @@ class Daemon:
 
     def _unwatch(self, child: Child) -> None:
         self._reactor.remove(child.socket.fileno())
-
-    def _make_log_handler(self) -> LogHandler:
-        if goes_to_journal():
-            return LogHandler(JournalSink(self._config.channel))
-        handler = LogHandler(lambda _record, text: self._helper.post("log", {"text": text + "\n"}))
-        form = "%(asctime)s %(levelname)-7s %(message)s"
-        handler.setFormatter(logging.Formatter(form, "%H:%M:%S"))
-        return handler
-
-
-def _log_event(event: Event) -> None:
-    is_bad = event.kind in _WARNINGS or "error" in event.data
-    level = logging.WARNING if is_bad else logging.INFO
-    _log.log(level, "%s", event.message)

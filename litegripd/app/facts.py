@@ -48,11 +48,17 @@ def page_bytes(field: int) -> int:
 class DaemonFacts:
     """Implements `Facts` from the daemon's parts."""
 
-    def __init__(self, config: Config, machine: Machine, stop_socket: Path | None = None) -> None:
+    def __init__(
+        self,
+        config: Config,
+        machine: Machine,
+        stop_socket: Path | None = None,
+        epoch: str | None = None,
+    ) -> None:
         self._config = config
         self._stop_socket = None if stop_socket is None else str(stop_socket.absolute())
         self._machine = machine
-        self._epoch = secrets.token_hex(8)
+        self._epoch = epoch or secrets.token_hex(8)
         self._version = daemon_version()
         self._began_s = time.monotonic()
         self._parts: Parts | None = None
@@ -60,7 +66,7 @@ class DaemonFacts:
 
     @property
     def epoch(self) -> str:
-        """Tells this start of the daemon from every other."""
+        """Tells this start of the daemon from every other; a successor has that of the first."""
         return self._epoch
 
     def attach(self, parts: "Parts") -> None:

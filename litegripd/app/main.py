@@ -6,32 +6,35 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from litegripd.app.config import ConfigError, find, load, override
+from litegripd.app.config import Config, ConfigError, find, load, override
 from litegripd.app.daemon import Daemon
 from litegripd.app.facts import daemon_version
+from litegripd.app.succession import SUCCESSOR_OPTION
+from litegripd.app.successor import succeed
 from litegripd.io.listener import InUseError
 
 EXIT_NOT_OFF = 1
 EXIT_USAGE = 2
 EXIT_IN_USE = 3
+EXIT_NOT_TAKEN = 4
+"""Only of a successor that has not taken over; the daemon before tells why."""
+
 _CHANNEL_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-")
 _MAX_CHANNEL = 64
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the daemon; return its exit code."""
-    arguments = _parser().parse_args(argv)
+    given = sys.argv[1:] if argv is None else list(argv)
+    arguments = _parser().parse_args(given)
     logging.basicConfig(level=logging.INFO, format="litegripd: %(message)s")
     logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs, and we tell it
+    if arguments.successor:
+        given.remove(SUCCESSOR_OPTION)
+        is_off = succeed(lambda: _config(arguments), given)
+        return EXIT_NOT_TAKEN if is_off is None else 0 if is_off else EXIT_NOT_OFF
     try:
-        path = arguments.config or find(arguments.channel)
-        config = override(
-            load(arguments.channel, path),
-            socket=arguments.socket,
-            interface=arguments.interface,
-            simulate=arguments.simulate,
-        )
-        daemon = Daemon(config)
+        daemon = Daemon(_config(arguments), given)
     except ConfigError as error:
         print(f"litegripd: {error}", file=sys.stderr)
         return EXIT_USAGE
@@ -41,11 +44,23 @@ def main(argv: Sequence[str] | None = None) -> int:
     return 0 if daemon.run() else EXIT_NOT_OFF
 
 
+def _config(arguments: argparse.Namespace) -> Config:
+    """Read the configuration; raises `ConfigError`."""
+    path = arguments.config or find(arguments.channel)
+    return override(
+        load(arguments.channel, path),
+        socket=arguments.socket,
+        interface=arguments.interface,
+        simulate=arguments.simulate,
+    )
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="litegripd",
         description="Own one CAN channel with a LiteGrip gripper and let many processes use it.",
-        epilog="Exit codes: 0 ended by SIGTERM or SIGINT with the motor off, 1 ended, but the motor"
+        epilog="Exit codes: 0 ended by SIGTERM or SIGINT with the motor off, or followed by a"
+        " successor that holds what was held, 1 ended, but the motor"
         " did not confirm that it is off, 2 usage or configuration, 3 the channel or the socket"
         " cannot be had, mostly since it belongs to another process.",
     )
@@ -54,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--socket", metavar="PATH", help="where clients connect")
     parser.add_argument("--interface", metavar="NAME", help="python-can interface (socketcan)")
     parser.add_argument("--simulate", action="store_true", help="a simulated gripper, no hardware")
+    parser.add_argument(SUCCESSOR_OPTION, action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--version", action="version", version=f"litegripd {daemon_version()}")
     return parser
 

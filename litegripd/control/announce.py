@@ -156,6 +156,6 @@ def bus_changed(before: BusCondition, now: BusCondition) -> Event:
     remedy = BUS_REMEDIES.get(now.state)
     if now.error is not None:
         text += f": {now.error}"
-    if remedy is not None and remedy not in text:
+    if remedy is not None and now.state != "motor_silent":  # its error says what to do
         text += f" ({remedy})"
     return Event("bus", text, {"state": now.state, "error": now.error, "hint": remedy})

@@ -30,7 +30,8 @@ class Capture:
 
     `job` is the one that makes the jaws slack meanwhile, None where others drive; `client` is whose
     capture it is. `missed` counts the samples that were due, but not measured in time; `error` says
-    why it was broken off, if so. Memory is taken by pieces of 32 kB.
+    why it was broken off, if so. Memory is taken by pieces of 32 kB, and given back when it
+    `is_taken` to the helper process.
     """
 
     geometry: Geometry
@@ -44,6 +45,7 @@ class Capture:
     missed: int = 0
     error: str | None = None
     is_over: bool = False
+    is_taken: bool = False
     pieces: list[bytearray] = field(default_factory=list)
     _first_s: float | None = None
     _sampled_s: float = 0.0
@@ -59,6 +61,11 @@ class Capture:
         """How many samples a second there have been in truth; None before the second one."""
         return None if self.duration_s <= 0.0 else (self.samples - 1) / self.duration_s
 
+    @property
+    def would_be_lost(self) -> bool:
+        """Whether there is a good recording, finished or not, that is not kept anywhere else."""
+        return self.error is None and not self.is_taken
+
     def finish(self) -> None:
         """End it as it should."""
         self.is_over = True
@@ -67,6 +74,11 @@ class Capture:
         """Break it off, unless it has ended already."""
         if not self.is_over:
             self.is_over, self.error = True, why
+
+    def let_go(self) -> None:
+        """Forget the samples: they are kept elsewhere now."""
+        self.is_taken = True
+        self.pieces.clear()
 
     def step(self, now_s: float, motor: MotorView, geometry: Geometry | None) -> None:
         """Take this tick's measurement, where one is due."""

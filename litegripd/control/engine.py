@@ -90,6 +90,14 @@ class Engine(Arbiter):
             self.events.append(announce.bus_changed(self.bus, bus))
         self.bus = bus
 
+    def unsettled(self) -> Refusal | None:
+        """Say why no successor can take over now; so does a recording that would be lost."""
+        refusal, capture = super().unsettled(), self.capture
+        if refusal is None and capture is not None and capture.would_be_lost:
+            text = "a recording is not kept yet: end it (trajectory.record_stop)"
+            return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+        return refusal
+
     # The tick
 
     def step(self, now_s: float, motor: MotorView) -> MotorOrder:
@@ -134,6 +142,7 @@ class Engine(Arbiter):
         if action.needs_power and motor.phase is not MotorPhase.ENABLED:
             self.end(motor_refusal(motor) or NOT_ENABLED)
             return None, None
+        self.has_stepped = True
         step = action.step(now_s, motor)
         if step.errand is not None:
             self.errands.append(step.errand)
@@ -144,7 +153,9 @@ class Engine(Arbiter):
         return step.command, step.request
 
     def _rest_command(self, now_s: float, feedback: Feedback) -> MitCommand:
-        rest = self.rest
+        rest, geometry = self.rest, self.geometry
+        if isinstance(rest, Hold) and geometry is not None:
+            self.rest = rest = rest.eased(feedback.position_rad, geometry)
         command = rest.command(now_s, feedback)
         if isinstance(rest, Grip) and rest.is_lost:
             self.events.append(announce.object_lost(None))

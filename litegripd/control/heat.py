@@ -90,7 +90,7 @@ class Course:
         return min(max(turns_s, 0.0), within_s)
 
 
-class _Readings:
+class Readings:
     """Tells which readings of the coil to believe: those near the last, or those that persist."""
 
     def __init__(self) -> None:
@@ -125,7 +125,7 @@ class HeatModel:
     def __init__(self) -> None:
         self.coil_c: float | None = None
         self.windows = 0
-        self._readings = _Readings()
+        self._readings = Readings()
         self._last_s: float | None = None
         self._square_nm2_s = self._elapsed_s = 0.0
         self._recent_w: deque[float] = deque(maxlen=_RECENT_WINDOWS)

@@ -40,7 +40,7 @@ class Trajectories:
 
     @property
     def capture(self) -> Capture | None:
-        """The recording that runs, or that has ended and was not fetched yet."""
+        """The latest recording, be it under way, over, or taken to the helper process."""
         return self._engine.capture
 
     def refusal(self) -> Refusal | None:
@@ -93,7 +93,7 @@ class Trajectories:
         engine, capture = self._engine, self.capture
         if self._keeping is not None:
             return self.refusal()
-        if capture is None:
+        if capture is None or capture.is_taken:
             text = "no recording is under way: begin one (trajectory.record_start)"
             return Refusal("recording_failed", text)
         self._note_job(capture)
@@ -107,8 +107,8 @@ class Trajectories:
 
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
             self._keeping = None
-            if not isinstance(answer, Refusal) and engine.capture is capture:
-                engine.capture = None
+            if not isinstance(answer, Refusal):
+                capture.let_go()
             on_kept(answer)
 
         self._keeping = Keeping(engine, capture, self._recordings, name, kept)
@@ -166,14 +166,16 @@ class Trajectories:
         self.replay = action
         return self.replay_job
 
-    def playing(self, job: int | None) -> Replay | Refusal:
-        """Return the replay that runs, if it is this job's."""
+    def playing(self, job: int | None, owner: Owner) -> Replay | Refusal:
+        """Return the replay that runs, if it is this job's, and this owner's or a detached one."""
         running, action = self._engine.jobs.running, self._engine.action
         if running is None or not isinstance(action, Replay):
             return Refusal("unknown_job", "no replay is running")
         if job is not None and running.number != job:
             text = f"job {job} is not the replay that runs: that is job {running.number}"
             return Refusal("unknown_job", text, {"requested": job})
+        if not running.detached and running.owner.client != owner.client:
+            return busy_with(running)
         return action
 
     def _ready(self) -> Geometry | Refusal:

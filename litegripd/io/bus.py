@@ -15,6 +15,9 @@ from litegripd.model.frame import CanFrame
 DIRECT_INTERFACES = ("socketcan", "virtual", "litegrip_sim")
 """python-can interfaces whose send and recv(0) never block."""
 
+IN_PROCESS_INTERFACES = ("virtual", "litegrip_sim")
+"""Those whose bus, and what is on it, ends with the process."""
+
 MAX_FRAMES_PER_TICK = 64
 """About half of what a fully loaded 1 Mbit/s bus carries in 10 ms; the rest waits its turn."""
 
@@ -65,3 +68,15 @@ class FrameBus(Protocol):
 
     def close(self) -> None:
         """Let go of the adapter."""
+
+    def stand_by(self, now_s: float) -> None:
+        """Open what a successor opens for itself, and drop what comes until it takes over."""
+
+    def hand_over(self) -> tuple[tuple[int, ...], int]:
+        """Return what a successor goes on with: descriptors, and the pump's pid (0: none)."""
+
+    def take_over(self, descriptors: Sequence[int], pid: int) -> None:
+        """Go on with what the predecessor has handed over."""
+
+    def leave(self) -> None:
+        """Close our end of what a successor has taken over."""

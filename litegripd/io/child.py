@@ -4,10 +4,12 @@ A child talks over a pair of `SOCK_SEQPACKET` sockets, one message a packet, and
 end of the pair reads end-of-file. It runs at ordinary priority and on all CPUs.
 """
 
+import contextlib
 import os
 import select
 import signal
 import socket
+import struct
 import sys
 from collections.abc import Sequence
 
@@ -15,6 +17,7 @@ CHILD_FD = 3
 MEMORY_FD = 4
 """Where a child finds its socket, and the shared memory, if it was given one."""
 
+_DESCRIPTOR = struct.Struct("i")
 _BUFFER_BYTES = 212_992  # the kernel's usual ceiling without privileges (net.core.wmem_max)
 MAX_PACKET_BYTES = 65_536
 
@@ -55,12 +58,23 @@ class Child:
             theirs.close()
         self.pidfd = os.pidfd_open(self.pid)
 
-    def send(self, packet: bytes) -> bool:
+    @classmethod
+    def of(cls, pid: int, connected: socket.socket, pidfd: int) -> "Child":
+        """Return a child that another process of the daemon has started and handed over."""
+        child = cls.__new__(cls)
+        connected.setblocking(False)
+        child.socket, child.pid, child.pidfd = connected, pid, pidfd
+        return child
+
+    def send(self, packet: bytes, descriptors: Sequence[int] = ()) -> bool:
         """Send without waiting; False when it is too long or nobody takes it now."""
         if len(packet) > MAX_PACKET_BYTES:
             return False
         try:
-            self.socket.send(packet)
+            if descriptors:
+                socket.send_fds(self.socket, [packet], descriptors)
+            else:
+                self.socket.send(packet)
         except (BlockingIOError, ConnectionError):
             return False
         return True
@@ -80,13 +94,40 @@ class Child:
     def close(self, grace_s: float = 0.0) -> None:
         """Close the pair, end the process and reap it; waits for its end.
 
-        It has `grace_s` to finish what it was sent and to end by itself.
+        It has `grace_s` to finish what it was sent and to end by itself. One that was handed over
+        is reaped by whoever got it when its parent ended.
         """
         self.socket.close()
         if not select.select((self.pidfd,), (), (), grace_s)[0]:
-            os.kill(self.pid, signal.SIGKILL)
-        os.waitpid(self.pid, 0)
+            signal.pidfd_send_signal(self.pidfd, signal.SIGKILL)
+            select.select((self.pidfd,), (), ())
+        with contextlib.suppress(ChildProcessError):
+            os.waitpid(self.pid, 0)
         os.close(self.pidfd)
+
+    def let_go(self) -> None:
+        """Close our end and leave the process to the one that has got its own."""
+        self.socket.close()
+        os.close(self.pidfd)
+
+
+def receive_descriptors(
+    connected: socket.socket, most_bytes: int, most: int
+) -> tuple[bytes, list[int]]:
+    """Return a packet and the descriptors that came with it, which no child of ours inherits.
+
+    Raises what `recvmsg` raises. `socket.recv_fds` heeds no flags before Python 3.12.
+    """
+    room = socket.CMSG_SPACE(most * _DESCRIPTOR.size)
+    packet, ancillary, _flags, _address = connected.recvmsg(
+        most_bytes, room, socket.MSG_CMSG_CLOEXEC
+    )
+    descriptors: list[int] = []
+    for level, kind, data in ancillary:
+        if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
+            whole = len(data) - len(data) % _DESCRIPTOR.size
+            descriptors += [number for (number,) in _DESCRIPTOR.iter_unpack(data[:whole])]
+    return packet, descriptors
 
 
 def inherited_socket() -> socket.socket:

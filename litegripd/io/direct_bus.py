@@ -80,6 +80,21 @@ class DirectBus:
                 _log.debug("closing the bus: %s", describe(error))
             self._bus = None
 
+    def stand_by(self, now_s: float) -> None:
+        """Open a socket of our own, and drop what comes until we take over."""
+        self.receive(now_s)
+
+    def hand_over(self) -> tuple[tuple[int, ...], int]:
+        """Return nothing: a successor has opened its own socket."""
+        return (), 0
+
+    def take_over(self, _descriptors: Sequence[int], _pid: int) -> None:
+        """Go on with our own socket."""
+
+    def leave(self) -> None:
+        """Close our socket."""
+        self.close()
+
     def _read(self, bus: can.BusABC, frames: list[CanFrame]) -> None:
         """Append what waits to `frames`; what was read before an error is not lost."""
         for _ in range(MAX_FRAMES_PER_TICK):

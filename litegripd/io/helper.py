@@ -7,7 +7,7 @@ helper that dies is started again, and every request it left unanswered fails wi
 import json
 import logging
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from litegripd.io.child import Child
@@ -75,16 +75,25 @@ class Helper:
         """The helper's process id, None while there is none."""
         return None if self._child is None else self._child.pid
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether a request has not been answered yet."""
+        return bool(self._requests)
+
     def request(
         self,
         operation: str,
         parameters: Mapping[str, object],
         on_result: Callable[[HelperResult], None],
+        descriptors: Sequence[int] = (),
     ) -> None:
-        """Ask for `operation`; `on_result` is called once, from the event loop."""
+        """Ask for `operation`; `on_result` is called once, from the event loop.
+
+        The operation gets copies of `descriptors`.
+        """
         self._next_id += 1
         packet = json.dumps([self._next_id, operation, parameters]).encode()
-        if self._child is None or not self._child.send(packet):
+        if self._child is None or not self._child.send(packet, descriptors):
             self.refused += 1
             on_result(HelperResult(error="the helper process is not running or overloaded"))
             return

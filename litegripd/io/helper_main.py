@@ -6,11 +6,19 @@ that is, with the daemon; where that has not said goodbye, the flight recorder i
 
 import json
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator, Mapping
+from typing import cast
 
 from litegripd.io.calibration_files import load_operation, templates_operation
-from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.child import (
+    CHILD_FD,
+    MAX_PACKET_BYTES,
+    MEMORY_FD,
+    inherited_socket,
+    receive_descriptors,
+)
 from litegripd.io.helper import GOODBYE
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 from litegripd.io.trajectory_store import TrajectoryStore
@@ -21,6 +29,7 @@ Operation = Callable[[Parameters], object]
 
 PIECE_BYTES = 8192
 _HEADER_BYTES = 4
+_MAX_DESCRIPTORS = 4
 _MAX_ANSWER_BYTES = MAX_PACKET_BYTES - _HEADER_BYTES - 1
 _LONGEST_ERROR = 2000  # characters; each takes at most 12 bytes of JSON
 
@@ -40,33 +49,69 @@ def dump_recorder(parameters: Parameters) -> dict[str, object]:
     return dump(str(parameters["cause"]), str(parameters["note"]))
 
 
+def start_successor(parameters: Parameters) -> dict[str, int]:
+    """Start `python -m arguments...` with the one descriptor of `descriptors`; return its pid.
+
+    Here and not in the control thread, which has to wait until a new process runs its program.
+    """
+    (inherited,) = cast("list[int]", parameters["descriptors"])
+    arguments = cast("list[str]", parameters["arguments"])
+    pid = os.posix_spawn(
+        sys.executable,
+        [sys.executable, "-m", *arguments],
+        os.environ,
+        file_actions=[
+            (os.POSIX_SPAWN_DUP2, inherited, CHILD_FD),
+            (os.POSIX_SPAWN_CLOSE, MEMORY_FD),  # it records its own ticks
+        ],
+        setpgroup=0,  # as a daemon's own; a Ctrl-C was for the predecessor
+        setsigmask=(),
+        setsigdef=(
+            signal.SIGCHLD,
+            signal.SIGINT,
+            signal.SIGPIPE,
+            signal.SIGTERM,
+            signal.SIGUSR1,
+        ),
+    )
+    return {"pid": pid}
+
+
 OPERATIONS: dict[str, Operation] = {
     "log": write_log,
+    "successor.start": start_successor,
     "calibration.load": load_operation,
     "calibration.templates": templates_operation,
     "calibration.save": save_calibration,
     "motion.load": load_motion,
     "motion.save": save_motion,
-    **TrajectoryStore().operations(),
     "recorder.dump": dump_recorder,
+    **TrajectoryStore().operations(),
 }
 
 
 def serve(operations: Mapping[str, Operation]) -> bool:
     """Answer requests until the daemon is gone; tell whether it said goodbye."""
     with inherited_socket() as peer:
-        while packet := peer.recv(MAX_PACKET_BYTES):
+        while True:
+            packet, descriptors = receive_descriptors(peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
+            if not packet:
+                return False
             identity, name, parameters = json.loads(packet)
             if name == GOODBYE:
                 return True
             header = identity.to_bytes(_HEADER_BYTES, "little")
+            if descriptors:
+                parameters["descriptors"] = descriptors
             try:
                 for answer in _answers(operations, name, parameters):
                     if identity:
                         peer.send(header + answer)
             except BrokenPipeError:
                 return False
-    return False
+            finally:
+                for descriptor in descriptors:
+                    os.close(descriptor)
 
 
 def _answers(
@@ -88,6 +133,7 @@ def _answers(
 
 def main() -> None:
     """Run the helper with the daemon's operations."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a successor that fails is reaped at once
     if serve(OPERATIONS):
         return
     try:

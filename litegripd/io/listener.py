@@ -49,21 +49,14 @@ class ChannelClaim:
     asks for the owner connect, and closes the connection.
     """
 
-    def __init__(self, interface: str, channel: str) -> None:
-        name = _claim_name(interface, channel)
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    def __init__(self, interface: str, channel: str, claimed: socket.socket | None = None) -> None:
+        """Claim the channel, or go on with the claim of a predecessor."""
+        self._socket = claimed or _claim(interface, channel)
         self._socket.setblocking(False)
-        try:
-            self._socket.bind(name)
-            self._socket.listen()
-        except OSError as error:
-            self._socket.close()
-            if error.errno != errno.EADDRINUSE:
-                raise InUseError(f"channel {channel} cannot be claimed: {error}") from error
-            raise InUseError(
-                f"channel {channel} is owned by the daemon with {_owner_of(name) or 'no pid'}:"
-                " one motor has one owner; stop that daemon first"
-            ) from None
+
+    def name_owner(self) -> None:
+        """Let the kernel name this process to whoever asks for the owner."""
+        self._socket.listen()
 
     def fileno(self) -> int:
         """Return the descriptor that is readable when somebody asks."""
@@ -79,6 +72,23 @@ class ChannelClaim:
     def close(self) -> None:
         """Free the channel."""
         self._socket.close()
+
+
+def _claim(interface: str, channel: str) -> socket.socket:
+    name = _claim_name(interface, channel)
+    claimed = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        claimed.bind(name)
+        claimed.listen()
+    except OSError as error:
+        claimed.close()
+        if error.errno != errno.EADDRINUSE:
+            raise InUseError(f"channel {channel} cannot be claimed: {error}") from error
+        raise InUseError(
+            f"channel {channel} is owned by the daemon with {_owner_of(name) or 'no pid'}:"
+            " one motor has one owner; stop that daemon first"
+        ) from None
+    return claimed
 
 
 def _claim_name(interface: str, channel: str) -> str:

@@ -5,6 +5,7 @@ and a file that is being parsed must not hold up the frames.
 """
 
 import json
+import socket
 import struct
 from collections.abc import Callable, Sequence
 
@@ -111,6 +112,26 @@ class PumpedBus:
         """End the pump."""
         if self._child is not None:
             self._child.close(_END_WITHIN_S)
+            self._child = None
+
+    def stand_by(self, _now_s: float) -> None:
+        """Do nothing: the adapter can be opened only once, so its pump is what is taken over."""
+
+    def hand_over(self) -> tuple[tuple[int, ...], int]:
+        """Return the socket to the pump, its pidfd, and its pid."""
+        child = self._child
+        return ((), 0) if child is None else ((child.socket.fileno(), child.pidfd), child.pid)
+
+    def take_over(self, descriptors: Sequence[int], pid: int) -> None:
+        """Go on with the predecessor's pump, which has the adapter open."""
+        connected, pidfd = descriptors
+        self._child = Child.of(pid, socket.socket(fileno=connected), pidfd)
+        self._works()
+
+    def leave(self) -> None:
+        """Leave the pump to a successor."""
+        if self._child is not None:
+            self._child.let_go()
             self._child = None
 
     def _take(self, packet: bytes, frames: list[CanFrame], now_s: float) -> None:

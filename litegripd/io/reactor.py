@@ -66,6 +66,7 @@ class Reactor:
         self.backlog_errors = 0
         self.budget_exhausted = 0
         self.late_shares = 0
+        self.next_tick_s = 0.0
         self._had_room_s = 0.0
         self._on_tick = on_tick
         self._epoll = select.epoll()
@@ -96,10 +97,15 @@ class Reactor:
         """How long the longest garbage collection took."""
         return self._collector.longest_s
 
-    def run(self) -> None:
-        """Run until `stop`."""
+    def freeze(self) -> None:
+        """Exempt all that lives now from garbage collection, which takes many milliseconds."""
         self._collector.freeze()
-        timer = PeriodicTimer(self.period_s)
+
+    def run(self, first_tick_s: float | None = None) -> None:
+        """Run until `stop`; the first tick is one period from now, or at `first_tick_s`."""
+        self.freeze()
+        timer = PeriodicTimer(self.period_s, first_tick_s)
+        self.next_tick_s = timer.next_due_s
         self._epoll.register(timer.fileno(), select.EPOLLIN)
         self._running = True
         try:
@@ -121,6 +127,7 @@ class Reactor:
             self.budget_exhausted += 1
         fired = timer.wait()
         now_s = time.monotonic()
+        self.next_tick_s = timer.next_due_s
         self.late_s = late_s = now_s - timer.last_due_s
         self.lateness.add(late_s)
         self.recent_lateness.add(now_s, late_s)

@@ -56,6 +56,11 @@ def acquire(priority: int, cpus: Sequence[int]) -> RealtimeRights:
     return RealtimeRights(granted, locked, tuple(sorted(os.sched_getaffinity(0))), tuple(refused))
 
 
+def give_up_priority() -> None:
+    """Go back to ordinary scheduling: what is left to do here must not keep others waiting."""
+    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+
+
 def _lock_memory() -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.mlockall(_MCL_CURRENT | _MCL_FUTURE | _MCL_ONFAULT) != 0:

@@ -144,6 +144,12 @@ class Server:
         """Let new clients in, or let them wait in the kernel until this is called again."""
         self._reactor.modify(self._listener.fileno(), select.EPOLLIN if allowed else 0)
 
+    def drain(self, until_s: float) -> None:
+        """Read and serve what every client has sent until now, while there is time."""
+        for connection in list(self._connections.values()):
+            connection.on_event(select.EPOLLIN)
+        self.serve(until_s)
+
     def close(self) -> None:
         """Close the listening socket and every connection."""
         self._reactor.remove(self._listener.fileno())

@@ -80,6 +80,10 @@ class StopListener:
         """Stop; return what is in force then."""
         return self._on_stop(level, by, why)
 
+    def let_in_no_more(self) -> None:
+        """Leave those who come from now on to a successor."""
+        self._urgent.remove(self._listener.fileno())
+
     def touch(self, connection: "StopConnection") -> None:
         """Note that a connection has said something."""
         del self._connections[connection]

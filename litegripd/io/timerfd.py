@@ -38,13 +38,15 @@ def _check(result: int) -> int:
 class PeriodicTimer:
     """Fires at `first_s + n * period_s` of CLOCK_MONOTONIC, however late it is read.
 
+    By default it first fires one period from now.
     `wait()` blocks until the next firing and returns how many have passed since the last call;
     the descriptor may also be polled. Raises `OSError` where the kernel refuses.
     """
 
-    def __init__(self, period_s: float) -> None:
+    def __init__(self, period_s: float, first_s: float | None = None) -> None:
         period_ns = round(period_s * _NS_PER_S)
-        first_ns = time.monotonic_ns() + period_ns
+        given_ns = None if first_s is None else round(first_s * _NS_PER_S)
+        first_ns = given_ns or time.monotonic_ns() + period_ns
         self.period_s = period_ns / _NS_PER_S
         self._first_ns = first_ns
         self._period_ns = period_ns

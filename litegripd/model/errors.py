@@ -80,6 +80,14 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ),
     ErrorKind("shutting_down", -32004, "ConnectError", 3, True, "The daemon is about to end."),
     ErrorKind(
+        "restart_failed",
+        -32005,
+        "CommandError",
+        4,
+        False,
+        "No successor could take over; the daemon goes on as it was.",
+    ),
+    ErrorKind(
         "not_calibrated",
         -32010,
         "CommandError",

@@ -15,7 +15,9 @@ TOLERANCE_RAD = 0.05
 """Impacts on a stop within one period, two frames in one, and the codes' own width."""
 
 BRAKE_KD_NM_S_RAD = 1.0
-"""At full speed, 7 N·m: by the first frame the motor may have followed its encoder for a while."""
+BRAKE_NM = 7.0
+"""How a motor is braked that may have followed its encoder for a while: no harder than its peak,
+as far as its speed is known."""
 
 IMPLAUSIBLE_FRAMES = 3
 """So many in a row are no disturbed frame any more: the encoder has lost its count."""
@@ -30,6 +32,12 @@ class Plausibility:
         """Why the position is not to be believed, from the last of so many frames until `reset`."""
         self._last: Feedback | None = None
         self._told_s = 0.0
+
+    @property
+    def brake_kd_nm_s_rad(self) -> float:
+        """The damping with which to brake while the position is in doubt."""
+        speed_rad_s = 0.0 if self._last is None else abs(self._last.velocity_rad_s)
+        return min(BRAKE_KD_NM_S_RAD, BRAKE_NM / max(speed_rad_s, BRAKE_NM))
 
     def reset(self) -> None:
         """Believe the position again, as it is told now."""

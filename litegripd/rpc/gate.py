@@ -1,5 +1,6 @@
 """What every request must pass before it is carried out: its parameters, role, lease, stops."""
 
+from litegripd.control.admission import ENDING
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Owner
@@ -42,7 +43,9 @@ class Gate:
         return latch.refusal_of_sent(params.get("stop_generation"), params.get("sent_s"))
 
     def _forbidden(self, session: Session, method: Method, owner: Owner) -> Refusal | None:
-        """Say what the sender's role or somebody's lease forbids."""
+        """Say what the daemon's end, the sender's role or somebody's lease forbids."""
+        if self._engine.is_ending and method.role != "observer":
+            return ENDING  # whatever it changed would be lost; a stop and reads are for all
         if ROLES.index(session.role) < ROLES.index(method.role):
             text = f"{method.name} needs the role {method.role}; uid {owner.uid} is {session.role}"
             return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})

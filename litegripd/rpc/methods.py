@@ -10,6 +10,6 @@ from litegripd.rpc.recording_table import RECORDING
 from litegripd.rpc.settings_table import SETTINGS
 from litegripd.rpc.trajectory_table import TRAJECTORIES
 
-METHODS: tuple[Method, ...] = READING + LEASE_METHODS + MOVING + SETTINGS + TRAJECTORIES + RECORDING
+METHODS: tuple[Method, ...] = READING + LEASE_METHODS + MOVING + SETTINGS + RECORDING + TRAJECTORIES
 
 BY_NAME: Mapping[str, Method] = {method.name: method for method in METHODS}

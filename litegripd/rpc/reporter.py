@@ -1,5 +1,6 @@
 """Makes the wire forms of the present state and of jobs, each at most once per tick."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -84,6 +85,19 @@ class Reporter:
         if len(self._ends) > 2 * KEPT_JOBS:
             kept = {job.number for job in self._engine.jobs}
             self._ends = {number: end for number, end in self._ends.items() if number in kept}
+
+    def memory(self) -> dict[str, list[str | None]]:
+        """Return what is kept of the jobs that have ended, as JSON can hold it."""
+        return {
+            str(number): [end.job.decode(), None if end.result is None else end.result.decode()]
+            for number, end in self._ends.items()
+        }
+
+    def restore(self, plain: Mapping[str, Sequence[str | None]]) -> None:
+        """Keep what `memory` has returned in a predecessor."""
+        for number, (job, result) in plain.items():
+            encoded = None if result is None else result.encode()
+            self._ends[int(number)] = _End((job or "").encode(), encoded)
 
     def _end_of(self, job: Job) -> _End:
         end = self._ends.get(job.number)

@@ -4,7 +4,7 @@ Pure: lines come in through `handle`, lines go out through the sessions, time is
 Whatever a line holds, `handle` answers it and does not raise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from litegripd.control.dumps import Dumps
@@ -26,6 +26,7 @@ from litegripd.rpc.moving import Moving
 from litegripd.rpc.reading import Reading
 from litegripd.rpc.recording import Recording
 from litegripd.rpc.reporter import Reporter
+from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
 from litegripd.rpc.session import Peer, Role, Session
 from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
@@ -57,6 +58,7 @@ class RpcService:
         *,
         role_of: Callable[[Peer], Role] = lambda _peer: "admin",
         epoch: str = "0",
+        restart: OnRestart = no_restart,
     ) -> None:
         self.refused = 0
         self.on_event: Callable[[Event, float], None] = lambda _event, _now_s: None
@@ -76,8 +78,9 @@ class RpcService:
             Leasing(engine, self._tokens, self.reporter).functions(),
             Moving(engine, self.reporter).functions(),
             Settings(engine).functions(),
-            self._trajectories.functions(),
             Recording(self.dumps).functions(),
+            Restarting(restart).functions(),
+            self._trajectories.functions(),
         )
         self._gate = Gate(engine, self._tokens)
         self._dispatch = Dispatch(engine, handlers)
@@ -155,6 +158,20 @@ class RpcService:
         """
         self._collect_events(self._now_s)
         return self._event_log.take()
+
+    # A successor ----------------------------------------------------------------------------------
+
+    def memory(self) -> dict[str, int]:
+        """Return the numbers that clients know, so that a successor gives none of them twice."""
+        return {
+            "session": self._last_session,
+            "event": self._subscriptions.events.last_sequence,
+        }
+
+    def restore(self, plain: Mapping[str, int]) -> None:
+        """Go on counting where a predecessor was."""
+        self._last_session = plain["session"]
+        self._subscriptions.events.last_sequence = plain["event"]
 
     # Inside ---------------------------------------------------------------------------------------
 

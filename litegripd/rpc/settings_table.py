@@ -98,4 +98,22 @@ SETTINGS: tuple[Method, ...] = (
         role="admin",
         waits=True,
     ),
+    Method(
+        "daemon.restart",
+        "Start a successor of the daemon, which reads the configuration anew and takes over; pose"
+        " and force of the jaws are held all the while. Refused while a motion runs. Connections"
+        " end after the answer; a lease may be resumed by its token.",
+        "The pid of the successor, which has taken over, and gap_s, the time between the last"
+        " command of the one and the first of the other.",
+        (
+            Param(
+                "hold_through_restart",
+                "boolean",
+                "Must be true: a restart that lets go is the service manager's to do.",
+                required=True,
+            ),
+        ),
+        role="admin",
+        waits=True,
+    ),
 )

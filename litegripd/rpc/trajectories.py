@@ -101,7 +101,7 @@ class TrajectoryMethods:
 
     def _control(self, call: Call) -> Answer:
         params, action = call.params, call.params["action"]
-        replay = self._trajectories.playing(params.get("job"))
+        replay = self._trajectories.playing(params.get("job"), call.owner)
         if isinstance(replay, Refusal):
             return replay
         if ("speed" in params) != (action == "speed"):
@@ -119,7 +119,7 @@ class TrajectoryMethods:
         """Tell of what runs, else of what came last."""
         trajectories = self._trajectories
         capture, job = trajectories.capture, trajectories.replay_job
-        if capture is not None and (job is None or not job.is_running):
+        if capture is not None and (job is None or capture.began_s >= job.started_s):
             return _capture_status(capture)
         return self._replay_status()
 

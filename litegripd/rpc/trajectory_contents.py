@@ -107,7 +107,7 @@ class TrajectoryContents:
         if isinstance(source, Refusal):
             return source
         if "name" in source:
-            return self._errand("trajectory.delete", source)
+            return self._errand("trajectory.delete", source, failed="not_saved")
         upload = self._uploads.get(call.session.identity, call.params["upload"])
         if upload is not None:
             self._uploads.drop(upload)
@@ -143,13 +143,17 @@ class TrajectoryContents:
         self._engine.errands.append(Errand(operation, parameters, on_result))
 
     def _errand(
-        self, operation: str, parameters: Mapping[str, Any], then: Then | None = None
+        self,
+        operation: str,
+        parameters: Mapping[str, Any],
+        then: Then | None = None,
+        failed: str = "trajectory_unreadable",
     ) -> Deferred:
         """Have something done by the helper process, and answer with what it answers."""
         deferred = Deferred()
 
         def done(result: ErrandResult) -> None:
-            answer = outcome_of(result, "trajectory_unreadable")
+            answer = outcome_of(result, failed)
             if isinstance(answer, Refusal) or then is None:
                 deferred.resolve(answer)
             else:

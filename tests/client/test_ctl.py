@@ -58,6 +58,12 @@ SHOWN: list[tuple[list[str], str, Any, str]] = [
     ),
     (["jobs"], "job.list", {"jobs": []}, "no jobs\n"),
     (
+        ["restart", "--hold"],
+        "daemon.restart",
+        {"pid": 78, "gap_s": 0.005},
+        "restarted: pid 78 has taken over, the jaws are held (no command for 5.0 ms)\n",
+    ),
+    (
         ["cancel", "4"],
         "job.cancel",
         {"job": 4, "state": "cancelled"},
@@ -107,6 +113,7 @@ def test_what_is_shown(
         (["stop", "--level", "relax"], "stop", {"level": "relax"}),
         (["stop", "--why", "smoke"], "stop", {"level": "hold", "why": "smoke"}),
         (["cancel", "12"], "job.cancel", {"job": 12}),
+        (["restart", "--hold"], "daemon.restart", {"hold_through_restart": True}),
         (["watch", "--hz", "50", "--count", "1"], "state.subscribe", {"hz": 50.0}),
     ],
 )
@@ -259,3 +266,12 @@ def test_watch_as_json_is_an_object_for_each_state(daemon: FakeDaemon, ctl: Ctl)
     watched(daemon, {**STATE, "seq": 8})
     _, out, _ = ctl("watch", "--count", "2", "--json")
     assert [json.loads(line)["seq"] for line in out.splitlines()] == [7, 8]
+
+
+def test_a_restart_that_lets_go_is_left_to_the_service_manager(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    code, shown, told = ctl("restart")
+    assert (code, shown) == (2, "")
+    assert "systemctl restart litegripd@can0" in told
+    assert "daemon.restart" not in [request.method for request in daemon.requests]

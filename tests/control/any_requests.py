@@ -5,6 +5,7 @@ from typing import Any, TypeAlias
 from hypothesis import strategies as st
 
 from litegripd.model.motion_config import RANGES, MotionConfig
+from tests.trajectories import lgt, pieces
 
 Values: TypeAlias = dict[str, Any]
 
@@ -84,6 +85,38 @@ _target = (
     | _must(position_rad=st.floats(-2.0, 1.0))
 )
 _hold_by = st.sampled_from(["torque", "gains"])
+
+_rate = st.sampled_from([1.0, 50.0, 200.0, 1000.0])
+_samples = st.integers(1, 30)
+_play = _may(
+    speed=st.floats(0.1, 4.0),
+    torque_nm=st.floats(0.3, 3.0),
+    kp=st.floats(5.0, 500.0),
+    kd=st.floats(0.1, 5.0),
+    align=st.booleans(),
+)
+_passes = _none | _must(loop=st.booleans()) | _must(repeat=st.integers(1, 3))
+_whole = lgt([(0.0, 0.3), (0.3, 0.5), (0.4, 0.5), (0.6, 0.2)])
+
+trajectories = st.one_of(
+    _call(
+        "trajectory.record_start",
+        _may(rate_hz=_rate, zero_gravity=st.booleans(), max_samples=_samples),
+    ),
+    _call(
+        "trajectory.record_stop",
+        _may(name=st.just("a"), allow_empty=st.booleans(), allow_partial=st.booleans()),
+    ),
+    _call("trajectory.put", st.just(pieces(_whole)[0]), _may(name=st.just("a"))),
+    _call("trajectory.put", st.just(pieces(_whole)[0]), _must(name=st.just("a"))),
+    _call("trajectory.play", _must(name=st.just("a")), _play, _passes, _config, _flags),
+    _call("trajectory.play", _must(name=st.just("a")), _play, _passes),
+    _call("trajectory.play", _must(upload=st.integers(1, 2)), _play, _passes),
+    _call("trajectory.control", _must(action=st.sampled_from(["pause", "resume"]))),
+    _call("trajectory.control", _must(action=st.just("speed"), speed=st.floats(0.1, 4.0))),
+    _call("trajectory.status"),
+    _call("trajectory.delete", _must(name=st.just("a"))),
+)
 
 motions = st.one_of(
     _call("motion.open", _may(speed_mm_s=_speed), _config, _flags),

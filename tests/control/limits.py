@@ -13,6 +13,7 @@ from litegripd.control.engine import Engine
 from litegripd.control.grip import Grip
 from litegripd.control.rest import Hold, Relax, Rest
 from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import JobState
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
 
 PEAK_NM, RATED_NM, PEAK_NM_S = 7.0, 3.0, 2.0
@@ -62,7 +63,7 @@ class LimitWatch:
         self._was_stopped = self._stopped
         self._stopped = engine.stop_latch.latched is not None
         if self._stopped:
-            assert running is None or running.kind == "disable"
+            assert running is None or running.kind in ("disable", "clear_fault")
 
     def check(
         self,
@@ -80,7 +81,7 @@ class LimitWatch:
         While answers fail a motor is sent a motion's last command again, and each without its
         velocity: what damping that leaves can only brake, and is not counted.
         """
-        assert sum(job.is_running for job in self._engine.jobs) <= 1
+        assert sum(job.state is JobState.RUNNING for job in self._engine.jobs) <= 1
         self._check_stopped(feedback)
         if command is None:
             self._charge(now_s, 0.0)

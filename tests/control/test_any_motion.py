@@ -30,6 +30,7 @@ from tests.control.any_requests import (
     good_fields,
     motions,
     odd_contents,
+    trajectories,
 )
 from tests.control.bench import LEAVE, Bench, Course, Request
 from tests.control.limits import LimitWatch
@@ -50,7 +51,7 @@ def test_fields_in_their_ranges_make_a_configuration_if_they_go_together(fields:
 # The engine alone
 
 configs: st.SearchStrategy[Values] = st.just({}) | good_fields
-requests = st.tuples(st.integers(0, 1), calls, st.booleans())
+requests = st.tuples(st.integers(0, 1), calls | trajectories, st.booleans())
 leaving: st.SearchStrategy[Request] = st.tuples(
     st.integers(0, 1), st.just((LEAVE, {})), st.just(True)
 )
@@ -293,3 +294,21 @@ TestAnyMotion = AnyMotion.TestCase
 TestAnyMotion.settings = settings(
     max_examples=50, stateful_step_count=30, deadline=None, derandomize=True
 )
+
+
+def test_a_forged_frame_of_great_speed_leads_to_no_great_torque() -> None:
+    """It may be believed once; then the true ones cannot be true, and the jaws are braked."""
+    course = AnyMotion()
+    content = {
+        "rad_to_mm": 1e6,
+        "max_position_rad": -0.28412607015649183,
+        "mst_id": 0,
+        "zero_position_rad": -1e-05,
+    }
+    course.begin("normal", {"press_overshoot": 0.2, "force_n": 30.0}, content, None)
+    course.lose_frames(2, to_motor=True)
+    course.push(0.5, 200)
+    course.push(-9.0, 0)
+    course.put_object(1 / 3, 5000.0, 30.0)
+    course.forge_feedback(1, b"\x08\xd9\xe3\xea\xdb\x0f\x02", 4)
+    course.ticks(100)

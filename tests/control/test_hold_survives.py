@@ -71,3 +71,35 @@ def test_the_force_is_held_though_the_configuration_changes_and_the_client_dies(
     assert "error" not in admin.call("config.set", config={"force_n": 5})
     world.run(1.0)
     assert squeezed_n(world) == pytest.approx(20.0, abs=1.0)
+
+
+def test_a_motion_that_is_cancelled_before_it_begins_changes_nothing() -> None:
+    world, client = gripping()
+    job = client.send("motion.open", wait=False)
+    client.read()
+    client.send("job.cancel", job=client.answers[job]["result"]["job"])
+    world.run(1.0)
+    assert world.state.is_grasped
+    assert squeezed_n(world) == pytest.approx(20.0, abs=1.0)
+
+
+def test_a_hold_that_a_hand_has_pressed_beyond_a_stop_does_not_press_on() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("motion.close")
+    sign = world.gripper.parameters.close_sign
+    client.result("stop", level="relax")
+    world.gripper.push(3.0 * sign)
+    world.run(0.5)
+    client.result("stop.clear")
+    client.result("motion.hold")
+    world.run(0.5)
+    assert world.gripper.opening_mm < -3.0
+    world.gripper.push(0.0)
+    world.run(2.0)
+    assert squeezed_n(world) < 7.0  # as at the calibrated stop; it would be 21
+    assert world.state.mode == "holding"
+    held_mm = world.gripper.opening_mm
+    world.gripper.push(-1.0 * sign)  # and holds as stiff as ever
+    world.run(0.5)
+    assert world.gripper.opening_mm == pytest.approx(held_mm, abs=2.0)

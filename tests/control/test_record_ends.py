@@ -1,9 +1,12 @@
 """How recordings end and what keeps them from beginning."""
 
+import json
 from itertools import pairwise
 
 import pytest
 
+from litegripd.app import handover
+from litegripd.control.handover import adopt_jobs, export_jobs
 from tests.control.recordings import recording, taken
 from tests.control.states import in_state
 from tests.trajectories import fetched
@@ -186,3 +189,35 @@ def test_a_motion_ends_it_no_more_than_it_ends_a_motion() -> None:
     _, client = recording()
     assert client.refusal("motion.open") == "busy"
     assert client.result("trajectory.status")["active"]
+
+
+def test_what_a_restart_would_lose_refuses_it() -> None:
+    world, client = recording(zero_gravity=False)
+    world.run(0.3)
+    for _ in ("under way", "over but not kept"):
+        refusal = handover.unsettled(world.machine)
+        assert refusal is not None
+        assert refusal.reason == "trajectory_busy"
+        assert world.engine.capture is not None
+        world.engine.capture.finish()
+    client.result("trajectory.record_stop", name="pick")
+    assert handover.unsettled(world.machine) is None
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.lose_from_motor = lambda _frame: True
+    world.run(0.3)
+    world.lose_from_motor = lambda _frame: False
+    world.run_until(lambda: handover.unsettled(world.machine) is None, 2.0)
+
+
+def test_the_results_of_recordings_and_replays_are_carried_over_a_restart() -> None:
+    world, client = recording()
+    world.run(0.3)
+    client.result("trajectory.record_stop", name="pick")
+    client.result("trajectory.play", name="pick")
+    plain = json.loads(json.dumps(export_jobs(world.engine)))
+    successor = World().engine
+    adopt_jobs(successor, plain)
+    assert [(job.kind, job.result) for job in successor.jobs] == [
+        (job.kind, job.result) for job in world.engine.jobs
+    ]
+    assert [job.kind for job in successor.jobs] == ["enable", "record", "play"]

@@ -198,6 +198,49 @@ def test_control_is_refused_where_it_makes_no_sense() -> None:
     assert client.refusal("trajectory.control", action="pause") == "unknown_job"
 
 
+@pytest.mark.parametrize("detach", [False, True])
+def test_only_a_detached_one_is_controlled_by_others(detach: bool) -> None:
+    world, client = ready()
+    started(world, client, SLOW, detach=detach)
+    other = world.client()
+    if detach:
+        other.result("trajectory.control", action="pause")
+    else:
+        assert other.refusal("trajectory.control", action="pause") == "busy"
+    assert playing(world).is_paused is detach
+    client.result("trajectory.control", action="resume")
+    assert not playing(world).is_paused
+
+
+@pytest.mark.parametrize(("kp", "kd"), [(20.0, 0.5), (60.0, 2.0), (None, None)])
+def test_the_gains_are_at_most_the_wanted_ones(kp: float | None, kd: float | None) -> None:
+    world, client = ready()
+    gains = {"kp": kp, "kd": kd} if kp is not None else {}
+    number = started(world, client, SLOW, **gains)
+    since_s = world.now_s
+    world.run_until(lambda: client.has_answer(number))
+    commands = [command for _, command in world.commands_since(since_s)]
+    assert max(command.kp_nm_rad for command in commands) == pytest.approx(kp or 100.0, rel=0.02)
+    assert max(command.kd_nm_s_rad for command in commands) <= (kd or 2.0) + 0.01
+
+
+def test_the_status_tells_of_the_latest_of_recordings_and_replays() -> None:
+    world, client = ready()
+    empty = {"active": False, "kind": None, "job": None, "samples": 0, "error": None}
+    assert client.result("trajectory.status") == empty
+    client.result("trajectory.record_start")
+    world.run(0.3)
+    client.result("trajectory.record_stop", name="pick")
+    status = client.result("trajectory.status")
+    assert (status["active"], status["kind"]) == (False, "record")
+    taught = status["samples"]
+    client.result("trajectory.play", name="pick")
+    status = client.result("trajectory.status")
+    assert (status["active"], status["kind"], status["samples"]) == (False, "play", taught)
+    client.result("trajectory.record_start", zero_gravity=False)
+    assert client.result("trajectory.status")["kind"] == "record"
+
+
 # Speeds
 
 

@@ -363,3 +363,12 @@ def test_what_a_holder_does_not_name_anew_stays_as_it_was() -> None:
     owner = holder.result("lease.get")["owner"]
     assert (owner["purpose"], owner["ttl_s"], owner["on_lost"]) == ("sorting", 30, "disable")
     assert not [event for event in world.service.take_events() if event.kind == "lease"]
+
+
+def test_a_disabling_that_has_not_begun_goes_on_when_the_lease_is_taken() -> None:
+    world, holder, other, _ = pair()
+    number = holder.send("motor.disable")
+    other.send("lease.take", why="between its request and the next tick")
+    world.run_until(lambda: holder.has_answer(number))
+    assert holder.answers[number]["result"]["ok"]
+    assert world.gripper.motor.status == 0

@@ -7,6 +7,7 @@ import pytest
 
 from litegripd.model.errors import ERRORS
 from litegripd.rpc.methods import METHODS
+from litegripd.rpc.restarting import Restarted
 from litegripd.rpc.waiting import MAX_PER_SESSION
 from tests.rpc.raw import answered
 from tests.trajectories import lgt, pieces
@@ -29,6 +30,7 @@ PARAMS: dict[str, dict[str, Any]] = {
     "calibration.load": {"template": "normal"},
     "motor.read_register": {"register": "PMAX"},
     "config.set": {"config": {"force_n": 5}, "keep": True},
+    "daemon.restart": {"hold_through_restart": True},
     "stop": {"level": "hold", "why": "a test"},
     "job.get": {"job": 1},
     "job.wait": {"job": 1},
@@ -45,6 +47,7 @@ PARAMS: dict[str, dict[str, Any]] = {
 
 def test_every_method_answers_with_a_result() -> None:
     world = World().start()
+    world.restart = lambda told: told(Restarted(4711, 0.005))
     client = world.client()
     client.result("motor.enable")
     for method in METHODS:

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from litegripd.rpc.methods import METHODS
+from litegripd.rpc.restarting import Restarted
 from tests.trajectories import lgt, pieces
 from tests.world import Client, World
 
@@ -71,6 +72,9 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
     yield "motor.disable", {}
     yield "motor.clear_fault", {}
     yield "recorder.dump", {"note": "a test"}
+    client.world.restart = lambda told: told(Restarted(4711, 0.005))
+    yield "daemon.restart", {"hold_through_restart": True}
+    yield "daemon.restart", {"hold_through_restart": False}
     yield "motion.open", {"speed_mm_s": "fast"}
     yield "no.such.method", {}
 

@@ -127,6 +127,22 @@ def info(run: Run) -> int:
     return _tree(run.connection.call("info.get"), run.output)
 
 
+def restart(run: Run) -> int:
+    """Have a successor take the daemon's place, while the jaws are held."""
+    if not run.options.hold:
+        return run.refuse(
+            "a restart that disables the motor is the service manager's to do",
+            f"systemctl restart litegripd@{run.options.channel}; to hold all the while: --hold",
+        )
+    data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
+    gap_ms = render.figure(data["gap_s"] * 1e3, ".1f", "ms")
+    text = (
+        f"restarted: pid {data['pid']} has taken over, the jaws are held (no command for {gap_ms})"
+    )
+    run.output.result(data, render.plain(text))
+    return OK
+
+
 def _tree(data: Mapping[str, Any], output: Output) -> int:
     output.result(data, render.tree(data))
     return OK
@@ -153,4 +169,5 @@ COMMANDS: Mapping[str, Command] = {
     "metrics": metrics,
     "info": info,
     "discover": discover,
+    "restart": restart,
 }

@@ -110,6 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     add("doctor", "check link, daemon, motor and calibration; say what mends them")
     add("health", "show how the daemon is; the exit code tells the verdict")
     add("metrics", "print the figures of health as OpenMetrics text, for Prometheus")
+    add("restart", "restart the daemon without letting go of what is held", general.restart)
     add("info", "show what does not change: versions, motor, calibration")
     add("discover", "list the methods of the daemon (with --json: its OpenRPC document)")
     return parser

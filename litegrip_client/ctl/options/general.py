@@ -3,6 +3,11 @@
 from litegrip_client.ctl.options.late import LateParser
 from litegrip_client.ctl.options.values import count, positive
 
+_RESTART = """\
+Start a successor of the daemon, which reads the configuration anew and takes
+over. The motor stays enabled, with the same pose and force. For admins, while
+no motion runs."""
+
 _DUMP = """\
 Have the daemon write its flight recorder: the last minute, tick by tick, with
 all events, as an MCAP file on the daemon's machine. It does so by itself when
@@ -71,6 +76,12 @@ def plot(parser: LateParser) -> None:
         "--text", action="store_true", help="a trajectory's quick look, here in the terminal"
     )
     parser.add_argument("--last", type=positive, metavar="S", help="only the last S seconds of it")
+
+
+def restart(parser: LateParser) -> None:
+    """Take that the jaws are to be held; without it nothing is done."""
+    parser.description = _RESTART
+    parser.add_argument("--hold", action="store_true", help="hold through the restart; required")
 
 
 def cancel(parser: LateParser) -> None:

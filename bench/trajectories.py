@@ -1,0 +1,108 @@
+"""How well replays follow, and what the longest trajectories cost the control thread.
+
+python -m bench.trajectories
+
+Following is measured in simulated time, the same on every machine: the true opening against the
+path, one period after each command. Ticks are those of a daemon with the simulated gripper.
+"""
+
+import os
+import statistics
+import tempfile
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from litegripd.control.actions.replay import Replay
+from tests.process.daemon_process import Client, daemon
+from tests.trajectories import Point, sampled, swing, uploaded
+from tests.world import World
+
+SWINGS = ((0.3, 4.0), (0.3, 2.0), (0.4, 1.5), (0.4, 1.0), (0.4, 0.7))
+"""Amplitude, as a share of the travel, and period in seconds."""
+
+LONG = 600.0
+WATCHED_S = 15.0
+CONFIG = '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n'
+
+
+def main() -> None:
+    """Measure and print."""
+    print("| fastest mm/s | median error, % of travel | worst | torque_nm |")
+    print("| --- | --- | --- | --- |")
+    for size, period_s in SWINGS:
+        for torque_nm in (2.0, 3.0):
+            _follow(sampled(swing(0.5, size, period_s), 3.0 * period_s, hz=200), torque_nm)
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder)
+        config = path / "bench.toml"
+        config.write_text(CONFIG, encoding="utf-8")
+        name = f"bench-{os.getpid()}"
+        with daemon(path, name, "--config", str(config)) as running, running.connect() as client:
+            _ticks(client)
+
+
+def _follow(points: list[Point], torque_nm: float) -> None:
+    world = World()
+    client = world.enabled()
+    upload = uploaded(client, points)
+    number = client.send("trajectory.play", upload=upload, torque_nm=torque_nm)
+    geometry, errors = world.engine.geometry, []
+    while not client.has_answer(number):
+        action = world.engine.action
+        on_path = isinstance(action, Replay) and action.phase == "play"
+        wanted = action.openness if isinstance(action, Replay) else None
+        world.tick()
+        if on_path and wanted is not None and geometry is not None:
+            true_mm = geometry.opening_mm(world.gripper.position_rad)
+            errors.append(abs(true_mm / geometry.travel_mm - wanted))
+    rates = [abs(b[1] - a[1]) / (b[0] - a[0]) for a, b in pairwise(points)]
+    fastest_mm_s = 120.0 * max(rates)
+    middle, worst = statistics.median(errors) * 100.0, max(errors) * 100.0
+    print(f"| {fastest_mm_s:.0f} | {middle:.2f} | {worst:.2f} | {torque_nm:g} |")
+
+
+def _ticks(client: Client) -> None:
+    """Upload, load, replay and record for long; print the ticks after each."""
+    client.enabled()
+    _tell("idle", client, time.monotonic())
+    began_s = time.monotonic()
+    upload = uploaded(client, sampled(swing(0.5, 0.1), LONG, hz=200))
+    _tell("10 minutes at 200 Hz uploaded", client, began_s)
+    began_s = time.monotonic()
+    job = client.result("trajectory.play", upload=upload, wait=False)["job"]
+    while client.result("trajectory.status")["phase"] == "load":
+        client.result("state.get")
+    _tell("loaded", client, began_s)
+    _watch(client, WATCHED_S)
+    _tell("replayed", client, began_s)
+    client.result("job.cancel", job=job)
+    client.result("trajectory.record_start", rate_hz=200)
+    began_s = time.monotonic()
+    _watch(client, WATCHED_S)
+    _tell("recorded", client, began_s)
+    answer = client.result("trajectory.record_stop", allow_partial=True)
+    print(f"{answer['samples']} samples, {answer['missed']} missed")
+
+
+def _watch(client: Client, duration_s: float) -> None:
+    ends_s = time.monotonic() + duration_s
+    while time.monotonic() < ends_s:
+        client.result("state.get")
+        time.sleep(0.05)
+
+
+def _tell(what: str, client: Client, began_s: float) -> None:
+    took_s = time.monotonic() - began_s
+    control: dict[str, Any] = client.result("health")["control"]
+    late, cost = control["lateness"], control["tick_cost"]
+    print(
+        f"{what}, {took_s:.2f} s: {control['lost_ticks']} of {control['ticks']} ticks lost so far,"
+        f" late p99 {late['p99_us']:.0f} µs, cost p50 {cost['p50_us']:.0f} µs"
+        f" p99 {cost['p99_us']:.0f} µs, {control['resident_mb']} MB resident"
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,73 @@
+"""The state of a whole daemon that a successor goes on with, in two parts.
+
+`export` is what the next command depends on, and small. `export_history` is what clients may ask
+for later: it is made before and taken in after the moment in which nobody commands the motor.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from litegripd.app.machine import Machine
+from litegripd.control import handover as control
+from litegripd.model.errors import Refusal
+from litegripd.model.plain import PlainError, value_of
+from litegripd.motor import handover as motor
+from litegripd.rpc.service import RpcService
+
+FORMAT = 1
+"""Counts the changes of what is handed over. A successor of another format refuses."""
+
+_NUMBERS = Mapping[str, int]
+_ENDS = Mapping[str, tuple[str, str | None]]
+
+
+def unsettled(machine: Machine) -> Refusal | None:
+    """Say why nothing can be handed over now, if so."""
+    return machine.engine.unsettled() or motor.refusal(machine.motor)
+
+
+def export(machine: Machine, service: RpcService) -> dict[str, Any]:
+    """Return what a successor needs for its first tick. Raises `PlainError` for a defect."""
+    return {
+        "format": FORMAT,
+        "motor": motor.export(machine.motor),
+        "control": control.export(machine.engine),
+        "numbers": service.memory(),
+    }
+
+
+def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
+    """Go on where the predecessor was. Raises `PlainError` for a state of another version."""
+    found = plain.get("format") if isinstance(plain, dict) else None
+    if found != FORMAT:
+        raise PlainError(f"the state has format {found}, this version takes over format {FORMAT}")
+    if plain.keys() != {"format", "motor", "control", "numbers"}:
+        raise PlainError("the state is not of this version")
+    motor.adopt(machine.motor, machine.engine.unit.can_id, plain["motor"])
+    control.adopt(machine.engine, machine.motor.view(), plain["control"])
+    service.restore(_numbers_of(plain["numbers"]))
+
+
+def _numbers_of(plain: Any) -> Mapping[str, int]:
+    numbers: Mapping[str, int] = value_of(plain, _NUMBERS, "numbers")
+    if numbers.keys() != {"session", "event"}:
+        raise PlainError(f"the numbers are not of this version: {sorted(numbers)}")
+    return numbers
+
+
+def export_history(machine: Machine, service: RpcService) -> dict[str, Any]:
+    """Return the jobs that have ended, as clients may still ask for them."""
+    service.reporter.keep_ends()
+    return {
+        "jobs": control.export_jobs(machine.engine),
+        "ends": service.reporter.memory(),
+    }
+
+
+def adopt_history(machine: Machine, service: RpcService, plain: Any) -> None:
+    """Keep the jobs of the predecessor. Raises `PlainError` for what cannot be used."""
+    if not isinstance(plain, dict) or plain.keys() != {"jobs", "ends"}:
+        raise PlainError("the history is not of this version")
+    ends = value_of(plain["ends"], _ENDS, "ends")
+    control.adopt_jobs(machine.engine, plain["jobs"])
+    service.reporter.restore(ends)

@@ -1,0 +1,40 @@
+"""Where the daemon's log goes, and what of the gripper is told there."""
+
+import logging
+from collections.abc import Callable
+
+from litegripd.io.log import JournalSink, LogHandler, goes_to_journal
+from litegripd.model.events import Event
+from litegripd.model.motor import MotorIdentity
+from litegripd.motor.look import warnings
+
+_log = logging.getLogger(__name__)
+
+_WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
+
+
+def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
+    """Return a handler that never waits: to the journal, or by `post`, which takes a text."""
+    if goes_to_journal():
+        return LogHandler(JournalSink(channel))
+    handler = LogHandler(lambda _record, text: post(text + "\n"))
+    form = "%(asctime)s %(levelname)-7s %(message)s"
+    handler.setFormatter(logging.Formatter(form, "%H:%M:%S"))
+    return handler
+
+
+def log_event(event: Event) -> None:
+    """Tell of one event."""
+    is_bad = event.kind in _WARNINGS or bool(event.data.get("error"))
+    level = logging.WARNING if is_bad else logging.INFO
+    _log.log(level, "%s", event.message)
+
+
+def log_motor(identity: MotorIdentity) -> None:
+    """Tell what a motor that was found has told about itself."""
+    serial = identity.registers.get("SN")
+    _log.info(
+        "motor 0x%02X answers on 0x%02X, serial %s", identity.can_id, identity.master_id, serial
+    )
+    for warning in warnings(identity):
+        _log.warning("%s", warning)

@@ -1,0 +1,299 @@
+"""The old daemon's side of a restart that holds: starts a successor and hands everything over.
+
+Who owns the bus is never in doubt. The state is sent in one packet: before it the successor
+commands nothing, from then on this process commands nothing. It takes the bus back only once the
+successor is dead, by its own doing or by ours, and gives it up for good when the successor says
+that its first command is sent.
+"""
+
+import logging
+import os
+import select
+import signal
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from litegripd.app import handover
+from litegripd.app.config import Config
+from litegripd.app.machine import Machine
+from litegripd.io.bus import IN_PROCESS_INTERFACES, FrameBus
+from litegripd.io.handover_link import Link, Packet, write_document
+from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.places import Places
+from litegripd.model.errors import Refusal
+from litegripd.model.jobs import Stop
+from litegripd.model.plain import PlainError, plain_of
+from litegripd.rpc.restarting import OnRestarted, Restarted
+from litegripd.rpc.service import RpcService
+
+_log = logging.getLogger(__name__)
+
+MODULE = "litegripd.app.main"
+SUCCESSOR_OPTION = "--successor"
+
+READY_WITHIN_S = 20.0  # so long a successor may take until it has taken over
+
+TAKE_WITHIN_S = 0.04
+"""So long it may take from the state to its first command. The motor's watchdog disarms after
+0.1 s without one: what is left is for ending the successor and going on."""
+_DIE_WITHIN_S = 0.5
+SAME_TABLES = ("bus", "motor", "gripper", "rpc")
+"""Tables of the configuration that must not differ: what is held depends on them."""
+
+
+def same_settings(config: Config) -> dict[str, Any]:
+    """Return the tables that a successor must find as they are."""
+    return {table: plain_of(getattr(config, table)) for table in SAME_TABLES}
+
+
+class Succession:
+    """At most one restart at a time; `begin` asks for it, `step` advances it once per tick."""
+
+    def __init__(
+        self,
+        config: Config,
+        arguments: Sequence[str],
+        epoch: str,
+        *,
+        machine: Machine,
+        service: RpcService,
+        helper: Helper,
+        bus: FrameBus,
+        places: Places,
+    ) -> None:
+        self._config = config
+        self._arguments = arguments
+        self._epoch = epoch
+        self._machine = machine
+        self._service = service
+        self._helper = helper
+        self._bus = bus
+        self._places = places
+        self._link: Link | None = None
+        self._on_restarted: OnRestarted | None = None
+        self._deadline_s = 0.0
+        self._pid = 0
+        self._gap_s = 0.0
+        self._pidfd: int | None = None
+        self._history: tuple[int, int] | None = None
+
+    def begin(self, on_restarted: OnRestarted, now_s: float) -> Refusal | None:
+        """Start a successor, or say why there can be none; `on_restarted` is told the outcome."""
+        refusal = self._impossible() or self._not_now()
+        if refusal is not None:
+            return refusal
+        self._link, inherited = Link.pair()
+        self._on_restarted = on_restarted
+        self._deadline_s = now_s + READY_WITHIN_S
+        with inherited:
+            try:
+                self._greet(self._link)
+            except (PlainError, OSError) as error:
+                self._fail(f"the state cannot be handed over: {error}")
+                return None
+            arguments = [MODULE, SUCCESSOR_OPTION, *self._arguments]
+            self._helper.request(
+                "successor.start",
+                {"arguments": arguments},
+                self._note_start,
+                (inherited.fileno(),),
+            )
+        return None
+
+    def step(self, now_s: float, next_tick_s: float) -> Link | None:
+        """Advance; return the line to the successor once it has taken over."""
+        link = self._link
+        if link is None:
+            return None
+        self._listen(link)
+        if self._link is None:
+            return None
+        refusal = self._not_now(is_under_way=True)
+        if now_s >= self._deadline_s:
+            why = "the successor was not ready" if refusal is None else refusal.message
+            self._fail(f"{why} for {READY_WITHIN_S:g} s")
+        elif self._pidfd is not None and refusal is None and self._has_history():
+            return self._hand_over(link, now_s, next_tick_s)
+        return None
+
+    def tell_stop(self, link: Link, stop: Stop, generation: int) -> None:
+        """Pass on a stop that came to this process after it had handed over."""
+        _pass_on(link, "stop", plain_of(stop), generation)
+
+    def tell_end(self, link: Link) -> None:
+        """Pass on SIGTERM that came to this process after it had handed over."""
+        _pass_on(link, "end")
+
+    @property
+    def pid(self) -> int:
+        """The successor's process id, once it is ready."""
+        return self._pid
+
+    def close(self) -> None:
+        """Let a successor go that has not taken over: it ends."""
+        if self._link is not None:
+            self._fail("the daemon is about to end")
+
+    def _impossible(self) -> Refusal | None:
+        interface = self._config.bus.interface
+        if interface in IN_PROCESS_INTERFACES:
+            text = f"a bus of the interface {interface} lives and ends with this process: nothing"
+            return Refusal("restart_failed", f"{text} on it can be held through a restart")
+        if os.getpid() == 1:
+            text = "this daemon is process 1, with which its container ends: no successor is left"
+            return Refusal("restart_failed", text)
+        if self._link is not None:
+            return Refusal("busy", "a restart is under way already: wait for it")
+        return None
+
+    def _not_now(self, *, is_under_way: bool = False) -> Refusal | None:
+        refusal = handover.unsettled(self._machine)
+        refusal = refusal or self._bus.condition.refusal()
+        if refusal is None and is_under_way and self._helper.is_busy:
+            refusal = Refusal("busy", "the helper process is at work")
+        return refusal
+
+    def _greet(self, link: Link) -> None:
+        """Send what the successor prepares itself with, a copy of the present state included."""
+        document = write_document(
+            {
+                "epoch": self._epoch,
+                "path": str(self._places.path),
+                "settings": same_settings(self._config),
+                "state": handover.export(self._machine, self._service),
+            }
+        )
+        try:
+            link.send("hello", (*self._places.descriptors, document))
+        finally:
+            os.close(document)
+
+    def _note_start(self, result: HelperResult) -> None:
+        if result.error is not None and self._link is not None:
+            self._fail(f"the successor cannot be started: {result.error}")
+
+    def _listen(self, link: Link) -> None:
+        """Take what the successor says before it has taken over."""
+        packet = link.receive()
+        if packet is None:
+            if link.has_ended:
+                self._fail("the successor ended before it was ready; see the log")
+        elif packet.kind == "ready" and self._pidfd is None and packet.descriptors:
+            self._pid, self._pidfd = int(packet.body["pid"]), packet.descriptors[0]
+        else:
+            self._fail(str(packet.body.get("why", f"the successor said {packet.kind}")))
+
+    def _has_history(self) -> bool:
+        """Make the part that takes long in a tick before the one that hands over."""
+        newest = max((job.number for job in self._machine.engine.jobs), default=0)
+        if self._history is not None and self._history[0] == newest:
+            return True
+        self._forget_history()
+        try:
+            document = write_document(handover.export_history(self._machine, self._service))
+        except (PlainError, OSError) as error:
+            self._fail(f"the jobs cannot be handed over: {error}")
+            return False
+        self._history = (newest, document)
+        return False
+
+    def _hand_over(self, link: Link, now_s: float, next_tick_s: float) -> Link | None:
+        """Send the state, and wait for the successor's first command; else go on as before.
+
+        `now_s` is when our last command was sent.
+        """
+        history = self._history
+        if history is None:
+            return None
+        try:
+            state = write_document(handover.export(self._machine, self._service))
+        except (PlainError, OSError) as error:
+            self._fail(f"the state cannot be handed over: {error}")
+            return None
+        adapter, pump_pid = self._bus.hand_over()
+        try:
+            link.send(
+                "state",
+                (state, history[1], *adapter),
+                sent_s=now_s,
+                due_s=next_tick_s,
+                pump=pump_pid,
+            )
+        except OSError as error:  # nothing has left: the bus is still ours
+            self._fail(f"the successor is gone: {error}")
+            return None
+        finally:
+            os.close(state)
+        packet = _reply(link, next_tick_s + TAKE_WITHIN_S)
+        if packet is not None and packet.kind == "running":
+            self._gap_s = packet.body.get("gap_s", 0.0)
+            self._link = None  # it belongs to who closes this daemon now
+            return link
+        self._end_successor()
+        self._fail(_why_not(packet, link))
+        return None
+
+    def _end_successor(self) -> None:
+        """Make sure that the successor sends no command any more."""
+        if self._pidfd is not None:
+            try:
+                signal.pidfd_send_signal(self._pidfd, signal.SIGKILL)
+            except ProcessLookupError:
+                return
+            # From the signal on it runs no instruction of its own, however long its end takes.
+            select.select((self._pidfd,), (), (), _DIE_WITHIN_S)
+
+    def tell_outcome(self) -> None:
+        """Tell who has asked for the restart that the successor has taken over."""
+        self._forget_successor()
+        on_restarted, self._on_restarted = self._on_restarted, None
+        if on_restarted is not None:
+            on_restarted(Restarted(self._pid, self._gap_s))
+
+    def _fail(self, why: str) -> None:
+        """Go on as before, and say why."""
+        _log.error("no restart: %s", why)
+        if self._link is not None:
+            self._link.close()  # a successor that has no state ends by that
+            self._link = None
+        self._forget_successor()
+        self._places.name_owner()
+        on_restarted, self._on_restarted = self._on_restarted, None
+        if on_restarted is not None:
+            on_restarted(Refusal("restart_failed", f"the daemon goes on as it was: {why}"))
+
+    def _forget_successor(self) -> None:
+        self._forget_history()
+        if self._pidfd is not None:
+            os.close(self._pidfd)
+            self._pidfd = None
+
+    def _forget_history(self) -> None:
+        if self._history is not None:
+            os.close(self._history[1])
+            self._history = None
+
+
+def _pass_on(link: Link, kind: str, stop: object = None, generation: int = 0) -> None:
+    try:
+        link.send(kind, stop=stop, generation=generation)
+    except OSError as error:
+        _log.error("the successor takes no %s: %s", kind, error)
+
+
+def _reply(link: Link, until_s: float) -> Packet | None:
+    """Wait for what the successor says to the state; what is not understood is no answer."""
+    try:
+        return link.wait(until_s - time.monotonic())
+    except (OSError, ValueError) as error:
+        _log.error("the successor's answer cannot be read: %s", error)
+        return None
+
+
+def _why_not(packet: Packet | None, link: Link) -> str:
+    if packet is not None:
+        return str(packet.body.get("why", f"the successor said {packet.kind}"))
+    if link.has_ended:
+        return "the successor ended while it took over; see the log"
+    return f"the successor did not take over within {TAKE_WITHIN_S * 1e3:g} ms, and was ended"

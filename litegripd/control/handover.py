@@ -1,0 +1,180 @@
+"""What a successor process must know of the engine, so that the jaws notice nothing of a restart.
+
+Carried are pose and force, stop and calibration, heat and limits, and the numbers that clients
+know. Left is what belongs to connections, which end: waiting requests, queues. The lease lapses,
+and who shows its token gets it again.
+"""
+
+from collections import OrderedDict, deque
+from dataclasses import replace
+from typing import Any
+
+from litegripd.control.engine import Engine
+from litegripd.control.filter import LastWord
+from litegripd.control.gains import Gains
+from litegripd.control.grip import Grip, GripSettings
+from litegripd.control.heat import HeatGuard, HeatModel, Readings
+from litegripd.control.in_use import CalibrationInUse
+from litegripd.control.jobs import JobBook
+from litegripd.control.lease import Grant, Lease
+from litegripd.control.output import Output
+from litegripd.control.rest import Hold, Relax, Rest
+from litegripd.control.second_master import SecondMaster
+from litegripd.control.stop import StopLatch
+from litegripd.model.bus import BusCondition
+from litegripd.model.calibration import Calibration
+from litegripd.model.carried import Carried
+from litegripd.model.errors import Refusal
+from litegripd.model.jobs import Job, Stop
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import MitCommand, MotorPhase, MotorView, ZeroView
+from litegripd.model.plain import TYPE_KEY, PlainError, plain_of, value_of
+
+_OUTPUT = Carried(
+    Output,
+    requested=MitCommand | None,
+    command=MitCommand | None,
+    limited=tuple[str, ...],
+    heat=Carried(
+        HeatGuard,
+        model=Carried(
+            HeatModel,
+            coil_c=float | None,
+            windows=int,
+            _readings=Carried(
+                Readings,
+                believed_c=int | None,
+                doubtful_c=int | None,
+                _since_s=float,
+                _ticks=int,
+            ),
+            _last_s=float | None,
+            _square_nm2_s=float,
+            _elapsed_s=float,
+            _recent_w=deque[float],
+            _winding_w=float,
+            _housing_w=float,
+            _base_c=float,
+            _share=float,
+            _variances=tuple[float, float, float],
+        ),
+        allowance_nm=float,
+        _windows=int,
+        _asked_nm=float,
+        _changed_s=float,
+        _was_raised=bool,
+        _raise_every_s=float,
+        _top_nm=float,
+    ),
+    _last_word=Carried(
+        LastWord,
+        _impulse_nm_s=float,
+        _rated_only=bool,
+        _last_s=float | None,
+        _last_nm=float,
+    ),
+)
+_LEASE = Carried(Lease, left=("holder", "_waiting", "_expires_s"), _last=int, _lapsed=Grant | None)
+_ENGINE = Carried(
+    Engine,
+    left=(
+        "action",
+        "capture",  # what could only be lost refuses: `unsettled`
+        "errands",
+        "events",
+        "has_stepped",
+        "inquiries",
+        "motor",  # handed over by its own room; here only its phase goes along
+        "must_disable",
+        "period_s",
+        "rest",
+        "unit",
+        "_is_ending",
+        "_owed",
+        "_queue",
+        "_starting",
+    ),
+    jobs=Carried(JobBook, left=("running", "_jobs"), _last=int),  # the others: `export_jobs`
+    lease=_LEASE,
+    stop_latch=Carried(
+        StopLatch, latched=Stop | None, generation=int, repeats=int, _latest_s=float
+    ),
+    calibrated=Carried(
+        CalibrationInUse,
+        calibration=Calibration | None,
+        file=str | None,
+        gains=Gains,
+        problem=Refusal,
+        _zero=ZeroView,
+    ),
+    now_s=float,
+    config=MotionConfig,
+    config_is_kept=bool,
+    ticks=int,
+    output=_OUTPUT,
+    bus=BusCondition,
+    second_master=Carried(
+        SecondMaster,
+        left=("is_tolerated", "count"),  # the configuration's; and the motor counts anew
+        is_active=bool,
+        _seen_s=float,
+        _told_s=float,
+    ),
+)
+_GRIP = Carried(
+    Grip,
+    force_n=float,
+    watched=bool,
+    is_lost=bool,
+    _settings=GripSettings,
+    _sign=int,
+    _applied_nm=float,
+    _ramped_at_s=float | None,
+    _fast_ticks=int,
+    _slice_began_s=float,
+    _slice_rad=float | None,
+)
+_JOBS = Carried(JobBook, left=("running", "_last"), _jobs=OrderedDict[int, Job])
+
+
+def export(engine: Engine) -> dict[str, Any]:
+    """Return the engine's state; the caller has asked whether it is `unsettled`."""
+    plain = _ENGINE.memory(engine)
+    if engine.lease.holder is not None:
+        plain["lease"]["_lapsed"] = plain_of(engine.lease.holder)
+    rest = engine.rest
+    plain_rest = _GRIP.memory(rest) if isinstance(rest, Grip) else plain_of(rest)
+    return {"engine": plain, "rest": plain_rest, "phase": plain_of(engine.motor.phase)}
+
+
+def adopt(engine: Engine, motor: MotorView, plain: Any) -> None:
+    """Go on where the predecessor was, with a motor that is handed over already.
+
+    Raises `PlainError` for a state that cannot be used.
+    """
+    if not isinstance(plain, dict) or plain.keys() != {"engine", "rest", "phase"}:
+        raise PlainError("the engine's state is not of this version")
+    _ENGINE.restore(engine, plain["engine"])
+    engine.rest = _rest_of(plain["rest"])
+    # The phase of the predecessor's last tick: a change since then is still to be noticed.
+    engine.motor = replace(motor, phase=value_of(plain["phase"], MotorPhase, "phase"))
+
+
+def export_jobs(engine: Engine) -> dict[str, Any]:
+    """Return the jobs that are kept. There may be many, so they are not part of `export`."""
+    return _JOBS.memory(engine.jobs)
+
+
+def adopt_jobs(engine: Engine, plain: Any) -> None:
+    """Keep the predecessor's jobs. Raises `PlainError` for what cannot be used."""
+    _JOBS.restore(engine.jobs, plain)
+
+
+def _rest_of(plain: Any) -> Rest:
+    if not isinstance(plain, dict) or plain.get(TYPE_KEY) != Grip.__name__:
+        hold: Rest = value_of(plain, Hold | Relax, "rest")
+        return hold
+    settings = value_of(plain.get("_settings"), GripSettings, "Grip._settings")
+    grip = Grip(settings, 0.0, 0.0, watched=False)
+    _GRIP.restore(grip, plain)
+    return grip

@@ -1,0 +1,101 @@
+"""The line between a daemon and the successor that is to take its place.
+
+Packets are JSON with descriptors beside them; what may be large travels as a file in memory, whose
+descriptor goes along. Nothing here waits but `wait`.
+"""
+
+import json
+import os
+import select
+import socket
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from litegripd.io.child import CHILD_FD, MAX_PACKET_BYTES, receive_descriptors
+
+_MAX_DESCRIPTORS = 8
+_FILE_NAME = "litegripd handover"
+
+
+@dataclass(frozen=True, slots=True)
+class Packet:
+    """What the other end sent: its kind, its members, and the descriptors, which are ours now."""
+
+    kind: str
+    body: Mapping[str, Any]
+    descriptors: Sequence[int] = ()
+
+
+class Link:
+    """One end of the line; it does not block. `has_ended` once the other end is gone."""
+
+    def __init__(self, connected: socket.socket) -> None:
+        connected.setblocking(False)
+        self.has_ended = False
+        self._socket = connected
+
+    @classmethod
+    def pair(cls) -> "tuple[Link, socket.socket]":
+        """Return a new line: the daemon's end, and the socket that the successor inherits."""
+        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        return cls(ours), theirs
+
+    @classmethod
+    def inherited(cls) -> "Link":
+        """Return the successor's end. Raises `OSError` where this process has inherited none."""
+        os.set_inheritable(CHILD_FD, False)
+        return cls(socket.socket(fileno=CHILD_FD))
+
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when a packet has come, or the end."""
+        return self._socket.fileno()
+
+    def send(self, kind: str, descriptors: Sequence[int] = (), **body: object) -> None:
+        """Send a packet, as a whole or not at all; raises `OSError` where nobody takes it."""
+        packet = json.dumps([kind, body]).encode()
+        socket.send_fds(self._socket, [packet], descriptors)
+
+    def receive(self) -> Packet | None:
+        """Return the next packet; None where there is none now, or no more."""
+        try:
+            packet, descriptors = self._receive()
+        except BlockingIOError:
+            return None
+        if not packet:
+            self.has_ended = True
+            return None
+        kind, body = json.loads(packet)
+        return Packet(kind, body, descriptors)
+
+    def _receive(self) -> tuple[bytes, list[int]]:
+        """Receive; a reset, which tells that our words were not read, comes before the last one."""
+        try:
+            return receive_descriptors(self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
+        except ConnectionResetError:
+            return receive_descriptors(self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
+
+    def wait(self, within_s: float) -> Packet | None:
+        """Wait for a packet or the end, at most so long."""
+        select.select((self._socket,), (), (), max(within_s, 0.0))
+        return self.receive()
+
+    def close(self) -> None:
+        """Close this end."""
+        self._socket.close()
+
+
+def write_document(plain: Any) -> int:
+    """Return the descriptor of a new file in memory that holds `plain` as JSON."""
+    descriptor = os.memfd_create(_FILE_NAME, os.MFD_CLOEXEC)
+    left = json.dumps(plain).encode()
+    while left:
+        left = left[os.write(descriptor, left) :]
+    return descriptor
+
+
+def read_document(descriptor: int) -> Any:
+    """Return what `write_document` was given, and close the descriptor."""
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    with open(descriptor, "rb") as file:
+        return json.loads(file.read())

@@ -1,0 +1,196 @@
+"""Values as JSON can carry them from one process of the daemon to its successor, and back.
+
+What arrives is checked against the declared type, down to the last field: a state that another
+version has written, or that is damaged, is refused and never guessed at.
+"""
+
+from collections import OrderedDict, deque
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import fields, is_dataclass
+from enum import Enum
+from functools import cache
+from types import NoneType, UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+TYPE_KEY = "is"
+"""Under this key an object says which dataclass it is; no field has this name."""
+
+
+class PlainError(ValueError):
+    """Something that arrived is not what was declared; the message says where."""
+
+
+def plain_of(value: Any) -> Any:
+    """Return what JSON can hold of a value: dataclasses as objects, enums by their names.
+
+    Numbers that are not finite stay: both ends are Python's own `json`.
+    """
+    if value is None or isinstance(value, bool | int | float | str):
+        return value.name if isinstance(value, Enum) else value
+    if isinstance(value, Enum):
+        return value.name
+    if isinstance(value, Mapping):
+        return {str(key): plain_of(item) for key, item in value.items()}
+    if isinstance(value, tuple | list | deque):
+        return [plain_of(item) for item in value]
+    if is_dataclass(value):
+        own = {field.name: plain_of(getattr(value, field.name)) for field in fields(value)}
+        return {TYPE_KEY: type(value).__name__, **own}
+    raise PlainError(f"a {type(value).__name__} cannot be handed over")
+
+
+def value_of(plain: Any, kind: Any, where: str) -> Any:
+    """Return the value of the declared type `kind`; `where` names it in an error.
+
+    Raises `PlainError`, also for a value that its own class refuses.
+    """
+    return _reader(kind)(plain, where)
+
+
+Reader = Callable[[Any, str], Any]
+
+
+@cache
+def _reader(kind: Any) -> Reader:
+    """Return what reads a type; made once for each."""
+    if kind in (Any, object):
+        return lambda plain, _where: plain
+    if kind in _PRIMITIVES:
+        return _primitive(kind)
+    origin, arguments = get_origin(kind), get_args(kind)
+    if origin in (Union, UnionType):
+        return _union(arguments)
+    if origin is Literal:
+        return _literal(arguments)
+    if origin is tuple:
+        return _tuple(arguments)
+    if origin is deque:
+        return _sequence(arguments[0], deque)
+    if origin in (Mapping, dict, OrderedDict) or (origin and issubclass(origin, Mapping)):
+        return _mapping(*arguments)
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return _enum(kind)
+    if is_dataclass(kind):
+        return _dataclass(kind)
+    raise TypeError(f"{kind} cannot be handed over")
+
+
+_PRIMITIVES: Mapping[Any, tuple[type, ...]] = {
+    NoneType: (NoneType,),
+    bool: (bool,),
+    int: (int,),
+    float: (float, int),
+    str: (str,),
+}
+
+
+def _primitive(kind: Any) -> Reader:
+    allowed = _PRIMITIVES[kind]
+
+    def read(plain: Any, where: str) -> Any:
+        if type(plain) not in allowed:
+            raise PlainError(f"{where} is a {type(plain).__name__}, not a {kind.__name__}")
+        return plain
+
+    return read
+
+
+def _union(members: tuple[Any, ...]) -> Reader:
+    classes: list[Any] = [member for member in members if is_dataclass(member)]
+    named = {member.__name__: _reader(member) for member in classes}
+    others = [_reader(member) for member in members if member not in classes]
+
+    def read(plain: Any, where: str) -> Any:
+        name = plain.get(TYPE_KEY) if isinstance(plain, dict) else None
+        if isinstance(name, str) and name in named:
+            return named[name](plain, where)
+        for other in others:
+            with suppress(PlainError):
+                return other(plain, where)
+        raise PlainError(f"{where} is none of what it may be: {plain!r:.80}")
+
+    return read
+
+
+def _literal(choices: tuple[Any, ...]) -> Reader:
+    def read(plain: Any, where: str) -> Any:
+        if not isinstance(plain, str | int) or plain not in choices:
+            raise PlainError(f"{where} is {plain!r:.80}, none of {choices}")
+        return plain
+
+    return read
+
+
+def _tuple(arguments: tuple[Any, ...]) -> Reader:
+    if len(arguments) == 2 and arguments[1] is Ellipsis:
+        return _sequence(arguments[0], tuple)
+    members = [_reader(argument) for argument in arguments]
+
+    def read(plain: Any, where: str) -> Any:
+        if not isinstance(plain, list) or len(plain) != len(members):
+            raise PlainError(f"{where} is not a row of {len(members)}")
+        return tuple(member(item, where) for member, item in zip(members, plain, strict=True))
+
+    return read
+
+
+def _sequence(kind: Any, make: Callable[[Any], Any]) -> Reader:
+    member = _reader(kind)
+
+    def read(plain: Any, where: str) -> Any:
+        if not isinstance(plain, list):
+            raise PlainError(f"{where} is not an array")
+        return make(member(item, where) for item in plain)
+
+    return read
+
+
+def _mapping(key_kind: Any, kind: Any) -> Reader:
+    member = _reader(kind)
+
+    def read(plain: Any, where: str) -> Any:
+        if not isinstance(plain, dict):
+            raise PlainError(f"{where} is not an object")
+        try:
+            return {key_kind(key): member(item, f"{where}.{key}") for key, item in plain.items()}
+        except PlainError:
+            raise
+        except ValueError as error:
+            raise PlainError(f"{where}: {error}") from None
+
+    return read
+
+
+def _enum(kind: type[Enum]) -> Reader:
+    def read(plain: Any, where: str) -> Any:
+        if not isinstance(plain, str) or plain not in kind.__members__:
+            raise PlainError(f"{where} is {plain!r:.80}, no {kind.__name__}")
+        return kind[plain]
+
+    return read
+
+
+def _dataclass(kind: Any) -> Reader:
+    hints = get_type_hints(kind)
+    members = {field.name: _reader(hints[field.name]) for field in fields(kind)}
+    expected = {TYPE_KEY, *members}
+
+    def read(plain: Any, where: str) -> Any:
+        check_object(plain, kind.__name__, expected, where)
+        values = {name: member(plain[name], f"{where}.{name}") for name, member in members.items()}
+        try:
+            return kind(**values)
+        except (ValueError, KeyError) as error:
+            raise PlainError(f"{where}: {error}") from None
+
+    return read
+
+
+def check_object(plain: Any, name: str, expected: set[str], where: str) -> None:
+    """Refuse what is not the object `name` with exactly the expected keys."""
+    if not isinstance(plain, dict) or plain.get(TYPE_KEY) != name:
+        raise PlainError(f"{where} is not a {name}")
+    differing = expected ^ plain.keys()
+    if differing:
+        raise PlainError(f"{where}: a {name} of another version, by {', '.join(sorted(differing))}")

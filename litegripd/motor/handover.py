@@ -1,0 +1,92 @@
+"""What a successor process must know of the motor, so that it goes on without looking anew.
+
+Only a motor that is found and settled is handed over: enabled, disabled or faulty. Nothing here
+energises a motor: a phase is taken over as the predecessor had it confirmed.
+"""
+
+from typing import Any
+
+from litegripd.model.carried import Carried
+from litegripd.model.errors import Refusal
+from litegripd.model.motor import Feedback, MitCommand, MotorIdentity, MotorPhase, ZeroView
+from litegripd.model.plain import PlainError
+from litegripd.motor.identification import Identification
+from litegripd.motor.motor import Motor
+from litegripd.motor.phases import Phase
+from litegripd.motor.plausibility import Plausibility
+from litegripd.motor.silence import Silence
+from litegripd.motor.traffic import Traffic
+from litegripd.motor.zeroing import Zeroing
+
+SETTLED = (MotorPhase.ENABLED, MotorPhase.DISABLED, MotorPhase.FAULT)
+
+_MOTOR = Carried(
+    Motor,
+    left=("counters", "_can_id", "_arming", "_reading", "_fresh", "_unfaulting"),
+    _identification=Carried(
+        Identification,
+        left=("_can_id", "_configured_master_id", "_look"),
+        identity=MotorIdentity,
+    ),
+    _phase=Phase,
+    _entered_s=float,
+    _zeroing=Carried(
+        Zeroing,
+        left=(
+            "_zero_within_rad",
+            "_rest_within_rad",
+            "_can_id",
+            "_began_s",
+            "_answered_s",
+            "_rest_rad",
+            "_rests_since_s",
+            "_position_rad",
+            "_before_rad",
+            "_is_due",
+            "_tries",
+            "_first_try_s",
+            "_last_try_s",
+            "_is_unchanged",
+        ),  # they count only while it is pending
+        view=ZeroView,
+    ),
+    _plausibility=Carried(
+        Plausibility, left=("in_a_row", "_last", "_told_s"), refusal=Refusal | None
+    ),
+    _feedback=Feedback,
+    _asked_s=float,
+    _silence=Carried(Silence, unanswered=int),
+    _traffic=Carried(
+        Traffic,
+        left=("_can_id", "_silence", "_counters"),
+        _polled_at_s=float,
+        _last_command=MitCommand | None,
+    ),
+    _tries=int,
+    _failure=Refusal | None,
+)
+
+
+def refusal(motor: Motor) -> Refusal | None:
+    """Say why a motor cannot be handed over now, if so."""
+    view = motor.view()
+    if view.phase in SETTLED and view.feedback is not None and view.zero.state != "pending":
+        return None
+    text = f"the motor is {view.phase.value}: it can be handed over once it answers and is settled"
+    plain = Refusal("restart_failed", text, {"hint": "try again, or restart without the hold"})
+    return view.problem or plain
+
+
+def export(motor: Motor) -> dict[str, Any]:
+    """Return the motor's state; the caller has asked for a `refusal`."""
+    return _MOTOR.memory(motor)
+
+
+def adopt(motor: Motor, can_id: int, plain: Any) -> None:
+    """Go on where the predecessor was. Raises `PlainError` for a state that cannot be used."""
+    _MOTOR.restore(motor, plain)
+    view = motor.view()
+    if view.phase not in SETTLED or view.zero.state == "pending":
+        raise PlainError(f"Motor: {view.phase.value} is no phase in which it is handed over")
+    if view.identity is None or view.identity.can_id != can_id:
+        raise PlainError("Motor: the motor that is handed over has another id")

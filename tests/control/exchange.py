@@ -1,0 +1,36 @@
+"""Puts a successor in the place of a world's machine, as a restart of the daemon does."""
+
+import json
+from typing import Any
+
+from litegripd.app import handover
+from litegripd.app.machine import Machine
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.unit import Unit
+from litegripd.rpc.service import RpcService
+from tests.world import PERIOD_S, FixedFacts, World
+
+
+def exported(world: World) -> dict[str, Any]:
+    """Return all that is handed over, as it arrives."""
+    return {
+        "state": through_json(handover.export(world.machine, world.service)),
+        "history": through_json(handover.export_history(world.machine, world.service)),
+    }
+
+
+def through_json(plain: Any) -> Any:
+    return json.loads(json.dumps(plain))
+
+
+def exchange(world: World) -> dict[str, Any]:
+    """Exchange the machine between two ticks; return what was handed over."""
+    assert handover.unsettled(world.machine) is None
+    plain = exported(world)
+    machine = Machine(Unit(), None, MotionConfig(), PERIOD_S)
+    service = RpcService(machine.engine, FixedFacts(), PERIOD_S)
+    handover.adopt(machine, service, plain["state"])
+    handover.adopt_history(machine, service, plain["history"])
+    world.machine, world.engine, world.service = machine, machine.engine, service
+    world.flight = world.make_flight()
+    return plain

@@ -1,0 +1,1 @@
+"""What goes wrong on purpose: the matrix of faults, and chaos."""

@@ -1,0 +1,142 @@
+"""What must hold in every tick of chaos, and how much the daemon keeps in memory."""
+
+import gc
+import types
+from collections import deque
+
+from litegripd.model.motor import MitCommand, MotorPhase, Ranges
+from litegripd.motor import codec
+from litegripd.sim.motor import ENABLED
+from tests.control.limits import LimitWatch
+from tests.faults.cell import OLDEST_S
+from tests.faults.fault_world import FaultWorld
+from tests.world import CAN_ID, is_command
+
+EXCUSED_S = 1.0
+"""For so long after a hand, a grip or somebody else's command the jaws may still move by it."""
+STANDS_MM_S = 2.0
+TRAVEL_MM = 120.06
+UNWANTED_S = 2.0
+"""So long at most the daemon leaves a motor enabled that it does not want so, once it hears it."""
+_SKIPPED = (type, types.ModuleType, types.FunctionType, types.CodeType, types.FrameType)
+
+
+class ChaosWatch:
+    """Watches one world; `tick` lets a tick pass in it.
+
+    `is_lied_to` says that somebody else commands the jaws or a measurement lies, `is_pushed` that a
+    hand or an object pushes them.
+    """
+
+    def __init__(self, world: FaultWorld) -> None:
+        self._world = world
+        self._limits = LimitWatch(world.engine)
+        self.is_lied_to = False
+        self.is_pushed = False
+        self._excused_until_s = 0.0
+        self._is_excused = False
+        self._stands_since_s = world.now_s
+        self._unwanted_since_s: float | None = None
+        self._state: tuple[int, type] = (world.gripper.motor.status, type(world.engine.rest))
+
+    def tick(self) -> None:
+        """Let a tick pass and check it."""
+        world, engine = self._world, self._world.engine
+        running, latched, action = engine.jobs.running, engine.stop_latch.latched, engine.action
+        since = len(world.sent)
+        self._limits.begin()
+        self._check_owner()
+        world.tick()
+        own = [sent.frame for sent in world.sent[since:] if sent.frame.can_id == CAN_ID]
+        if codec.ENABLE in [frame.data for frame in own]:
+            assert running is not None, "armed unasked"
+            assert (running.kind, latched) == ("enable", None), "armed unasked"
+        identity = engine.motor.identity
+        ranges = Ranges() if identity is None else identity.ranges
+        commands = [codec.decode_command(f.data, ranges) for f in own if is_command(f)]
+        is_motion = action is not None and engine.action is action
+        self._check_commands(commands, ranges, is_motion=is_motion)
+        self._check_jaws()
+        self._check_unwanted()
+        assert world.oldest_s <= OLDEST_S, f"a command was obeyed {world.oldest_s:.3f} s late"
+
+    def _check_owner(self) -> None:
+        """One owner: what runs for a client runs under the lease, where somebody has it.
+
+        Disabling always goes on.
+        """
+        engine = self._world.engine
+        running, holder = engine.jobs.running, engine.lease.holder
+        if running is None or holder is None or running.grant is None or running.detached:
+            return
+        if running.kind == "disable":
+            return
+        assert running.grant == holder.number, (running, holder)
+
+    def _check_commands(
+        self, commands: list[MitCommand], ranges: Ranges, *, is_motion: bool
+    ) -> None:
+        world = self._world
+        motor, engine = world.machine.motor, world.engine.motor
+        assert len(commands) <= 1, "more than one command in a tick"
+        if engine.phase is MotorPhase.ENABLED and commands:
+            if motor._plausibility.in_a_row:
+                return  # it only brakes
+            self._limits.check(
+                world.now_s,
+                commands[-1],
+                engine.feedback,
+                ranges,
+                is_motion=is_motion,
+                in_codes=True,
+                is_unanswered=motor._silence.unanswered > 1,
+            )
+            return
+        for command in commands:
+            assert command.kp_nm_rad == command.kd_nm_s_rad == 0.0, "commanded while not enabled"
+            assert abs(command.torque_nm) <= 1.01 * ranges.torque_nm / 4095
+        self._limits.check(world.now_s, None, None, ranges, is_motion=False)
+
+    def _check_jaws(self) -> None:
+        """Jaws that are disabled or stopped stand; and none leave their travel, but by force."""
+        world, engine = self._world, self._world.engine
+        before, self._state = self._state, (world.gripper.motor.status, type(engine.rest))
+        lets_go = before != self._state  # what the jaws have pressed on pushes them back then
+        if lets_go or self.is_lied_to or self.is_pushed or engine.grip is not None:
+            self._excused_until_s = world.now_s + EXCUSED_S
+        may_move = world.gripper.motor.status == ENABLED and engine.stop_latch.latched is None
+        if may_move or world.now_s < self._excused_until_s:
+            self._stands_since_s = world.now_s
+        speed_mm_s = abs(world.gripper.velocity_rad_s) * world.gripper.parameters.rad_to_mm
+        if world.now_s - self._stands_since_s > EXCUSED_S:
+            assert speed_mm_s < STANDS_MM_S, f"{speed_mm_s:.1f} mm/s though disabled or stopped"
+        most_mm, opening_mm = engine.config.max_lead_mm, world.gripper.opening_mm
+        is_inside = -most_mm <= opening_mm <= TRAVEL_MM + most_mm
+        # Where a hand has pushed them they may be held.
+        self._is_excused = not is_inside and (
+            self._is_excused or world.now_s < self._excused_until_s
+        )
+        assert is_inside or self._is_excused, f"at {opening_mm:.1f} mm"
+
+    def _check_unwanted(self) -> None:
+        """A motor that is enabled though the daemon says disabled is disabled soon."""
+        world = self._world
+        wanted = world.engine.motor.phase not in (MotorPhase.DISABLED, MotorPhase.FAULT)
+        if wanted or world.gripper.motor.status != ENABLED or world.engine.bus.state != "up":
+            self._unwanted_since_s = None
+        elif self._unwanted_since_s is None:
+            self._unwanted_since_s = world.now_s
+        else:
+            assert world.now_s - self._unwanted_since_s < UNWANTED_S, "stays enabled, unwanted"
+
+
+def kept_by(*roots: object) -> int:
+    """Count the objects that are reachable from the daemon's: what it keeps."""
+    seen = {id(root) for root in roots}
+    waiting: deque[object] = deque(roots)
+    while waiting:
+        for found in gc.get_referents(waiting.popleft()):
+            if id(found) not in seen and not isinstance(found, _SKIPPED):
+                seen.add(id(found))
+                waiting.append(found)
+    return len(seen)

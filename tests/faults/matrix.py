@@ -1,0 +1,76 @@
+"""The fault matrix and its page: `python -m tests.faults.matrix` writes docs/faults.md.
+
+Every fault of `rows` in every situation of `cell`. The page says what the runs have shown.
+"""
+
+import functools
+from itertools import groupby
+from pathlib import Path
+
+from tests.faults.cell import Cell, run_cell
+from tests.faults.rows import FAULTS, Fault
+from tests.faults.situations import SITUATIONS, Situation
+
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "faults.md"
+HEAD = """# Faults
+
+<!-- Made by python -m tests.faults.matrix from runs of the daemon; not to be edited. -->
+
+What the gripper does when something fails, found by letting it fail. Each row is a run of the whole
+daemon, from the requests of a client to the frames on a simulated CAN bus and the motor's firmware
+at its other end, in virtual time. `tests/faults/test_matrix.py` runs each row anew and compares it
+with this page.
+
+- **bus** and **mode** are what `state.get` tells while the fault lasts and until all has settled,
+  in the order of their first appearance. A bus without anything to tell is `up`.
+- **motion** is how the running motion ended: the reason of its error, or its outcome.
+- **next motion** is the reason with which a motion is refused at the fault's end, before it is
+  taken away; `accepted` where none is.
+- **jaws** is how far the jaws went at most from where they were at the fault's beginning until all
+  had settled, measured at the simulated jaws, and what is left of the grip's force. A disabled
+  motor brakes; an object then pushes the jaws back a little.
+- **recovery** is what a client did until `motion.open` succeeded, and how long after the end of the
+  fault the daemon knew again how motor and bus are. *By itself* means that the motor is as it was,
+  enabled or disabled, without any request; after anything else it stays disabled until a client
+  enables it.
+
+In every row, whatever the fault: nothing arms the motor but a client's `motor.enable`; enabling
+moves the jaws by less than 0.5 mm; no command that is older than the motor's watchdog, 0.1 s, comes
+to an enabled motor, however long a queue was; the jaws go no further beyond a calibrated stop than
+`max_lead_mm`; jaws that nobody has asked to move stand still to 0.05 mm when disabled and 1 mm when
+held, unless the row itself says that somebody else commands them or that a measurement lies.
+
+An interface that cannot be opened at all is `adapter_gone` or `down` until it can be.
+"""
+COLUMNS = ("situation", "bus", "mode", "motion", "next motion", "jaws", "recovery")
+
+
+@functools.cache
+def cell(fault: Fault, situation: Situation) -> Cell:
+    """Run one cell, once."""
+    return run_cell(fault, situation)
+
+
+def page() -> str:
+    """Make the page."""
+    lines = [HEAD]
+    for group, faults in groupby(FAULTS, lambda fault: fault.group):
+        lines.append(f"## {group}\n")
+        lines += map(section, faults)
+    return "\n".join(lines)
+
+
+def section(fault: Fault) -> str:
+    """Make the section of one fault."""
+    head = f"| {' | '.join(COLUMNS)} |\n|{' --- |' * len(COLUMNS)}"
+    rows = "\n".join(cell(fault, situation).row() for situation in SITUATIONS)
+    return f"### {title(fault)}\n\nIt is looked at for {fault.lasts_s:g} s.\n\n{head}\n{rows}\n"
+
+
+def title(fault: Fault) -> str:
+    """Return the heading of a fault's section."""
+    return fault.name[0].upper() + fault.name[1:]
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page(), encoding="utf-8")

@@ -1,0 +1,37 @@
+"""Every fault in every situation: what must hold holds, and docs/faults.md says what happens."""
+
+import pytest
+
+from litegripd.sim.parameters import SimulatorParameters
+from tests.faults.fault_world import FaultWorld
+from tests.faults.matrix import PAGE, cell, page, title
+from tests.faults.rows import FAULTS, Fault
+from tests.faults.situations import SITUATIONS, Situation
+from tests.world import PERIOD_S
+
+
+@pytest.mark.parametrize("situation", SITUATIONS, ids=lambda situation: situation.name)
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
+def test_a_fault_ends_safely_and_as_the_page_says(fault: Fault, situation: Situation) -> None:
+    found = cell(fault, situation).row()
+    sections = PAGE.read_text(encoding="utf-8").split("\n### ")
+    told = next((text for text in sections if text.startswith(f"{title(fault)}\n")), "")
+    assert found in told.splitlines(), "stale? see: python -m tests.faults.matrix"
+
+
+def test_the_page_has_each_run_and_nothing_else() -> None:
+    assert PAGE.read_text(encoding="utf-8") == page(), "stale: python -m tests.faults.matrix"
+
+
+def test_no_two_faults_have_one_name() -> None:
+    assert len({fault.name for fault in FAULTS}) == len(FAULTS)
+
+
+def test_an_old_command_that_reaches_an_enabled_motor_is_noticed() -> None:
+    with FaultWorld(parameters=SimulatorParameters(watchdog_s=0.4)) as world:
+        world.enabled()
+        world.run(0.5)
+        assert world.oldest_s < PERIOD_S
+        world.faults.to_motor.delay(0.15)
+        world.run(0.3)
+        assert 0.13 < world.oldest_s < 0.17  # the last of four that say the same

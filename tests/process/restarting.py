@@ -1,0 +1,108 @@
+"""A daemon over SLCAN that is restarted without letting go, for tests of whole processes."""
+
+import contextlib
+import os
+import select
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.sim.simulator_process import simulator
+
+CONFIG = """
+[bus]
+interface = "slcan"
+channel = "{channel}"
+sleep_after_open = 0
+[gripper]
+mount = "normal"
+[control]
+rate_hz = 100
+"""
+"""At this rate a busy machine may keep pump and simulator away for 40 ms without any harm."""
+
+OBJECT_MM = 40.0
+FORCE_N = 8.0
+
+
+class Restartable:
+    """A daemon, and whoever follows it; `pid` is who it is now."""
+
+    def __init__(self, folder: Path, terminal: str) -> None:
+        self.config = folder / "config.toml"
+        self.config.write_text(CONFIG.format(channel=terminal), encoding="utf-8")
+        channel, path = f"hold{os.getpid()}", folder / "rpc.sock"
+        self.first = DaemonProcess(
+            folder, channel, "--config", str(self.config), "--socket", str(path)
+        )
+        self.pid = self.first.process.pid
+
+    @property
+    def log(self) -> str:
+        return self.first.log
+
+    def connect(self) -> Client:
+        """Connect, at once: the socket is always there."""
+        return Client(self.first.socket_path)
+
+    def disturbed_since(self, mark: int) -> bool:
+        """Whether the motor was silent, by the log from `mark` on."""
+        return "motor: enabled ->" in self.log[mark:]
+
+    def restart(self, client: Client) -> dict[str, Any]:
+        """Restart; return the whole answer."""
+        answer = client.call("daemon.restart", hold_through_restart=True)
+        if "result" in answer:
+            self.pid = answer["result"]["pid"]
+        return answer
+
+    def close(self) -> None:
+        """End whoever runs; all of them were started by this test."""
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(self.pid, signal.SIGTERM)
+            wait_for_end(self.pid)
+        self.first.kill()
+
+
+@contextlib.contextmanager
+def restartable(folder: Path) -> Iterator[Restartable]:
+    """Run a daemon over SLCAN whose gripper has an object between its jaws."""
+    with simulator("--pty", "--object-mm", str(OBJECT_MM)) as adapter:
+        daemon = Restartable(folder, adapter.first_line)
+        try:
+            with daemon.first.connect() as client:
+                client.enabled()
+            yield daemon
+        finally:
+            daemon.close()
+
+
+def wait_for_end(pid: int) -> None:
+    """Wait until a process has ended that may be nobody's child here."""
+    try:
+        pidfd = os.pidfd_open(pid)
+    except ProcessLookupError:
+        return
+    try:
+        assert select.select([pidfd], [], [], DEADLINE_S)[0], f"process {pid} does not end"
+    finally:
+        os.close(pidfd)
+
+
+def held(client: Client) -> dict[str, Any]:
+    """Let the jaws hold the object by force; return the state then."""
+    ends_s = time.monotonic() + DEADLINE_S
+    while True:
+        client.despite_silence("motion.grasp", force_n=FORCE_N, until="verdict")
+        state = client.result("state.get")
+        if holds(state):
+            return state
+        assert time.monotonic() < ends_s, state
+
+
+def holds(state: dict[str, Any]) -> bool:
+    """Whether the object is held by force."""
+    return bool(state["enabled"] and state["is_grasped"] and state["force_set_n"] == FORCE_N)

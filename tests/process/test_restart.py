@@ -1,0 +1,187 @@
+"""A hold survives a restart of the daemon: real processes, an adapter that is opened only once."""
+
+import os
+import re
+import signal
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.restarting import Restartable, held, holds, restartable, wait_for_end
+
+
+@pytest.fixture
+def daemon(tmp_path: Path) -> Iterator[Restartable]:
+    with restartable(tmp_path) as running:
+        yield running
+
+
+def undisturbed_restart(daemon: Restartable) -> tuple[dict[str, object], dict[str, object]]:
+    """Restart while the object is held; return the state before and after.
+
+    A restart in which this machine has kept the simulator from answering tells nothing: the hold by
+    force is lost by that, restart or not. Then the next one counts.
+    """
+    ends_s = time.monotonic() + 2.5 * DEADLINE_S
+    while time.monotonic() < ends_s:
+        with daemon.connect() as client:
+            held(client)
+            client.result("calibration.templates")  # by now the helper has written the log
+            mark, pid = len(daemon.log), daemon.pid
+            before = client.result("state.get")
+            answer = daemon.restart(client) if holds(before) else {}
+        if "result" not in answer:
+            assert not answer or answer["error"]["data"]["reason"] == "motor_silent", answer
+            continue
+        wait_for_end(pid)
+        with daemon.connect() as client:
+            after = client.result("state.get")
+            assert client.result("hello")["pid"] == daemon.pid
+            client.result("calibration.templates")
+        if not daemon.disturbed_since(mark):
+            return before, after
+    raise AssertionError("this machine is too busy: the simulator never answered all the while")
+
+
+def test_pose_and_force_are_held_and_the_motor_is_never_disabled(
+    daemon: Restartable, tmp_path: Path
+) -> None:
+    first = daemon.pid
+    before, after = undisturbed_restart(daemon)
+    assert daemon.first.exit_code() == 0
+    assert daemon.pid != first
+    assert holds(before), before
+    assert holds(after), after
+    assert after["opening_mm"] == pytest.approx(before["opening_mm"], abs=0.2)
+    assert after["requested_torque_nm"] == pytest.approx(0.8, abs=0.01)
+    assert after["seq"] > before["seq"]  # type: ignore[operator]
+    assert re.search(r"took over \d+\.\d ms after the last command", daemon.log)
+    with daemon.connect() as client:
+        jobs = client.result("job.list")["jobs"]
+        assert [job["kind"] for job in jobs][-1] == "grasp"
+        assert client.result("health")["control"]["tick_errors"] == 0
+    other = tmp_path / "other"
+    other.mkdir()
+    rival = DaemonProcess(
+        other, f"hold{os.getpid()}", "--config", str(daemon.config), "--socket", str(other / "s")
+    )
+    assert rival.exit_code() == 3
+    assert f"pid {daemon.pid}" in rival.log
+    os.kill(daemon.pid, signal.SIGTERM)
+    wait_for_end(daemon.pid)
+    assert re.search(r"ended; the motor is off", daemon.log)
+    assert not daemon.first.socket_path.exists()
+
+
+def test_a_configuration_that_does_not_fit_leaves_everything_as_it_was(
+    daemon: Restartable,
+) -> None:
+    good = daemon.config.read_text(encoding="utf-8")
+    wrong = {
+        good + "rate = 5\n": "[control] rate is unknown",
+        good + "[motor]\ncan_id = 9\n": "another [motor]",
+        good.replace('"normal"', '"reverse"'): "another [gripper]",
+    }
+    with daemon.connect() as client:
+        for content, told in wrong.items():
+            daemon.config.write_text(content, encoding="utf-8")
+            error = daemon.restart(client)["error"]
+            assert error["data"]["reason"] == "restart_failed", error
+            assert told in error["message"]
+            assert client.result("hello")["pid"] == daemon.first.process.pid
+            with daemon.connect() as another:
+                assert another.result("hello")["client"] > 1
+        daemon.config.write_text(good.replace("100", "200"), encoding="utf-8")
+        client.until(lambda state: bool(state["bus"] == "up" and not state["stale"]))
+        deadline_s = time.monotonic() + DEADLINE_S
+        while "result" not in (answer := daemon.restart(client)):
+            assert time.monotonic() < deadline_s, answer
+        assert answer["result"]["pid"] != daemon.first.process.pid
+    with daemon.connect() as client:
+        assert client.result("hello")["limits"]["rate_hz"] == 200
+
+
+def successor_of(client: Client) -> int:
+    """Find the successor that is being started, a child of the helper."""
+    helper = client.result("health")["helper"]["pid"]
+    children = Path(f"/proc/{helper}/task/{helper}/children")
+    ends_s = time.monotonic() + DEADLINE_S
+    while not (found := children.read_text(encoding="ascii").split()):
+        assert time.monotonic() < ends_s, "no successor is started"
+    return int(found[0])
+
+
+def test_a_successor_that_is_killed_leaves_everything_as_it_was(daemon: Restartable) -> None:
+    with daemon.connect() as client, daemon.connect() as asker:
+        number = asker.send("daemon.restart", hold_through_restart=True)
+        os.kill(successor_of(client), signal.SIGKILL)
+        error = asker.answer(number)["error"]
+        assert error["data"]["reason"] == "restart_failed"
+        assert "ended before it was ready" in error["message"]
+        assert client.refusal("daemon.restart", hold_through_restart=False) == "invalid_params"
+        assert client.result("hello")["pid"] == daemon.first.process.pid
+        ticks = client.result("health")["control"]["ticks"]
+        client.until_health(lambda health: bool(health["control"]["ticks"] > ticks + 20))
+        client.until(lambda state: bool(state["motor"] in ("enabled", "fault", "disabled")))
+    with daemon.connect() as late:
+        assert late.result("state.get")["bus"] == "up"
+
+
+def test_no_stop_is_lost_on_the_way_from_one_to_the_other(daemon: Restartable) -> None:
+    """Every stop that was answered is latched afterwards, whoever of the two has answered it."""
+    with daemon.connect() as asker, daemon.connect() as stopper:
+        asker.send("daemon.restart", hold_through_restart=True)
+        generation = 0
+        try:
+            while True:
+                number = stopper.send("stop", level="hold", why="a test")
+                while number not in stopper.answers and (message := stopper.read()):
+                    if message.get("id") is not None:
+                        stopper.answers[message["id"]] = message
+                if number not in stopper.answers:
+                    break
+                generation = stopper.answers[number]["result"]["generation"]
+        except (BrokenPipeError, ConnectionResetError):
+            pass  # the first daemon has ended
+        while message := asker.read():
+            if "result" in message:
+                daemon.pid = message["result"]["pid"]
+    with daemon.connect() as client:
+        assert client.result("hello")["pid"] == daemon.pid != daemon.first.process.pid
+        state = client.until(lambda state: bool(state["stop"] is not None))
+        assert generation > 0
+        assert state["stop_generation"] >= generation
+
+
+def test_the_service_manager_is_told_who_the_daemon_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    manager.bind(str(tmp_path / "notify"))
+    manager.settimeout(DEADLINE_S)
+    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    with manager, restartable(tmp_path) as running:
+        assert manager.recv(100) == b"READY=1"
+        with running.connect() as client:
+            deadline_s = time.monotonic() + DEADLINE_S
+            while "result" not in (answer := running.restart(client)):
+                assert time.monotonic() < deadline_s, answer
+        assert manager.recv(100) == f"MAINPID={running.pid}".encode()
+        message, (barrier,), _flags, _address = socket.recv_fds(manager, 100, 1)
+        assert message == b"BARRIER=1"
+        os.close(barrier)
+        assert running.first.exit_code() == 0
+
+
+def test_what_lives_in_the_process_is_not_held_through_a_restart(
+    simulated: DaemonProcess,
+) -> None:
+    with simulated.connect() as client:
+        client.enabled()
+        answer = client.call("daemon.restart", hold_through_restart=True)["error"]
+        assert answer["data"]["reason"] == "restart_failed"
+        assert "litegrip_sim lives and ends with this process" in answer["message"]
