@@ -26,7 +26,7 @@ _HINTS = {
     "lease_held": "see: litegripctl lease; in need: litegripctl lease take REASON",
     "unknown_job": "see: litegripctl jobs",
     "unknown_trajectory": "see: litegripctl trajectories",
-    "trajectory_busy": "see: litegripctl jobs",
+    "trajectory_busy": "see: litegripctl jobs; what only watches ends with its client: clients",
     "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
 }
 

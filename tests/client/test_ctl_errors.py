@@ -19,6 +19,8 @@ IN_ITS_OWN_WORDS = {
     "unknown_job",
     "unknown_method",
     "lease_held",
+    "unknown_trajectory",
+    "trajectory_busy",
 }
 
 

@@ -534,9 +534,11 @@ def test_recording_and_replay_are_mutually_exclusive(
 
 @pytest.mark.parametrize("running", ["record", "watch", "play"])
 @pytest.mark.parametrize("disable", [True, False])
+@pytest.mark.parametrize("end", ["disconnect", "kill"])
 def test_disconnect_stops_whichever_is_running(
-    site: Site, daemon: Daemon, running: str, disable: bool
+    site: Site, daemon: Daemon, running: str, disable: bool, end: str
 ) -> None:
+    """And so does the script's death."""
     gripper = LiteGrip("can0", disable_on_disconnect=disable)
     gripper.connect()
     gripper.enable()
@@ -546,7 +548,10 @@ def test_disconnect_stops_whichever_is_running(
     else:
         gripper.record_start(zero_gravity=running == "record")
     site.run(0.4)
-    gripper.disconnect()
+    if end == "kill":
+        site.kill(gripper)
+    else:
+        gripper.disconnect()
     site.run(0.1)
     with LiteGrip("can0") as another:
         assert another.trajectory_status()["active"] is False
