@@ -1,0 +1,137 @@
+"""The SDK's section "Trajectory record and replay": its sentences about replay."""
+
+import itertools
+
+import pytest
+
+from litegrip_client import (
+    CommandError,
+    LiteGrip,
+)
+from litegripd.model.motor import MotorPhase
+from tests.drop_in import Daemon, Site
+from tests.seed.scenes import jaws_are_loose
+from tests.seed.trajectories import pose, swing
+
+
+def test_play_blocks_until_the_end_and_a_loop_is_refused(site: Site, gripper: LiteGrip) -> None:
+    gripper.goto_openness(0.5)
+    began_s = site.now_s
+    result = gripper.play(swing())
+    assert result
+    assert site.now_s - began_s == pytest.approx(2.1, abs=0.2)
+    began_s = site.now_s
+    assert gripper.play(swing(), speed=2.0)
+    assert site.now_s - began_s == pytest.approx(1.1, abs=0.2)
+    with pytest.raises(CommandError, match="play_start"):
+        gripper.play(swing(), loop=True)
+    with pytest.raises(CommandError, match="speed"):
+        gripper.play(swing(), speed=0.0)
+
+
+def test_play_goes_to_the_start_first_or_must_be_there(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.goto_openness(0.1)
+    with site.recorded(daemon) as moments:
+        assert gripper.play(swing(), kp=80.0, kd=1.5)
+    usual = gripper.config
+    gains = [(m.command.kp_nm_rad, m.command.kd_nm_s_rad) for m in moments[9:-1] if m.command]
+    assert max(kp for kp, _ in gains) == pytest.approx(80.0, abs=0.2)
+    assert max(kd for _, kd in gains) == pytest.approx(1.5, abs=0.01)
+    assert (usual.kp, usual.kd) == (100.0, 2.0)  # which are the default's
+    jumps = [abs(b.opening_mm - a.opening_mm) for a, b in itertools.pairwise(moments)]
+    assert max(jumps) < 2.0
+    gripper.goto_openness(0.1)
+    with pytest.raises(CommandError, match="align") as caught:
+        gripper.play(swing(), align=False)
+    assert caught.value.reason == "out_of_limits"
+    gripper.goto_openness(0.5)
+    assert gripper.play(swing(), align=False)
+
+
+def test_play_start_replays_in_the_background(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.goto_openness(0.5)
+    status = gripper.play_start(swing())
+    assert (status["active"], status["kind"], status["completed"]) == (True, "play", False)
+    site.run(0.6)
+    assert gripper.trajectory_status()["active"]
+    assert daemon.gripper.opening_mm > 75.0
+    site.run_until(lambda: not gripper.trajectory_status()["active"])
+    assert gripper.trajectory_status()["completed"]
+
+
+def test_play_stop_ends_a_replay_and_leaves_the_gripper_holding(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.goto_openness(0.5)
+    gripper.play_start(swing(), loop=True)
+    site.run(5.0)
+    status = gripper.play_stop(timeout=1.0)
+    assert (status["active"], status["completed"], status["error"]) == (False, False, None)
+    where_mm = daemon.gripper.opening_mm
+    site.run(1.0)
+    assert daemon.gripper.opening_mm == pytest.approx(where_mm, abs=1.0)
+    assert (gripper.get_state().mode, daemon.is_energised) == ("holding", True)
+    assert not jaws_are_loose(site, daemon)
+    assert gripper.play_stop() == status  # there is nothing to be stopped
+
+
+def test_replay_commands_positions_and_never_the_recorded_torque(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    commands: dict[float, list[tuple[float, float]]] = {}
+    for torque_nm in (0.0, 2.5):
+        gripper.goto_openness(0.5)
+        with site.recorded(daemon) as moments:
+            gripper.play(swing(torque_nm=torque_nm))
+        sent = [moment.command for moment in moments]
+        assert all(command is None or abs(command.torque_nm) < 0.01 for command in sent)
+        commands[torque_nm] = [(c.position_rad, c.torque_nm) for c in sent if c is not None]
+    assert len(commands[0.0]) == pytest.approx(len(commands[2.5]), abs=5)
+
+
+def test_a_squeeze_repeats_as_a_position_path_and_its_force_is_not_preserved(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    daemon.gripper.put_object(width_mm=40.0)
+    gripper.record_start(zero_gravity=False)
+    assert gripper.grasp(force_n=15.0, hold_s=0.5)
+    taught = gripper.record_stop()
+    assert max(abs(sample.torque_nm) for sample in taught.samples) > 1.2
+    daemon.gripper.remove_object()
+    gripper.open()
+    daemon.gripper.put_object(width_mm=40.0)
+    gripper.play(taught)
+    site.run(0.5)
+    assert daemon.closing_torque_nm < 1.0
+    assert gripper.grasp(force_n=15.0, hold_s=0.5)
+    assert daemon.closing_torque_nm == pytest.approx(1.5, abs=0.1)
+
+
+def test_a_blocking_play_leaves_a_hold_that_lasts(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    """The SDK's motor faults 100 ms after the last frame; here the daemon goes on holding."""
+    gripper.goto_openness(0.5)
+    assert gripper.play(swing())
+    where_mm = daemon.gripper.opening_mm
+    site.run(3.0)
+    assert daemon.phase is MotorPhase.ENABLED
+    assert daemon.gripper.opening_mm == pytest.approx(where_mm, abs=0.5)
+    assert not jaws_are_loose(site, daemon)
+
+
+def test_looping_a_single_pose_holds_that_opening(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    gripper.play_start(pose(0.25), loop=True)
+    site.run(4.0)
+    status = gripper.trajectory_status()
+    assert (status["active"], status["samples"], status["openness"]) == (True, 1, 0.25)
+    assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=1.5)
+    gripper.play_stop()
+    site.run(1.0)
+    assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=1.5)
