@@ -28,6 +28,8 @@ from litegrip_client.errors import (
     NotPermittedError,
     ProtocolError,
     StoppedError,
+    TeleopBusyError,
+    TeleopNotReady,
 )
 from litegrip_client.gripper import LiteGrip
 
@@ -78,6 +80,8 @@ __all__ = [
     "SetZeroResult",
     "SetpointStream",
     "StoppedError",
+    "TeleopBusyError",
+    "TeleopNotReady",
     "UnitConversion",
     "__version__",
     "list_templates",

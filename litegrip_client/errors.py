@@ -81,6 +81,14 @@ class BusyError(CommandError):
     """Another motion is running, or there is too much at once."""
 
 
+class TeleopBusyError(BusyError):
+    """Teleoperation is running: end it with `teleop_stop`."""
+
+
+class TeleopNotReady(CommandError):  # noqa: N818 - the vendor SDK's name
+    """Teleoperation needs a calibrated gripper whose motor is enabled."""
+
+
 class LeaseError(BusyError):
     """Another client has the gripper to itself, or the lease is lost; see `owner`."""
 
@@ -110,6 +118,8 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
         NotPermittedError,
         StoppedError,
         CancelledError,
+        TeleopBusyError,
+        TeleopNotReady,
     )
 }
 

@@ -20,6 +20,7 @@ EventKind: TypeAlias = Literal[
     "lease",
     "lease_lost",
     "refused",
+    "teleop",
 ]
 
 

@@ -22,6 +22,7 @@ JobKind: TypeAlias = Literal[
     "zero",
     "calibrate_by_hand",
     "set_zero",
+    "teleop",
 ]
 OnLost: TypeAlias = Literal["hold", "relax", "disable"]
 """What the jaws do when the client that they belonged to is lost: keep the present hold, go

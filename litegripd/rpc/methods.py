@@ -7,7 +7,8 @@ from litegripd.rpc.method import Method
 from litegripd.rpc.moving_table import MOVING
 from litegripd.rpc.reading_table import READING
 from litegripd.rpc.settings_table import SETTINGS
+from litegripd.rpc.teleop_table import TELEOP
 
-METHODS: tuple[Method, ...] = READING + LEASE_METHODS + MOVING + SETTINGS
+METHODS: tuple[Method, ...] = READING + LEASE_METHODS + MOVING + SETTINGS + TELEOP
 
 BY_NAME: Mapping[str, Method] = {method.name: method for method in METHODS}

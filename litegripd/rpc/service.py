@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from litegripd.control.engine import Engine
+from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
@@ -27,6 +28,7 @@ from litegripd.rpc.reporter import Reporter
 from litegripd.rpc.session import Peer, Role, Session
 from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
+from litegripd.rpc.teleoperating import Teleoperating
 from litegripd.rpc.view import progress_view
 from litegripd.rpc.waiting import Waiter, WaitingRoom
 from litegripd.rpc.watching import Watching
@@ -44,7 +46,10 @@ from litegripd.rpc.wire import (
 
 
 class RpcService:
-    """Implements `Service` on one engine."""
+    """Implements `Service` on one engine.
+
+    Teleoperation goes over `links`; without any, it stays inside the process.
+    """
 
     def __init__(
         self,
@@ -54,6 +59,7 @@ class RpcService:
         *,
         role_of: Callable[[Peer], Role] = lambda _peer: "admin",
         epoch: str = "0",
+        links: Links | None = None,
     ) -> None:
         self.refused = 0
         self._role_of = role_of
@@ -69,6 +75,7 @@ class RpcService:
             Leasing(engine, self._tokens, self.reporter).functions(),
             Moving(engine, self.reporter).functions(),
             Settings(engine).functions(),
+            Teleoperating(engine, links or InProcessLinks()).functions(),
         )
         self._gate = Gate(engine, self._tokens)
         self._dispatch = Dispatch(engine, handlers)
