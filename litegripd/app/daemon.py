@@ -21,6 +21,7 @@ from litegripd.io.realtime import acquire
 from litegripd.io.server import Server
 from litegripd.io.signals import Signals
 from litegripd.io.stop_listener import StopListener
+from litegripd.io.teleop_links import TeleopLinks
 from litegripd.io.urgent import Urgent
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner, StopLevel
@@ -84,6 +85,7 @@ class Daemon:
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
+        self._links = TeleopLinks(config.teleop.zenoh_config)
         self._facts = DaemonFacts(config, self._machine, self._stop_path)
         self._service = RpcService(
             self._machine.engine,
@@ -91,6 +93,7 @@ class Daemon:
             period_s,
             role_of=config.access.role_of,
             epoch=self._facts.epoch,
+            links=self._links,
         )
         self._reactor = Reactor(period_s, self._tick)
         self._urgent = Urgent(period_s)
@@ -223,6 +226,7 @@ class Daemon:
         for path in (self._path, self._stop_path):
             path.unlink(missing_ok=True)
         self._helper.close()
+        self._links.close()
         self._bus.close()
         self._signals.close()
         self._claim.close()
@@ -271,5 +275,6 @@ class Daemon:
 
 
 def _log_event(event: Event) -> None:
-    level = logging.WARNING if event.kind in _WARNINGS else logging.INFO
+    is_warning = event.kind in _WARNINGS or event.data.get("warning")
+    level = logging.WARNING if is_warning else logging.INFO
     _log.log(level, "%s", event.message)

@@ -40,10 +40,12 @@ class Lead(TeleopAction):
         if feedback is None:
             return Step()
         self.loop.tick(now_s)
+        self.link.receive(now_s)  # no frames come to a leader, but news of the link do
         self.note_link()
         is_new = self.feedback is None or feedback.at_s > self.feedback.at_s
         self.feedback = feedback
-        if is_new and self._is_due(now_s):
+        may_leave = self.link.status.state != "opening"
+        if is_new and may_leave and self._is_due(now_s):
             self._publish(now_s, feedback)
         return Step(Relax().command(now_s, feedback))
 

@@ -1,0 +1,166 @@
+"""The control thread's end of teleoperation links: they live in a process of their own.
+
+Nothing here waits: opening, connecting and resolving names are that process's. It is started when
+the first link is wanted, kept for the daemon's life, and started again when it dies.
+"""
+
+from collections.abc import Callable, Sequence
+
+from litegripd.control.teleop.link import InProcessLinks, Link
+from litegripd.io.child import Child
+from litegripd.io.teleop_wire import (
+    CLOSE,
+    FRAME,
+    STATUS,
+    Order,
+    pack_open,
+    unpack_arrival,
+    unpack_status,
+)
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+
+MODULE = "litegripd.io.teleop_link_main"
+_PACKETS_PER_TICK = 32
+_RESTART_FIRST_S = 0.5
+_RESTART_AT_MOST_S = 5.0
+_END_WITHIN_S = 0.5
+
+
+class TeleopLinks:
+    """Makes links; the present one is that which was opened last.
+
+    `zenoh_config` is a file of zenoh's own, for TLS and access lists.
+    """
+
+    def __init__(
+        self,
+        zenoh_config: str | None = None,
+        start: Callable[[str, Sequence[str]], Child] = Child,
+    ) -> None:
+        self.deaths = 0
+        self._zenoh_config = zenoh_config
+        self._start = start
+        self._inside = InProcessLinks()
+        self._child: Child | None = None
+        self._generation = 0
+        self._restart_at_s = 0.0
+        self._restart_after_s = _RESTART_FIRST_S
+
+    @property
+    def pid(self) -> int | None:
+        """The process's id, None while there is none."""
+        return None if self._child is None else self._child.pid
+
+    def open(self, wish: LinkWish) -> Link:
+        """Begin to open a link; the process begins with the first tick that uses it."""
+        if wish.kind == "none":
+            return self._inside.open(wish)
+        self._generation += 1
+        return ProcessLink(self, Order(self._generation, wish, self._zenoh_config))
+
+    def warning(self, wish: LinkWish) -> str | None:
+        """Say who else may take part."""
+        if wish.kind == "udp":
+            who = "anybody who can send to" if wish.mode == "slave" else "anybody between here and"
+            what = "move these jaws" if wish.mode == "slave" else "move its follower's"
+            return f"{who} {_where(wish)} can {what}: datagrams are neither encrypted nor signed"
+        if wish.kind == "none" or self._zenoh_config is not None:
+            return None
+        text = "follows whoever answers at" if wish.mode == "slave" else "listens for anybody at"
+        return (
+            f"it {text} {_where(wish)}, without encryption and without an access list"
+            " (zenoh_config of [teleop] in the daemon's configuration sets both up)"
+        )
+
+    def close(self) -> None:
+        """End the process."""
+        if self._child is not None:
+            self._child.close(_END_WITHIN_S)
+            self._child = None
+
+    # For the links
+
+    def send(self, packet: bytes) -> bool:
+        """Hand a packet to the process; tell whether it was taken."""
+        return self._child is not None and self._child.send(packet)
+
+    def exchange(self, link: "ProcessLink", now_s: float) -> None:
+        """Let `link` take what the process has told; start the process where there is none."""
+        child = self._child or self._spawn(link, now_s)
+        if child is None:
+            return
+        for _ in range(_PACKETS_PER_TICK):
+            packet = child.receive()
+            if packet is None:
+                if child.has_ended:
+                    self._bury(link, child, now_s)
+                return
+            self._restart_after_s = _RESTART_FIRST_S
+            link.take(packet)
+
+    def _spawn(self, link: "ProcessLink", now_s: float) -> Child | None:
+        if now_s < self._restart_at_s:
+            return None
+        try:
+            self._child = self._start(MODULE, ())
+        except OSError as error:
+            link.status = LinkStatus("failed", f"the link process cannot be started: {error}")
+            self._restart_at_s = now_s + self._restart_after_s
+            return None
+        link.is_ordered = False
+        return self._child
+
+    def _bury(self, link: "ProcessLink", child: Child, now_s: float) -> None:
+        child.close()
+        self._child = None
+        self.deaths += 1
+        link.status = LinkStatus("failed", "the link process died; it is started again")
+        self._restart_at_s = now_s + self._restart_after_s
+        self._restart_after_s = min(2 * self._restart_after_s, _RESTART_AT_MOST_S)
+
+
+class ProcessLink:
+    """One link, as the process keeps it."""
+
+    def __init__(self, links: TeleopLinks, order: Order) -> None:
+        self.status = LinkStatus()
+        self.is_ordered = False
+        self._links = links
+        self._order = order
+        self._arrived: list[Arrival] = []
+
+    def publish(self, payload: bytes, _now_s: float) -> bool:
+        """Hand a frame to the process; while the link is not open it is lost."""
+        return self.status.state == "open" and self._links.send(FRAME + payload)
+
+    def receive(self, now_s: float) -> Sequence[Arrival]:
+        """Return what the process has passed on; tell it once what to open."""
+        self._links.exchange(self, now_s)
+        if not self.is_ordered:
+            self.is_ordered = self._links.send(pack_open(self._order))
+        arrived, self._arrived = self._arrived, []
+        return arrived
+
+    def close(self) -> None:
+        """Have it closed; what it still tells is not for the next one."""
+        self._links.send(CLOSE)
+
+    def take(self, packet: bytes) -> None:
+        """Take a packet of the process, unless it is of a link before this one."""
+        kind, body = packet[:1], packet[1:]
+        if kind == FRAME:
+            generation, arrival = unpack_arrival(body)
+            if generation == self._order.generation:
+                self._arrived.append(arrival)
+        elif kind == STATUS:
+            generation, status = unpack_status(body)
+            if generation == self._order.generation:
+                self.status = status
+
+
+def _where(wish: LinkWish) -> str:
+    if wish.mode == "master":
+        return f"{wish.host or 'all addresses, port'} {wish.port}"
+    if wish.kind == "udp":
+        return f"port {wish.port}"
+    return f"{wish.host}:{wish.port}"
