@@ -10,7 +10,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -135,14 +135,20 @@ class Client:
 class DaemonProcess:
     """A running daemon; its errors go to a file, so that it waits for no reader, or to `log`."""
 
-    def __init__(self, folder: Path, *arguments: str, log: int | None = None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *arguments: str,
+        log: int | None = None,
+        program: Sequence[str] = ("litegripd.app.main",),
+    ) -> None:
         self.socket_path = folder / "rpc.sock"
         self.log_path = folder / "log.txt"
         environment = {**os.environ, "HOME": str(folder), "STATE_DIRECTORY": str(folder)}
         environment.pop("LITEGRIP_CALIB", None)
         with self.log_path.open("ab") as file:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "litegripd.app.main", *arguments],
+                [sys.executable, "-m", *program, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=file,
                 stderr=file if log is None else log,
