@@ -10,9 +10,12 @@ from litegrip_client.calibration_actions import CalibrationActions
 from litegrip_client.motion_actions import MotionActions
 from litegrip_client.motor_actions import MotorActions
 from litegrip_client.setpoints import SetpointActions
+from litegrip_client.teleop import TeleopActions
 
 
-class GripperActions(MotorActions, MotionActions, SetpointActions, CalibrationActions):
+class GripperActions(
+    MotorActions, MotionActions, SetpointActions, TeleopActions, CalibrationActions
+):
     """All that makes the gripper at the other end of a link do something.
 
     Everything raises `ConnectError` without a connection. What moves the jaws raises

@@ -14,6 +14,7 @@ from litegrip_client.core.motion_actions import MotionActions
 from litegrip_client.core.motor_actions import MotorActions
 from litegrip_client.core.setpoints import SetpointActions
 from litegrip_client.core.stopping import stop
+from litegrip_client.core.teleop import TeleopActions
 from litegrip_client.results import GripperState
 from litegrip_client.warn import leave
 
@@ -26,7 +27,9 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
     from litegrip_client.motion_config import MotionConfig
 
 
-class GripperActions(MotorActions, MotionActions, SetpointActions, CalibrationActions):
+class GripperActions(
+    MotorActions, MotionActions, SetpointActions, TeleopActions, CalibrationActions
+):
     """All that makes the gripper at the other end of a link do something."""
 
 

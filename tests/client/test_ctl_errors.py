@@ -19,6 +19,8 @@ IN_ITS_OWN_WORDS = {
     "unknown_job",
     "unknown_method",
     "lease_held",
+    "teleop_busy",
+    "teleop_not_ready",
 }
 
 

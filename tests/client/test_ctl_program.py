@@ -166,6 +166,7 @@ ACTIONS = {
     "calibration": ["show", "templates", "load", "save", "manual"],
     "config": ["get", "set"],
     "lease": ["show", "take"],
+    "teleop": ["master", "slave", "status", "stop"],
 }
 
 

@@ -21,6 +21,8 @@ def find(name: str) -> Command:
         from litegrip_client.ctl.commands.settings import COMMANDS  # noqa: PLC0415
     elif name in ("clients", "lease", "stop"):
         from litegrip_client.ctl.commands.clients import COMMANDS  # noqa: PLC0415
+    elif name == "teleop":
+        from litegrip_client.ctl.commands.teleop import COMMANDS  # noqa: PLC0415
     else:
         from litegrip_client.ctl.commands.general import COMMANDS  # noqa: PLC0415
     return COMMANDS[name]
