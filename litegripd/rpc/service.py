@@ -75,7 +75,7 @@ class RpcService:
             Leasing(engine, self._tokens, self.reporter).functions(),
             Moving(engine, self.reporter).functions(),
             Settings(engine).functions(),
-            Teleoperating(engine, links or InProcessLinks()).functions(),
+            Teleoperating(engine, links or InProcessLinks(), self.reporter).functions(),
         )
         self._gate = Gate(engine, self._tokens)
         self._dispatch = Dispatch(engine, handlers)

@@ -18,6 +18,7 @@ from litegripd.model.teleop import (
     TeleopSettings,
 )
 from litegripd.rpc.calls import Answer, Call, Function
+from litegripd.rpc.reporter import Reporter
 
 _GRIP_ID = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")
@@ -27,8 +28,9 @@ _HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")
 class Teleoperating:
     """Functions on the engine's teleoperation."""
 
-    def __init__(self, engine: Engine, links: Links) -> None:
+    def __init__(self, engine: Engine, links: Links, reporter: Reporter) -> None:
         self._engine = engine
+        self._reporter = reporter
         self._teleoperation = Teleoperation(engine, links)
 
     def functions(self) -> Mapping[str, Function]:
@@ -51,10 +53,12 @@ class Teleoperating:
         job = self._teleoperation.start(
             wish, _settings(params), call.owner, config, fake_leader=fake, detached=call.detached
         )
+        self._reporter.refresh()
         return job if isinstance(job, Refusal) else self._status(call)
 
     def _stop(self, call: Call) -> Answer:
         self._teleoperation.stop()
+        self._reporter.refresh()
         return self._status(call)
 
     def _status(self, call: Call) -> dict[str, Any]:

@@ -168,8 +168,8 @@ def test_the_live_line_says_what_matters() -> None:
     assert words[6:] == ["+0.20", "N·m", "200", "Hz", "frames", "1234"]
     bad = {**STATUS, "stale": True, "over_torque": True, "torque_trips": 2, "rejected": 5}
     shown = render_teleop.line(bad)
-    for words in ("STALE 3 ms", "RELEASED", "torque_trips 2", "rejected 5"):
-        assert words in shown
+    for note in ("STALE 3 ms", "RELEASED", "torque_trips 2", "rejected 5"):
+        assert note in shown
     alone = {**STATUS, "mode": "master", "phase": "leading", "matching": False}
     assert "nobody follows" in render_teleop.line(alone)
     broken = {**STATUS, "link_state": "failed", "link_error": "port\x1b taken"}

@@ -230,6 +230,15 @@ def test_its_job_has_a_result() -> None:
     assert job["result"]["mode"] == "slave"
 
 
+def test_the_state_tells_of_it_at_once() -> None:
+    world = TeleopWorld()
+    client = world.enabled()
+    client.send("teleop.start", **SLAVE)
+    assert client.result("state.get")["job"]["kind"] == "teleop"
+    client.send("teleop.stop")
+    assert client.result("state.get")["mode"] == "holding"
+
+
 def test_stopping_what_does_not_run_does_nothing() -> None:
     world = TeleopWorld()
     client = world.enabled()
