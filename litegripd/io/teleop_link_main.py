@@ -9,6 +9,8 @@ import os
 import socket
 import threading
 import time
+import traceback
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
@@ -91,10 +93,17 @@ class Station:
             self._error = None
 
     def work(self) -> None:
-        """Open and close as ordered, for ever."""
+        """Open and close as ordered, for ever; a worker that fails ends the process.
+
+        The daemon starts it anew, and asks for its link again.
+        """
         order = self._orders.get()
-        while True:
-            order = self._serve(order) if order is not None else self._orders.get()
+        try:
+            while True:
+                order = self._serve(order) if order is not None else self._orders.get()
+        except Exception:  # noqa: BLE001 - whatever it is, it is told
+            traceback.print_exc()
+            os._exit(1)
 
     def _serve(self, order: Order) -> Order | None:
         """Keep one link open until the next order; return that."""
@@ -190,6 +199,8 @@ def _next(peer: socket.socket) -> bytes:
 
 def main() -> None:
     """Serve the daemon until it is gone."""
+    with suppress(OSError):  # the control thread's CPUs, which this has inherited, are its own
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
     peer = inherited_socket()
     station = Station(peer)
     threading.Thread(target=station.work, daemon=True).start()

@@ -130,8 +130,11 @@ class ProcessLink:
         self._arrived: list[Arrival] = []
 
     def publish(self, payload: bytes, _now_s: float) -> bool:
-        """Hand a frame to the process; while the link is not open it is lost."""
-        return self.status.state == "open" and self._links.send(FRAME + payload)
+        """Hand a frame to the process; while the link is not open it may be lost.
+
+        It is tried all the same: whether a network is there again, only sending tells.
+        """
+        return self._links.send(FRAME + payload) and self.status.state == "open"
 
     def receive(self, now_s: float) -> Sequence[Arrival]:
         """Return what the process has passed on; tell it once what to open."""

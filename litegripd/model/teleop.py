@@ -82,9 +82,10 @@ class TeleopStatus:
     `openness`, `position_mm` and `force_n` are a master's own, or its leader's where a slave
     follows; `torque_nm` is this gripper's own torque. `frames` counts those sent, or followed.
     `rejected` counts what was no frame, `out_of_order` frames that were older than one before,
-    `other_leaders` those of a second leader; all three are dropped. `send_failed` counts frames
-    that could not be sent, or, of a slave, ticks whose command the motor did not answer. `fault`
-    names the motor's status where it is not "enabled", or why it all ended.
+    `other_leaders` those of a second leader, or of a clock that was set back; all are dropped.
+    `send_failed` counts frames that could not be sent, or, of a slave, ticks whose command the
+    motor did not answer. `fault` names the motor's status where it is not "enabled", or why it all
+    ended.
     """
 
     active: bool

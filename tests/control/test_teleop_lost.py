@@ -157,19 +157,39 @@ def test_frames_that_were_overtaken_are_dropped_and_counted() -> None:
 
 
 def test_a_leader_whose_clock_was_set_back_is_followed_on() -> None:
+    for back_s, counted in ((0.5, "out_of_order"), (5000.0, "other_leaders")):
+        follower = following()
+        stamp_s = follower.world.now_s - back_s
+        ticks = 0
+        while follower.status()["openness"] != 0.54:
+            follower.put(packed(0.54, stamp_s + ticks * PERIOD_S))
+            follower.world.tick()
+            ticks += 1
+            assert ticks < 100
+        assert ticks * PERIOD_S == pytest.approx(0.2, abs=2 * PERIOD_S)
+        assert follower.status()[counted] == ticks - 1
+        for _ in range(100):
+            follower.put(packed(0.54, stamp_s + ticks * PERIOD_S))
+            follower.world.tick()
+            ticks += 1
+        assert follower.world.openness == pytest.approx(0.54, abs=0.005)
+        assert follower.status()[counted] < 50
+
+
+def test_two_leaders_whom_only_their_clocks_tell_apart_are_not_mixed() -> None:
     follower = following()
-    follower.put(packed(0.52, 100.0))
-    follower.world.tick()
-    assert follower.status()["openness"] == 0.52
-    follower.put(packed(0.53, 99.5))
-    follower.world.tick()
-    assert follower.status()["out_of_order"] == 1
-    for tick in range(100):  # half a second back: it takes the watchdog's time
-        follower.put(packed(0.54, 99.505 + tick * 0.005))
+    leads: list[float] = []
+    for tick in range(300):
+        follower.put(packed(0.9, 20_000.0 + PERIOD_S * tick))
+        follower.put(packed(0.2, 3.0 + PERIOD_S * tick))
         follower.world.tick()
-    assert follower.status()["openness"] == 0.54
-    follower.world.run(0.5)
-    assert follower.world.openness == pytest.approx(0.54, abs=0.01)
+        leads.append(follower.lead_mm)
+    status = follower.status()
+    assert status["other_leaders"] == 300
+    assert status["openness"] == 0.9
+    assert follower.world.openness == pytest.approx(0.9, abs=0.005)
+    assert max(leads) < 2.5  # aligned, and not leapt
+    assert any("second leader" in text for text in follower.told())
 
 
 def test_a_second_leader_is_told_and_not_followed() -> None:

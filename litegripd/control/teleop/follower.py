@@ -55,6 +55,7 @@ class Follow(TeleopAction):
         self._commanded_rad: float | None = None
         self._dq_rad_s = 0.0
         self._stepped_s = 0.0
+        self._begins = 0
         self._others_told = 0
         self._others_told_s = float("-inf")
 
@@ -142,6 +143,9 @@ class Follow(TeleopAction):
             self._enter("stale")
             return self._led(self._reference_rad, 0.0, feedback)
         target_rad = self._target_rad(frame.openness)
+        if self._intake.begins != self._begins:
+            self._begins = self._intake.begins
+            self._enter("aligning")
         if self._phase != "following":
             self._enter("aligning")
             self._align(target_rad, elapsed_s, here_rad)
@@ -235,5 +239,8 @@ class Follow(TeleopAction):
         is_due = now_s - self._others_told_s >= _OTHERS_TOLD_EVERY_S
         if is_due and count > self._others_told:
             self._others_told, self._others_told_s = count, now_s
-            text = f"a second leader sends frames ({count} so far): they are not followed"
+            text = (
+                f"frames of a second leader, or of a clock that was set back ({count} so far),"
+                " are not followed"
+            )
             self.tell(text, warning=True, other_leaders=count)

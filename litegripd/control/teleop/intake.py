@@ -12,16 +12,22 @@ MAX_FRAME_GAP_S = 0.05
 _SHORTEST_INTERVAL_S = 0.0005
 """Half of what the fastest leader leaves between two frames: less is no interval to divide by."""
 
-_LATE_AT_MOST_S = 1.0
-"""A frame that is older than the newest by up to this was overtaken on its way; by more, its
-sender's clock was set, or its sender is another one, and its time begins anew."""
+_SAME_CLOCK_S = 1.0
+"""A frame that is older than the newest by less than this was overtaken on its way. By more, it is
+of another clock: a second leader's, which is not followed while the first is heard, or that of a
+leader whose clock was set back, which is followed again after the watchdog's time."""
 
 
 class Intake:
-    """Takes frames of one leader; `latest` is None until the first."""
+    """Takes frames of one leader; `latest` is None until the first.
+
+    `begins` counts how often frames began anew: the first one, one after a silence, and one whose
+    time leaps ahead. Whoever follows has to align then.
+    """
 
     def __init__(self, watchdog_s: float) -> None:
         self.latest: TeleopFrame | None = None
+        self.begins = 0
         self.frames = 0
         self.rejected = 0
         self.out_of_order = 0
@@ -39,14 +45,15 @@ class Intake:
             self.rejected += 1
             return
         if latest is None or self.is_stale(arrival.at_s):
-            self._accept(frame, arrival, 0.0)
-            return
-        if arrival.source != self._source:
-            self.other_leaders += 1
+            self._begin(frame, arrival)
             return
         later_s = frame.timestamp_s - latest.timestamp_s
-        if -_LATE_AT_MOST_S < later_s < 0.0:
+        if arrival.source != self._source or later_s <= -_SAME_CLOCK_S:
+            self.other_leaders += 1
+        elif later_s < 0.0:
             self.out_of_order += 1
+        elif later_s > _SAME_CLOCK_S + arrival.at_s - self._arrived_s:
+            self._begin(frame, arrival)
         elif later_s == 0.0 and frame.openness == latest.openness:
             self._arrived_s = arrival.at_s  # a leader that stands still, and has no clock
             self.frames += 1
@@ -64,6 +71,10 @@ class Intake:
     def rate_1_s(self, now_s: float) -> float:
         """Return how fast the openness changes; it lasts until the next frame, but not long."""
         return self._rate_1_s if now_s - self._rate_at_s <= MAX_FRAME_GAP_S else 0.0
+
+    def _begin(self, frame: TeleopFrame, arrival: Arrival) -> None:
+        self.begins += 1
+        self._accept(frame, arrival, 0.0)
 
     def _accept(self, frame: TeleopFrame, arrival: Arrival, rate_1_s: float) -> None:
         self.latest, self._source = frame, arrival.source
