@@ -175,6 +175,7 @@ class Daemon:
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s)
         self._helper.poll(now_s)
+        self._links.poll(now_s)
         self._run_errands()
         if self._parts is not None:
             self._parts.tick(now_s)

@@ -1,10 +1,12 @@
 """Links through their own process: what opens, what fails, what comes, and how it ends."""
 
+import os
 import select
+import signal
 import socket
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -12,8 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.control.teleop.link import Link
+from litegripd.io.child import Child
 from litegripd.io.teleop_link_main import Flood
-from litegripd.io.teleop_links import TeleopLinks
+from litegripd.io.teleop_links import ProcessLink, TeleopLinks
 from litegripd.io.teleop_wire import (
     Order,
     pack_arrival,
@@ -104,16 +107,21 @@ def until(link: Link, condition: Callable[[], bool]) -> list[Arrival]:
     while not condition():
         assert time.monotonic() < ends_s, link.status
         arrived += link.receive(time.monotonic())
+        if isinstance(link, ProcessLink):
+            link._links.poll(time.monotonic())
     return arrived
 
 
 def test_nothing_is_started_before_a_link_is_used(links: TeleopLinks) -> None:
     links.open(LinkWish("master", "none")).receive(0.0)
+    links.poll(time.monotonic())
     assert links.pid is None
     link = links.open(LinkWish("slave", "udp", port=free_port(socket.SOCK_DGRAM)))
     assert links.pid is None
     assert link.status == LinkStatus("opening")
     link.receive(time.monotonic())
+    assert links.pid is None
+    links.poll(time.monotonic())
     assert links.pid is not None
 
 
@@ -210,6 +218,38 @@ def test_closing_gives_the_port_back(links: TeleopLinks) -> None:
                 assert time.monotonic() < ends_s
                 continue
             return
+
+
+def test_a_process_that_dies_without_a_link_is_not_started_again(links: TeleopLinks) -> None:
+    link = links.open(LinkWish("slave", "udp", port=free_port(socket.SOCK_DGRAM)))
+    until(link, lambda: link.status.state == "open")
+    link.close()
+    child = links._child
+    assert child is not None
+    os.kill(child.pid, signal.SIGKILL)
+    ends_s = time.monotonic() + DEADLINE_S
+    while links.deaths == 0:
+        assert time.monotonic() < ends_s
+        links.poll(time.monotonic())
+    links.poll(time.monotonic() + 60.0)
+    assert links.pid is None
+
+
+def test_a_process_that_cannot_be_started_is_told_and_tried_again() -> None:
+    starts: list[float] = []
+
+    def start(module: str, arguments: Sequence[str]) -> Child:
+        starts.append(0.0)
+        raise OSError(12, "Cannot allocate memory")
+
+    links = TeleopLinks(start=start)
+    link = links.open(LinkWish("slave", "udp"))
+    for tick in range(400):
+        links.poll(1000.0 + 0.005 * tick)
+        link.receive(1000.0 + 0.005 * tick)
+    assert len(starts) == 4  # every half second
+    assert link.status.state == "failed"
+    assert "Cannot allocate memory" in (link.status.error or "")
 
 
 def test_the_process_ends_with_the_daemon(
