@@ -62,15 +62,16 @@ class TeleopLinks:
 
     def warning(self, wish: LinkWish) -> str | None:
         """Say who else may take part."""
+        leads, port = wish.mode == "master", wish.port
         if wish.kind == "udp":
-            who = "anybody who can send to" if wish.mode == "slave" else "anybody between here and"
-            what = "move these jaws" if wish.mode == "slave" else "move its follower's"
-            return f"{who} {_where(wish)} can {what}: datagrams are neither encrypted nor signed"
+            who = f"is between here and {wish.host}:{port}" if leads else f"can send to port {port}"
+            whose = "the follower's" if leads else "these"
+            return f"whoever {who} can move {whose} jaws: datagrams are not encrypted nor signed"
         if wish.kind == "none" or self._zenoh_config is not None:
             return None
-        text = "follows whoever answers at" if wish.mode == "slave" else "listens for anybody at"
+        what = f"listens for anybody at port {port}" if leads else f"follows {wish.host}:{port}"
         return (
-            f"it {text} {_where(wish)}, without encryption and without an access list"
+            f"it {what}, without encryption and without an access list"
             " (zenoh_config of [teleop] in the daemon's configuration sets both up)"
         )
 
@@ -171,11 +172,3 @@ class ProcessLink:
             generation, status = unpack_status(body)
             if generation == self._order.generation:
                 self.status = status
-
-
-def _where(wish: LinkWish) -> str:
-    if wish.mode == "master":
-        return f"{wish.host or 'all addresses, port'} {wish.port}"
-    if wish.kind == "udp":
-        return f"port {wish.port}"
-    return f"{wish.host}:{wish.port}"

@@ -182,6 +182,17 @@ def test_a_stop_without_a_trip_leaves_it_holding(how: str) -> None:
     assert follower.world.wire.is_closed
 
 
+@pytest.mark.parametrize("how", STOPS)
+def test_jaws_on_their_way_stop_where_they_are(how: str) -> None:
+    follower = following()
+    follower.lead(lambda t: 0.5 + 0.8 * t, 0.3)  # 96 mm/s
+    before_mm = follower.world.gripper.opening_mm
+    stop_by(follower.world, follower, how)
+    follower.world.run(0.5)
+    assert follower.world.state.mode == "holding"
+    assert abs(follower.world.gripper.opening_mm - before_mm) < 1.5
+
+
 def test_a_stop_holds_at_the_present_angle_but_a_loss_keeps_the_force() -> None:
     for how, share in (("teleop.stop", 0.3), ("leave", 1.0)):
         follower = pressing(limit_nm=0.0)

@@ -220,3 +220,14 @@ def test_frames_that_come_in_bunches_are_all_taken() -> None:
     status = follower.status()
     assert status["frames"] == follower.sent + 80
     assert status["dq_cmd"] == pytest.approx(-0.1 * 120.0 / MM_RAD, rel=0.05)
+
+
+def test_a_leader_that_comes_and_goes_all_the_time_is_told_of_now_and_then() -> None:
+    follower = following(watchdog_s=0.02)
+    began_s = follower.world.now_s
+    for _ in range(80):
+        follower.say(0.5)
+        follower.world.run(0.05)
+    passed_s = follower.world.now_s - began_s
+    for words in ("no frame for", "the leader is heard", "aligned"):
+        assert 2 <= sum(words in text for text in follower.told()) <= passed_s + 2

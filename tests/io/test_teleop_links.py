@@ -267,9 +267,9 @@ def test_the_process_ends_with_the_daemon(
     ("wish", "words"),
     [
         (LinkWish("master"), ("listens for anybody", "17448", "without encryption")),
-        (LinkWish("slave", host="a"), ("whoever answers at a:17448",)),
-        (LinkWish("slave", "udp"), ("move these jaws", "port 17448")),
-        (LinkWish("master", "udp", "b"), ("b 17448",)),
+        (LinkWish("slave", host="a"), ("follows a:17448", "without encryption")),
+        (LinkWish("slave", "udp"), ("these jaws", "send to port 17448")),
+        (LinkWish("master", "udp", "b"), ("between here and b:17448", "the follower's jaws")),
     ],
 )
 def test_who_else_may_take_part_is_told(wish: LinkWish, words: tuple[str, ...]) -> None:

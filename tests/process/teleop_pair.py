@@ -70,6 +70,22 @@ def children(pid: int) -> dict[str, int]:
     return found
 
 
+def network_sockets(pid: int) -> set[tuple[str, int, str]]:
+    """Return the protocol, the own port and the state of a process's sockets of the network."""
+    links = (os.readlink(path) for path in Path(f"/proc/{pid}/fd").iterdir())
+    own = {link[len("socket:[") : -1] for link in links if link.startswith("socket:[")}
+    found = set()
+    for protocol in ("tcp", "tcp6", "udp", "udp6"):
+        table = Path(f"/proc/{pid}/net/{protocol}").read_text(encoding="ascii").splitlines()[1:]
+        for row in map(str.split, table):
+            if row[9] in own:
+                found.add((protocol, int(row[1].rpartition(":")[2], 16), STATES.get(row[3], "?")))
+    return found
+
+
+STATES = {"01": "connected", "0A": "listens"}
+
+
 class LossyProxy:
     """Passes datagrams on from one port to another: some not, the others late and out of order.
 

@@ -26,6 +26,7 @@ from tests.process.teleop_pair import (
     children,
     free_port,
     gripper,
+    network_sockets,
     start,
     until,
 )
@@ -92,6 +93,15 @@ def begin_to_lead(leading: DaemonProcess, **params: object) -> None:
         leader.enabled().result("teleop.start", mode="master", detach=True, **params)
 
 
+def nothing_but_one_connection(leading: DaemonProcess, following: DaemonProcess, port: int) -> None:
+    """No discovery: the leader listens at its port, the follower at none."""
+    module = "litegripd.io.teleop_link_main"
+    own = network_sockets(children(leading.process.pid)[module])
+    assert own == {("tcp", port, "listens"), ("tcp", port, "connected")}
+    others = network_sockets(children(following.process.pid)[module])
+    assert [(protocol, state) for protocol, _, state in others] == [("tcp", "connected")]
+
+
 def test_two_daemons_over_zenoh_and_a_leader_that_goes_and_comes_back(tmp_path: Path) -> None:
     port = free_port()
     with (
@@ -106,6 +116,7 @@ def test_two_daemons_over_zenoh_and_a_leader_that_goes_and_comes_back(tmp_path: 
             begin_to_lead(leading, port=port)
             until(follower, lambda s: bool(s["phase"] == "following"))
             swing(follower, 30.0)
+            nothing_but_one_connection(leading, following, port)
             with leading.connect() as leader:
                 assert leader.result("teleop.status")["matching"] is True
                 assert leader.result("teleop.stop")["send_failed"] == 0

@@ -29,7 +29,12 @@ MOST_NM = 5.5
 """By no more the jaws are pushed, however stiff the follow gains are: what the lead cap of 4 mm is
 with the calibration's 100 N·m/rad."""
 
+_STANDING_RAD_S = 0.05
+"""Jaws that press on something are slower than this, 4 mm/s."""
+
 _OTHERS_TOLD_EVERY_S = 5.0
+_PHASE_TOLD_EVERY_S = 1.0
+"""A bad network may take a leader away and bring it back many times a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +60,7 @@ class Follow(TeleopAction):
         self._commanded_rad: float | None = None
         self._dq_rad_s = 0.0
         self._stepped_s = 0.0
+        self._phases_told_s: dict[Phase, float] = {}
         self._begins = 0
         self._others_told = 0
         self._others_told_s = float("-inf")
@@ -77,13 +83,17 @@ class Follow(TeleopAction):
         return Step(self._command(now_s, elapsed_s, feedback))
 
     def rest(self) -> Rest | None:
-        """Finished, it holds where the jaws are; broken off, it goes on pressing as it did.
+        """Finished, it holds where the jaws are; broken off, what they press on is not dropped.
 
-        What the guard has let go of stays free: a hold would press it anew.
+        Jaws on their way stop where they are. What the guard has let go of stays free: a hold
+        would press it anew.
         """
         if self._guard.is_tripped:
             return Relax()
-        if self.is_finished or self._commanded_rad is None:
+        feedback = self.feedback
+        if self.is_finished or self._commanded_rad is None or feedback is None:
+            return None
+        if abs(feedback.velocity_rad_s) > _STANDING_RAD_S:
             return None
         return Hold(self._commanded_rad, self._course.gains)
 
@@ -212,8 +222,10 @@ class Follow(TeleopAction):
     def _enter(self, phase: Phase) -> None:
         """Go on to another phase, and tell what a person wants to know of it."""
         before, self._phase = self._phase, phase
-        if phase == before:
+        told_s = self._phases_told_s.get(phase, float("-inf"))
+        if phase == before or self._stepped_s - told_s < _PHASE_TOLD_EVERY_S:
             return
+        self._phases_told_s[phase] = self._stepped_s
         if phase == "stale":
             text = f"no frame for {self._course.settings.watchdog_s:g} s: holding the last target"
             self.tell(text, warning=True, phase=phase)
@@ -227,7 +239,7 @@ class Follow(TeleopAction):
             limit_nm = self._course.settings.torque_limit_nm
             text = (
                 f"{abs(torque_nm):.2f} N·m, at or over the limit of {limit_nm:g}: the jaws are let"
-                f" go until the leader, now {openness:.2f} open, has reopened"
+                f" go until the leader, now {openness:.3g} open, has reopened"
             )
             self.tell(text, warning=True, trips=self._guard.trips)
         else:
