@@ -72,7 +72,7 @@ def children(pid: int) -> dict[str, int]:
 
 def network_sockets(pid: int) -> set[tuple[str, int, str]]:
     """Return the protocol, the own port and the state of a process's sockets of the network."""
-    links = (os.readlink(path) for path in Path(f"/proc/{pid}/fd").iterdir())
+    links = (str(path.readlink()) for path in Path(f"/proc/{pid}/fd").iterdir())
     own = {link[len("socket:[") : -1] for link in links if link.startswith("socket:[")}
     found = set()
     for protocol in ("tcp", "tcp6", "udp", "udp6"):
