@@ -28,6 +28,8 @@ from litegrip_client.errors import (
     NotPermittedError,
     ProtocolError,
     StoppedError,
+    TeleopBusyError,
+    TeleopNotReady,
     TrajectoryBusyError,
 )
 from litegrip_client.gripper import LiteGrip
@@ -83,6 +85,8 @@ __all__ = [
     "SetZeroResult",
     "SetpointStream",
     "StoppedError",
+    "TeleopBusyError",
+    "TeleopNotReady",
     "Trajectory",
     "TrajectoryBusyError",
     "TrajectoryFile",

@@ -10,11 +10,17 @@ from litegrip_client.calibration_actions import CalibrationActions
 from litegrip_client.motion_actions import MotionActions
 from litegrip_client.motor_actions import MotorActions
 from litegrip_client.setpoints import SetpointActions
+from litegrip_client.teleop import TeleopActions
 from litegrip_client.trajectory_actions import TrajectoryActions
 
 
 class GripperActions(
-    MotorActions, MotionActions, SetpointActions, TrajectoryActions, CalibrationActions
+    MotorActions,
+    MotionActions,
+    SetpointActions,
+    TrajectoryActions,
+    TeleopActions,
+    CalibrationActions,
 ):
     """All that makes the gripper at the other end of a link do something.
 

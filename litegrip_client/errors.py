@@ -85,6 +85,14 @@ class TrajectoryBusyError(BusyError):
     """A trajectory is being recorded or replayed."""
 
 
+class TeleopBusyError(BusyError):
+    """Teleoperation is running: end it with `teleop_stop`."""
+
+
+class TeleopNotReady(CommandError):  # noqa: N818 - the vendor SDK's name
+    """Teleoperation needs a calibrated gripper whose motor is enabled."""
+
+
 class LeaseError(BusyError):
     """Another client has the gripper to itself, or the lease is lost; see `owner`."""
 
@@ -115,6 +123,8 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
         NotPermittedError,
         StoppedError,
         CancelledError,
+        TeleopBusyError,
+        TeleopNotReady,
     )
 }
 

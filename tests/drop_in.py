@@ -21,6 +21,7 @@ from litegrip_client.stream import SLICE_S, StreamEndedError
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
 from litegripd.app.starting import load_at_start
+from litegripd.control.teleop.link import Links
 from litegripd.io.bus import BusSettings
 from litegripd.io.helper_main import OPERATIONS
 from litegripd.model.errands import Errand, ErrandResult
@@ -76,6 +77,7 @@ class Daemon(World):
     `mount` is how the gripper is built. `calibrated` gives the daemon its exact calibration;
     without, it has none, and with `boots` it takes what it finds in its files, as it does in life.
     `gripper` is one that another daemon has driven before; `home` that of the daemon's own user.
+    Over `links` that two daemons share they teleoperate.
     """
 
     def __init__(
@@ -89,6 +91,7 @@ class Daemon(World):
         parameters: SimulatorParameters | None = None,
         gripper: SimulatedGripper | None = None,
         home: Path | None = None,
+        links: Links | None = None,
     ) -> None:
         super().__init__(mount, calibrated and not boots, config, parameters)
         if gripper is not None:
@@ -98,7 +101,7 @@ class Daemon(World):
         self.engine.unit = Unit(channel)
         settings = BusSettings("virtual", channel, 1_000_000)
         facts = DaemonFacts(Config(channel, settings), self.machine)
-        self.service = RpcService(self.engine, facts, PERIOD_S)
+        self.service = RpcService(self.engine, facts, PERIOD_S, links=links)
         if boots:
             load_at_start(self.engine, lambda: None)
 

@@ -14,6 +14,7 @@ from litegrip_client.core.motion_actions import MotionActions
 from litegrip_client.core.motor_actions import MotorActions
 from litegrip_client.core.setpoints import SetpointActions
 from litegrip_client.core.stopping import stop
+from litegrip_client.core.teleop import TeleopActions
 from litegrip_client.core.trajectory_actions import TrajectoryActions
 from litegrip_client.results import GripperState
 from litegrip_client.warn import leave
@@ -28,7 +29,12 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
 
 
 class GripperActions(
-    MotorActions, MotionActions, SetpointActions, TrajectoryActions, CalibrationActions
+    MotorActions,
+    MotionActions,
+    SetpointActions,
+    TrajectoryActions,
+    TeleopActions,
+    CalibrationActions,
 ):
     """All that makes the gripper at the other end of a link do something."""
 

@@ -23,6 +23,8 @@ _HINTS = {
     "not_enabled": "first: litegripctl enable",
     "not_calibrated": CHOOSE_MOUNT,
     "busy": "see: litegripctl jobs",
+    "teleop_busy": "end it: litegripctl teleop stop",
+    "teleop_not_ready": "see: litegripctl state; calibrate it, then: litegripctl enable",
     "lease_held": "see: litegripctl lease; in need: litegripctl lease take REASON",
     "unknown_job": "see: litegripctl jobs",
     "unknown_trajectory": "see: litegripctl trajectories",

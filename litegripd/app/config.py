@@ -70,6 +70,13 @@ class RpcConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class TeleopConfig:
+    """Teleoperation links; `zenoh_config` is a file of zenoh's own, for TLS and access lists."""
+
+    zenoh_config: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     """The whole configuration of one channel, and the file that it came from, if any."""
 
@@ -80,6 +87,7 @@ class Config:
     control: ControlConfig = field(default_factory=ControlConfig)
     rpc: RpcConfig = field(default_factory=RpcConfig)
     access: Access = field(default_factory=Access)
+    teleop: TeleopConfig = field(default_factory=TeleopConfig)
     source: Path | None = None
 
 
@@ -115,11 +123,12 @@ _TYPES: Mapping[tuple[str, str], type] = {
     ("access", "admins"): tuple,
     ("access", "operators"): tuple,
     ("access", "observers"): tuple,
+    ("teleop", "zenoh_config"): str,
 }
 _OURS = ("ignore_config",)
 """Arguments of python-can that the daemon sets itself."""
 
-_TABLES = ("bus", "motor", "gripper", "control", "rpc", "access")
+_TABLES = ("bus", "motor", "gripper", "control", "rpc", "access", "teleop")
 _NAMED = {
     str: "a string",
     int: "an integer",
@@ -170,7 +179,8 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
             " another id than it is commanded by"
         )
     gripper = GripperConfig(**content.get("gripper", {}))
-    _check_paths(where, gripper, content.get("rpc", {}).get("socket"))
+    teleop = TeleopConfig(**content.get("teleop", {}))
+    _check_paths(where, gripper, content.get("rpc", {}).get("socket"), teleop.zenoh_config)
     bus = dict(content.get("bus", {}))
     control = dict(content.get("control", {}))
     if "cpus" in control:
@@ -188,6 +198,7 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
         control=ControlConfig(**control),
         rpc=RpcConfig(**content.get("rpc", {})),
         access=_access(where, content.get("access", {})),
+        teleop=teleop,
         source=source,
     )
 
@@ -225,7 +236,7 @@ def _check(where: str, table: str, key: str, value: Any) -> None:
         raise ConfigError(f"{name} is empty; leave the key out for the default")
 
 
-def _check_paths(where: str, gripper: GripperConfig, socket: str | None) -> None:
+def _check_paths(where: str, gripper: GripperConfig, socket: str | None, zenoh: str | None) -> None:
     """Refuse what would depend on the directory that the daemon happens to start in."""
     mount = gripper.mount
     if mount is not None and mount not in TEMPLATES:
@@ -236,6 +247,9 @@ def _check_paths(where: str, gripper: GripperConfig, socket: str | None) -> None
             raise ConfigError(f"{where}: [gripper] mount is {mount}, where there is no file")
     if socket is not None and not socket.startswith("/"):
         raise ConfigError(f"{where}: [rpc] socket is {socket!r}, it must be an absolute path")
+    if zenoh is not None and not (zenoh.startswith("/") and Path(zenoh).is_file()):
+        text = f"[teleop] zenoh_config is {zenoh!r}, it must be the absolute path of a file"
+        raise ConfigError(f"{where}: {text}")
 
 
 def _has_type(value: Any, kind: type) -> bool:

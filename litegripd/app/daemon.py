@@ -24,6 +24,7 @@ from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import Server
 from litegripd.io.signals import Signals
 from litegripd.io.stop_listener import StopListener
+from litegripd.io.teleop_links import TeleopLinks
 from litegripd.io.urgent import Urgent
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
@@ -61,6 +62,7 @@ class Daemon:
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
         epoch = None if legacy is None else legacy.epoch
+        self._links = TeleopLinks(config.teleop.zenoh_config)
         self._facts = DaemonFacts(config, self._machine, self._places.stop_path, epoch)
         self._service = RpcService(
             self._machine.engine,
@@ -69,6 +71,7 @@ class Daemon:
             role_of=config.access.role_of,
             epoch=self._facts.epoch,
             restart=lambda told: self._succession.begin(told, time.monotonic()),
+            links=self._links,
         )
         self._reactor = Reactor(period_s, self._tick)
         self._urgent = Urgent(period_s)
@@ -179,6 +182,7 @@ class Daemon:
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s)
         self._helper.poll(now_s)
+        self._links.poll(now_s)
         if self._parts is not None:
             self._parts.tick(now_s)
         self._greet_motor()
@@ -264,6 +268,7 @@ class Daemon:
             self._successor.close()
             self._bus.leave()
         self._helper.close()
+        self._links.close()
         self._signals.close()
         self._places.claim.close()
         self._urgent.close()

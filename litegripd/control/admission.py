@@ -1,11 +1,12 @@
 """Whether a motion may begin, and if not, why and what to do."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import Job
+from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motion_limits import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
 
@@ -39,6 +40,11 @@ ZERO_MOVED = Refusal(
 )
 
 
+_BUSY_BY: Mapping[JobKind, str] = {"teleop": "teleop_busy"}
+_ENDED_BY: Mapping[JobKind, str] = {"teleop": "end it by teleop.stop"}
+"""What is busy by a name of its own, and does not end by itself."""
+
+
 def busy_refusal(running: Job | None) -> Refusal | None:
     """Say who is moving, if anybody is."""
     return None if running is None else busy_with(running)
@@ -47,10 +53,11 @@ def busy_refusal(running: Job | None) -> Refusal | None:
 def busy_with(running: Job) -> Refusal:
     """Say who is moving."""
     owner = running.owner
+    how = _ENDED_BY.get(running.kind, "wait for it (job.wait), cancel it (job.cancel) or stop")
     return Refusal(
-        "busy",
+        _BUSY_BY.get(running.kind, "busy"),
         f"job {running.number}, {running.kind} by {owner.program} (pid {owner.pid}), is running:"
-        " wait for it (job.wait), cancel it (job.cancel) or stop",
+        f" {how}",
         {
             "job": running.number,
             "kind": running.kind,

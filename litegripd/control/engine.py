@@ -90,6 +90,13 @@ class Engine(Arbiter):
             self.events.append(announce.bus_changed(self.bus, bus))
         self.bus = bus
 
+    def recording_refusal(self) -> Refusal | None:
+        """Say that a recording is under way, if so; replay and teleoperation wait for its end."""
+        if self.capture is None or self.capture.is_over:
+            return None
+        text = "a recording is under way: end it (trajectory.record_stop)"
+        return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+
     def unsettled(self) -> Refusal | None:
         """Say why no successor can take over now; so does a recording that would be lost."""
         refusal, capture = super().unsettled(), self.capture

@@ -119,6 +119,8 @@ class Running:
         if action is not None and took_part and feedback is not None:
             gains = self.calibrated.gains
             self.rest = action.rest() or Hold(feedback.position_rad, gains)
+        if action is not None:
+            action.close()
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self.must_disable = True  # it may still take effect

@@ -44,14 +44,15 @@ class Trajectories:
         return self._engine.capture
 
     def refusal(self) -> Refusal | None:
-        """Say that a recording or a replay is under way, if so."""
-        running, capture = self._engine.jobs.running, self.capture
-        if running is not None and running.kind in ("record", "play"):
+        """Say that a recording, a replay or teleoperation is under way, if so."""
+        running = self._engine.jobs.running
+        if running is not None and running.kind in ("record", "play", "teleop"):
             busy = busy_with(running)
-            return Refusal("trajectory_busy", busy.message, busy.data)
-        if capture is not None and not capture.is_over:
-            text = "a recording is under way: end it (trajectory.record_stop)"
-            return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+            reason = "trajectory_busy" if busy.reason == "busy" else busy.reason
+            return Refusal(reason, busy.message, busy.data)
+        recording = self._engine.recording_refusal()
+        if recording is not None:
+            return recording
         if self._keeping is not None:
             text = "a recording is being taken to the disk's process: try again in a moment"
             return Refusal("trajectory_busy", text)

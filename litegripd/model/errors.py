@@ -195,6 +195,22 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         True,
         "A trajectory is being recorded or replayed.",
     ),
+    ErrorKind(
+        "teleop_busy",
+        -32050,
+        "TeleopBusyError",
+        6,
+        True,
+        "Teleoperation is running; end it with teleop.stop.",
+    ),
+    ErrorKind(
+        "teleop_not_ready",
+        -32051,
+        "TeleopNotReady",
+        4,
+        False,
+        "Teleoperation needs a calibrated gripper whose motor is enabled.",
+    ),
     ErrorKind("not_enabled", -32030, "HardwareError", 5, False, "The motor is not enabled."),
     ErrorKind(
         "motor_fault", -32031, "HardwareError", 5, False, "The motor reports a fault by its status."

@@ -21,6 +21,7 @@ EventKind: TypeAlias = Literal[
     "lease_lost",
     "recorder",
     "refused",
+    "teleop",
 ]
 
 

@@ -22,6 +22,7 @@ JobKind: TypeAlias = Literal[
     "zero",
     "calibrate_by_hand",
     "set_zero",
+    "teleop",
     "record",
     "play",
 ]

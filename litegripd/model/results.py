@@ -4,6 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
+from litegripd.model.teleop import TeleopMode
+
 MoveOutcome: TypeAlias = Literal[
     "pressed_home", "reached", "blocked", "protected", "no_stop", "timed_out"
 ]
@@ -177,6 +179,18 @@ class ReplayResult:
     final_command_rad: float
 
 
+@dataclass(frozen=True, slots=True)
+class TeleopResult:
+    """What a teleoperation came to: the frames that were sent or followed, and what went wrong."""
+
+    ok: bool
+    mode: TeleopMode
+    frames: int
+    rejected: int
+    send_failed: int
+    torque_trips: int
+
+
 Result: TypeAlias = (
     MoveResult
     | EnableResult
@@ -191,6 +205,7 @@ Result: TypeAlias = (
     | SetZeroResult
     | RecordResult
     | ReplayResult
+    | TeleopResult
 )
 
 

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 from litegripd.control.dumps import Dumps
 from litegripd.control.engine import Engine
+from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
@@ -30,6 +31,7 @@ from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
 from litegripd.rpc.session import Peer, Role, Session
 from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
+from litegripd.rpc.teleoperating import Teleoperating
 from litegripd.rpc.trajectories import TrajectoryMethods
 from litegripd.rpc.view import progress_view
 from litegripd.rpc.waiting import Waiter, WaitingRoom
@@ -48,7 +50,10 @@ from litegripd.rpc.wire import (
 
 
 class RpcService:
-    """Implements `Service` on one engine."""
+    """Implements `Service` on one engine.
+
+    Teleoperation goes over `links`; without any, it stays inside the process.
+    """
 
     def __init__(
         self,
@@ -59,6 +64,7 @@ class RpcService:
         role_of: Callable[[Peer], Role] = lambda _peer: "admin",
         epoch: str = "0",
         restart: OnRestart = no_restart,
+        links: Links | None = None,
     ) -> None:
         self.refused = 0
         self.on_event: Callable[[Event, float], None] = lambda _event, _now_s: None
@@ -81,6 +87,7 @@ class RpcService:
             Recording(self.dumps).functions(),
             Restarting(restart).functions(),
             self._trajectories.functions(),
+            Teleoperating(engine, links or InProcessLinks(), self.reporter).functions(),
         )
         self._gate = Gate(engine, self._tokens)
         self._dispatch = Dispatch(engine, handlers)

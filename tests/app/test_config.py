@@ -11,6 +11,7 @@ from litegripd.app.config import (
     GripperConfig,
     MotorConfig,
     RpcConfig,
+    TeleopConfig,
     find,
     load,
     override,
@@ -100,6 +101,8 @@ def test_every_key_can_be_set(tmp_path: Path) -> None:
     admins = ["root", 1000]
     operators = [1000, 1001]
     observers = []
+    [teleop]
+    zenoh_config = "/etc/litegripd/mine.json"
     """
     mine = tmp_path / "mine.json"
     mine.touch()
@@ -111,17 +114,21 @@ def test_every_key_can_be_set(tmp_path: Path) -> None:
     assert config.gripper == GripperConfig(str(mine), 100)
     assert config.control == ControlConfig(500, 0, (2, 3))
     assert config.rpc == RpcConfig("/tmp/x.sock", "robot")
+    assert config.teleop == TeleopConfig(str(mine))
     assert config.access == Access("observer", {0: "admin", 1000: "admin", 1001: "operator"}, {})
 
 
 MISTAKES = {
-    "[grippr]\n": ("grippr", "bus, motor, gripper, control, rpc, access"),
+    "[grippr]\n": ("grippr", "bus, motor, gripper, control, rpc, access, teleop"),
     "rate_hz = 200\n": ("rate_hz", "bus, motor"),
     "motor = 3\n": ("motor", "[motor]"),
     "[motor]\nid = 8\n": ("[motor] id", "type, can_id, master_id"),
     "[gripper]\nstroke = 120\n": ("[gripper] stroke", "mount, stroke_mm"),
     "[control]\nrate = 200\n": ("[control] rate", "rate_hz, priority, cpus"),
     "[rpc]\nport = 80\n": ("[rpc] port", "socket, group"),
+    "[teleop]\nport = 80\n": ("[teleop] port", "zenoh_config"),
+    '[teleop]\nzenoh_config = "zenoh.json5"\n': ("[teleop] zenoh_config", "absolute path"),
+    '[teleop]\nzenoh_config = "/no/such/file"\n': ("[teleop] zenoh_config", "of a file"),
     "[bus]\ninterface = 7\n": ("[bus] interface", "a string"),
     "[bus]\nchannel = 0\n": ("[bus] channel", "a string"),
     "[bus]\nbitrate = 1e6\n": ("[bus] bitrate", "an integer"),

@@ -21,6 +21,8 @@ IN_ITS_OWN_WORDS = {
     "lease_held",
     "unknown_trajectory",
     "trajectory_busy",
+    "teleop_busy",
+    "teleop_not_ready",
 }
 
 

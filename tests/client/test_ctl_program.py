@@ -167,6 +167,7 @@ ACTIONS = {
     "config": ["get", "set"],
     "lease": ["show", "take"],
     "trajectories": ["list", "get", "put", "delete", "export"],
+    "teleop": ["master", "slave", "status", "stop"],
 }
 
 

@@ -61,6 +61,10 @@ def conversation(client: Client) -> Iterator[tuple[str, Params]]:
         yield "calibration.manual", {"step": step}
     yield "config.get", {}
     yield "config.set", {"config": {"force_n": 10}, "keep": True}
+    yield "teleop.start", {"mode": "master", "link": "none", "rate_hz": 50}
+    client.world.run(0.2)
+    yield "teleop.status", {}
+    yield "teleop.stop", {}
     yield "stop", {"level": "hold", "why": "a test"}
     yield "motion.open", {}
     yield "stop.clear", {}

@@ -9,6 +9,7 @@ TABLE = HERE.parent.parent / "docs" / "seed.md"
 SECTIONS = (
     "Quick start",
     "Reverse mounts and two grippers on one machine",
+    "Leader/follower teleoperation",
     "Trajectory record and replay",
     "The six actions",
     "Progress reporting",

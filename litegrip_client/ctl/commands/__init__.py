@@ -7,11 +7,24 @@ the module of the command that is run is imported, so that a `state` does not wa
 from __future__ import annotations
 
 from argparse import Namespace
+from importlib import import_module
 from pathlib import Path
 
 from litegrip_client.ctl.run import Command
 
-_MOTIONS = ("open", "close", "grasp", "release", "move", "force", "slack")
+_MODULES = {
+    **dict.fromkeys(("open", "close", "grasp", "release", "move", "force", "slack"), "motions"),
+    **dict.fromkeys(("zero", "calibration"), "calibration"),
+    **dict.fromkeys(("config", "register"), "settings"),
+    **dict.fromkeys(("clients", "lease", "stop"), "clients"),
+    **dict.fromkeys(("record", "play"), "trajectories"),
+    "trajectories": "trajectory_store",
+    "plot": "plot",
+    "dump": "recorder",
+    "doctor": "doctor",
+    "teleop": "teleop",
+}
+"""In which module of this room a command is; all others are in `general`."""
 
 
 def needs_daemon(options: Namespace) -> bool:
@@ -31,24 +44,6 @@ def is_name(text: str) -> bool:
 
 def find(name: str) -> Command:
     """Give the command of that name, which the command line has checked."""
-    if name in _MOTIONS:
-        from litegrip_client.ctl.commands.motions import COMMANDS  # noqa: PLC0415 - see above
-    elif name in ("zero", "calibration"):
-        from litegrip_client.ctl.commands.calibration import COMMANDS  # noqa: PLC0415
-    elif name in ("config", "register"):
-        from litegrip_client.ctl.commands.settings import COMMANDS  # noqa: PLC0415
-    elif name in ("clients", "lease", "stop"):
-        from litegrip_client.ctl.commands.clients import COMMANDS  # noqa: PLC0415
-    elif name in ("record", "play"):
-        from litegrip_client.ctl.commands.trajectories import COMMANDS  # noqa: PLC0415
-    elif name == "trajectories":
-        from litegrip_client.ctl.commands.trajectory_store import COMMANDS  # noqa: PLC0415
-    elif name == "plot":
-        from litegrip_client.ctl.commands.plot import COMMANDS  # noqa: PLC0415
-    elif name == "dump":
-        from litegrip_client.ctl.commands.recorder import COMMANDS  # noqa: PLC0415
-    elif name == "doctor":
-        from litegrip_client.ctl.commands.doctor import COMMANDS  # noqa: PLC0415
-    else:
-        from litegrip_client.ctl.commands.general import COMMANDS  # noqa: PLC0415
-    return COMMANDS[name]
+    module = import_module(f"{__name__}.{_MODULES.get(name, 'general')}")
+    command: Command = module.COMMANDS[name]
+    return command

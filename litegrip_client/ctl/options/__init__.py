@@ -9,7 +9,14 @@ import argparse
 import os
 import sys
 
-from litegrip_client.ctl.options import calibration, general, motions, settings, trajectories
+from litegrip_client.ctl.options import (
+    calibration,
+    general,
+    motions,
+    settings,
+    teleop,
+    trajectories,
+)
 from litegrip_client.ctl.options.late import (
     CHANNEL_VARIABLE,
     DEFAULT_CHANNEL,
@@ -92,6 +99,7 @@ def _parser() -> argparse.ArgumentParser:
     add("force", "change the force of a grasp, or begin to squeeze", motions.force)
     add("slack", "let the jaws be moved by hand, until 'hold'")
     add("hold", "hold the present position")
+    add("teleop", "lead another gripper by hand, or follow one", teleop.teleop)
     add("stop", "stop the gripper, whoever moves it, until 'clear'", general.stop)
     add("clear", "clear a stop; moves nothing")
     add("clients", "list who is connected, and what each has cost")

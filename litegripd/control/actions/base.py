@@ -49,6 +49,9 @@ class Action(Protocol):
     def progress(self) -> Progress | None:
         """Tell where it is, None for an action that has nothing to tell."""
 
+    def close(self) -> None:
+        """Give back what it has, other than the jaws; called once, when it has ended."""
+
 
 def progress_of(
     phase: str, step: int, total_steps: int, command_rad: float, feedback: Feedback
@@ -72,3 +75,6 @@ class PlainAction:
     def progress(self) -> Progress | None:
         """There is nothing to tell."""
         return None
+
+    def close(self) -> None:
+        """There is nothing to give back."""

@@ -1,0 +1,81 @@
+"""Teleoperation from a terminal: begun, watched in one line, ended by Ctrl-C."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from litegrip_client.ctl import render_teleop as render
+from litegrip_client.ctl.run import NOT_OK, OK, Command, Run
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+_LOOK_EVERY_S = 0.2
+
+_OPTIONS = {
+    "host": "host",
+    "port": "port",
+    "grip_id": "grip_id",
+    "link": "link",
+    "rate": "rate_hz",
+    "torque_limit": "torque_limit_nm",
+    "force_limit": "force_limit_n",
+    "watchdog": "watchdog_s",
+}
+
+
+def teleop(run: Run) -> int:
+    """Do what `options.action` says."""
+    action = run.options.action
+    if action == "status":
+        data = run.connection.call("teleop.status")
+        run.output.result(data, render.status(data))
+        return OK
+    if action == "stop":
+        return _stop(run)
+    return _start(run, action)
+
+
+def _start(run: Run, mode: str) -> int:
+    options = run.options
+    params: dict[str, Any] = {"mode": mode}
+    for option, name in _OPTIONS.items():
+        value = getattr(options, option, None)
+        if value is not None:
+            params[name] = value
+    if getattr(options, "fake_leader", False):
+        params["fake_leader"] = True
+    if options.detach:
+        params["detach"] = True
+    data = run.connection.run(run.connection.prepare_guarded("teleop.start", params))
+    if options.detach:
+        run.output.result(data, f"{mode}: it runs; end it with: litegripctl teleop stop")
+        return OK
+    try:
+        return _watch(run)
+    except KeyboardInterrupt:
+        run.output.end_line()
+        return _stop(run)
+
+
+def _watch(run: Run) -> int:
+    """Show how it goes until it ends."""
+    while True:
+        data = run.connection.call("teleop.status")
+        if not data["active"]:
+            run.output.result(data, render.status(data))
+            return NOT_OK
+        if run.output.live:
+            run.output.line(render.line(data))
+        time.sleep(_LOOK_EVERY_S)
+
+
+def _stop(run: Run) -> int:
+    data = run.connection.call("teleop.stop")
+    run.output.result(data, render.status(data))
+    return OK
+
+
+COMMANDS: Mapping[str, Command] = {"teleop": teleop}

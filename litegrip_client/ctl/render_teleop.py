@@ -1,0 +1,74 @@
+"""How `litegripctl` shows teleoperation: a status in, text out; prints nothing itself."""
+
+from __future__ import annotations
+
+from litegrip_client.ctl.render import Data, figure, plain
+
+_LABEL_WIDTH = 12
+_COUNTS = (
+    "torque_trips",
+    "rejected",
+    "out_of_order",
+    "other_leaders",
+    "dropped",
+    "send_failed",
+)
+
+
+def line(data: Data) -> str:
+    """Show how it goes in one line."""
+    parts = [
+        f"{data.get('mode')!s} {data.get('phase')!s:<9}",
+        f"{_percent(data):>6}",
+        f"{figure(data.get('position_mm'), '7.2f', 'mm'):>10}",
+        f"{figure(data.get('torque_nm'), '+.2f', 'N·m'):>10}",
+        f"{figure(data.get('loop_hz'), '.0f', 'Hz'):>6}",
+        f"frames {data.get('frames')}",
+    ]
+    return plain("  ".join(parts + _troubles(data)))
+
+
+def status(data: Data) -> str:
+    """Show a status in aligned lines."""
+    if data.get("mode") is None:
+        return "no teleoperation so far"
+    verdict = "runs" if data.get("active") else "does not run"
+    rows = [
+        ("teleop", f"{data.get('mode')}, {verdict} ({data.get('phase')})"),
+        ("link", f"{data.get('link')} {data.get('link_state')}, {data.get('topic')}"),
+        ("opening", f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open"),
+        ("force", figure(data.get("force_n"), "+.1f", "N")),
+        ("torque", figure(data.get("torque_nm"), "+.2f", "N·m")),
+        ("frames", f"{data.get('frames')}, the last {_age(data)} ago"),
+        ("loop", figure(data.get("loop_hz"), ".0f", "Hz")),
+    ]
+    troubles = _troubles(data)
+    if troubles:
+        rows.append(("note", ", ".join(troubles)))
+    if data.get("fault"):
+        rows.append(("ended by" if not data.get("active") else "fault", str(data["fault"])))
+    return "\n".join(f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows)
+
+
+def _troubles(data: Data) -> list[str]:
+    """Name what is not as it should be."""
+    found = []
+    if data.get("stale"):
+        found.append(f"STALE {_age(data)}")
+    if data.get("over_torque"):
+        found.append("RELEASED")
+    if data.get("link_state") == "failed":
+        found.append(f"link failed: {data.get('link_error')}")
+    if data.get("mode") == "master" and data.get("matching") is False:
+        found.append("nobody follows")
+    found += [f"{name} {data[name]}" for name in _COUNTS if data.get(name)]
+    return found
+
+
+def _percent(data: Data) -> str:
+    openness = data.get("openness")
+    return f"{100.0 * openness:.1f} %" if isinstance(openness, int | float) else "--"
+
+
+def _age(data: Data) -> str:
+    return figure(data.get("last_frame_age_ms"), ".0f", "ms")

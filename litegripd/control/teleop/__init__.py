@@ -1,0 +1,1 @@
+"""Leader/follower teleoperation: one gripper is moved by hand, another follows it."""

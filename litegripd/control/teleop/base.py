@@ -1,0 +1,95 @@
+"""What leader and follower have in common: the link, its events, and what can be told of them."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeAlias
+
+from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.teleop.link import Link
+from litegripd.control.teleop.loop_rate import LoopRate
+from litegripd.model.events import Event
+from litegripd.model.motor import Feedback, MotorView, Status, status_name
+from litegripd.model.results import TeleopResult
+from litegripd.model.teleop import LinkStatus, LinkWish, TeleopStatus
+
+Tell: TypeAlias = Callable[[Event], None]
+"""Takes what happens on the way, for log and subscribers."""
+
+
+class TeleopAction(PlainAction, ABC):
+    """One end of a teleoperation, for as long as it lasts; only `finish` or a fault ends it."""
+
+    def __init__(self, link: Link, wish: LinkWish, tell: Tell) -> None:
+        self.wish = wish
+        self.link = link
+        self.loop = LoopRate()
+        self.send_failed = 0
+        self.is_finished = False
+        self.feedback: Feedback | None = None
+        self._say = tell
+        self._told = LinkStatus()
+
+    def finish(self) -> TeleopResult:
+        """End it as its owner wishes; return what it came to."""
+        self.is_finished = True
+        return self.result()
+
+    def close(self) -> None:
+        """Let go of the link; a leader's session stays open for the next one."""
+        self.link.close()
+
+    @abstractmethod
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Advance to `now_s`."""
+
+    @abstractmethod
+    def result(self) -> TeleopResult:
+        """Return what it has come to so far."""
+
+    @abstractmethod
+    def status(self, now_s: float) -> TeleopStatus:
+        """Return how it goes."""
+
+    def tell(self, text: str, *, warning: bool = False, **data: object) -> None:
+        """Say what happened."""
+        self._say(Event("teleop", f"teleop: {text}", {**data, "warning": warning}))
+
+    def note_link(self) -> None:
+        """Tell once that the link is in another state."""
+        status, told = self.link.status, self._told
+        if (status.state, status.error) != (told.state, told.error):
+            self._told = status
+            why = "" if status.error is None else f": {status.error}"
+            failed = status.state == "failed"
+            self.tell(f"the link is {status.state}{why}", warning=failed, link=status.state)
+
+    def base_status(self) -> TeleopStatus:
+        """Return what is the same for both ends."""
+        link, feedback = self.link.status, self.feedback
+        return TeleopStatus(
+            active=True,
+            mode=self.wish.mode,
+            topic=self.wish.topic,
+            link=self.wish.kind,
+            link_state=link.state,
+            link_error=link.error,
+            matching=link.matching if self.wish.mode == "master" else None,
+            dropped=link.dropped,
+            send_failed=self.send_failed,
+            loop_hz=round(self.loop.hz, 1),
+            torque_nm=None if feedback is None else feedback.torque_nm,
+            fault=fault_of(feedback),
+        )
+
+
+def fault_of(feedback: Feedback | None) -> str | None:
+    """Name the motor's status where it is not "enabled"."""
+    if feedback is None or feedback.status == Status.ENABLED:
+        return None
+    return status_name(feedback.status)
+
+
+def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:
+    """Return the last status of a teleoperation that runs no longer."""
+    return replace(status, active=False, fault=why or status.fault, dq_cmd=0.0, loop_hz=0.0)

@@ -1,0 +1,103 @@
+"""What an action needs of a link, and the link that stays inside the process.
+
+Nothing here waits: what opens, connects or resolves names does so elsewhere.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Protocol
+
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+
+_QUEUED_AT_MOST = 32
+
+
+class Link(Protocol):
+    """One end of a link while it is used."""
+
+    @property
+    def status(self) -> LinkStatus:
+        """How it is now."""
+
+    def publish(self, payload: bytes, now_s: float) -> bool:
+        """Send to whoever listens, without waiting; tell whether it left."""
+
+    def receive(self, now_s: float) -> Sequence[Arrival]:
+        """Return what has come since the last call, the oldest first."""
+
+    def close(self) -> None:
+        """Send and receive nothing more."""
+
+
+class Links(Protocol):
+    """Where links come from."""
+
+    def open(self, wish: LinkWish) -> Link:
+        """Begin to open a link; it is there at once, and becomes usable by itself."""
+
+    def warning(self, wish: LinkWish) -> str | None:
+        """Say what a person should know before such a link is used, if anything."""
+
+
+class InProcessLinks:
+    """A bus inside the process: leaders reach the followers with the same topic, and no network."""
+
+    def __init__(self) -> None:
+        self._ends: list[InProcessLink] = []
+
+    def open(self, wish: LinkWish) -> "InProcessLink":
+        """Open an end; the kind of link does not matter here."""
+        end = InProcessLink(self, wish)
+        self._ends.append(end)
+        return end
+
+    def warning(self, _wish: LinkWish) -> str | None:
+        """There is nothing to warn of: nobody else can listen or send."""
+        return None
+
+    def forget(self, end: "InProcessLink") -> None:
+        """Let an end take no further part."""
+        self._ends = [other for other in self._ends if other is not end]
+
+    def listeners(self, wish: LinkWish) -> "list[InProcessLink]":
+        """Return the followers of a leader."""
+        return [
+            end for end in self._ends if end.wish.mode == "slave" and end.wish.topic == wish.topic
+        ]
+
+
+class InProcessLink:
+    """One end of the bus inside the process."""
+
+    def __init__(self, links: InProcessLinks, wish: LinkWish) -> None:
+        self.wish = wish
+        self._links = links
+        self._arrived: deque[Arrival] = deque(maxlen=_QUEUED_AT_MOST)
+
+    @property
+    def status(self) -> LinkStatus:
+        """It is open from the start."""
+        leads = self.wish.mode == "master"
+        return LinkStatus(
+            "open", matching=bool(self._links.listeners(self.wish)) if leads else None
+        )
+
+    def publish(self, payload: bytes, now_s: float) -> bool:
+        """Put a payload into the queue of each follower."""
+        for listener in self._links.listeners(self.wish):
+            listener.deliver(Arrival(payload, now_s))
+        return True
+
+    def deliver(self, arrival: Arrival) -> None:
+        """Take what a leader sends."""
+        self._arrived.append(arrival)
+
+    def receive(self, _now_s: float) -> Sequence[Arrival]:
+        """Empty the queue."""
+        arrived = tuple(self._arrived)
+        self._arrived.clear()
+        return arrived
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._links.forget(self)

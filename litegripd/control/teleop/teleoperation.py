@@ -1,0 +1,129 @@
+"""Teleoperation as clients ask for it: admitted or refused at once, then run by the engine."""
+
+from dataclasses import replace
+
+from litegripd.control.admission import conflict_refusal, motor_refusal, position_refusal
+from litegripd.control.engine import Engine
+from litegripd.control.gains import Gains
+from litegripd.control.teleop.base import TeleopAction, ended
+from litegripd.control.teleop.fake_leader import FakeLeader
+from litegripd.control.teleop.follower import Course, Follow
+from litegripd.control.teleop.leader import Lead
+from litegripd.control.teleop.link import Link, Links
+from litegripd.model.errors import Refusal
+from litegripd.model.events import Event
+from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import Job, Owner
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motion_limits import fast_conflict
+from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
+
+_RATE_ROUNDING = 1.001
+
+
+class Teleoperation:
+    """Begins and ends teleoperation on one engine, over links that somebody else makes."""
+
+    def __init__(self, engine: Engine, links: Links) -> None:
+        self._engine = engine
+        self._links = links
+        self._action: TeleopAction | None = None
+        self._job: Job | None = None
+
+    def start(
+        self,
+        wish: LinkWish,
+        settings: TeleopSettings,
+        owner: Owner,
+        config: MotionConfig,
+        *,
+        fake_leader: bool,
+        detached: bool,
+    ) -> Job | Refusal:
+        """Begin to lead or to follow; whatever speaks against it is said before anything moves."""
+        engine, geometry = self._engine, self._ready()
+        if isinstance(geometry, Refusal):
+            return geometry
+        rate_hz = 1.0 / engine.period_s if settings.rate_hz is None else settings.rate_hz
+        refusal = self._rate_refusal(rate_hz) or conflict_refusal(
+            fast_conflict(config, config.speed_mm_s, engine.period_s)
+        )
+        if refusal is not None:
+            return refusal
+        if fake_leader:
+            link: Link = FakeLeader(geometry, rate_hz)
+        else:
+            link = self._open(wish)
+        if wish.mode == "master":
+            action: TeleopAction = Lead(link, wish, self._tell, geometry=geometry, rate_hz=rate_hz)
+        else:
+            course = Course(geometry, config, self._gains(settings), settings)
+            action = Follow(link, wish, self._tell, course)
+        self._action = action
+        self._job = engine.begin("teleop", action, owner, detached)
+        return self._job
+
+    def stop(self) -> None:
+        """End it, if it runs: the jaws hold where they are, or stay free after a trip."""
+        action = self._action
+        if action is not None and self.is_active:
+            self._engine.end(action.finish())
+
+    @property
+    def is_active(self) -> bool:
+        """Whether it runs."""
+        return self._action is not None and self._engine.action is self._action
+
+    def status(self, now_s: float) -> TeleopStatus:
+        """Return how it goes, or how the last one went."""
+        action, job = self._action, self._job
+        if action is None or job is None:
+            return TeleopStatus(active=False)
+        status = replace(action.status(now_s), job=job.number)
+        if not self.is_active:
+            status = ended(status, None if job.error is None else job.error.message)
+        return status
+
+    def _open(self, wish: LinkWish) -> Link:
+        warning = self._links.warning(wish)
+        if warning is not None:
+            self._tell(Event("teleop", f"teleop: {warning}", {"warning": True}))
+        return self._links.open(wish)
+
+    def _gains(self, settings: TeleopSettings) -> Gains:
+        own, kp, kd = self._engine.gains, settings.kp_nm_rad, settings.kd_nm_s_rad
+        return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
+
+    def _ready(self) -> Geometry | Refusal:
+        """Return the travel where teleoperation may begin, else say why not."""
+        engine = self._engine
+        refusal = engine.unfree() or engine.recording_refusal()
+        if refusal is not None:
+            return refusal
+        geometry = engine.geometry
+        if geometry is None:
+            return _not_ready(engine.calibrated.problem)
+        refusal = motor_refusal(engine.motor)
+        if refusal is not None:
+            return _not_ready(refusal) if refusal.reason == "not_enabled" else refusal
+        return position_refusal(engine.motor, geometry) or geometry
+
+    def _rate_refusal(self, rate_hz: float) -> Refusal | None:
+        most_hz = 1.0 / self._engine.period_s
+        if rate_hz <= most_hz * _RATE_ROUNDING:
+            return None
+        return Refusal(
+            "out_of_limits",
+            f"rate_hz is {rate_hz:g}, the daemon's control rate is {most_hz:g}: there is no newer"
+            " measurement to publish in between",
+            {"field": "rate_hz", "requested": rate_hz, "limit": most_hz},
+        )
+
+    def _tell(self, event: Event) -> None:
+        self._engine.events.append(event)
+
+
+def _not_ready(why: Refusal) -> Refusal:
+    """Say that teleoperation cannot begin, for a reason that any motion would be refused for."""
+    text = f"teleoperation cannot begin: {why.message}"
+    return Refusal("teleop_not_ready", text, {**why.data, "cause": why.reason})

@@ -1,0 +1,219 @@
+"""The link process: opens, keeps and closes the teleoperation link, for which waiting is allowed.
+
+The main thread reads the daemon's socket, publishes, and ends the process with the daemon. A worker
+opens and closes; whatever listens to the network has a thread of its own. The process knows no
+geometry and no motor: payloads in, payloads out.
+"""
+
+import os
+import socket
+import threading
+import time
+import traceback
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
+
+from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.teleop_endpoint import Endpoint, UdpFollower, UdpLeader
+from litegripd.io.teleop_wire import (
+    CLOSE,
+    FRAME,
+    OPEN,
+    Order,
+    pack_arrival,
+    pack_status,
+    unpack_open,
+)
+from litegripd.model.teleop import Arrival, LinkStatus
+
+if TYPE_CHECKING:
+    from litegripd.io.teleop_zenoh import ZenohLeaders
+
+_LOOK_EVERY_S = 0.1
+_RETRY_AFTER_S = 1.0
+_FASTEST_HZ = 1500.0
+_BURST = 24
+"""More than any leader sends is not passed on: a flood of the network's is none of the daemon's."""
+
+
+@dataclass(slots=True)
+class Flood:
+    """Lets `_FASTEST_HZ` pass, and a burst, as after a moment in which the network stood still."""
+
+    dropped: int = 0
+    _left: float = _BURST
+    _at_s: float = 0.0
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def passes(self, now_s: float) -> bool:
+        """Whether one more may pass now."""
+        with self._lock:
+            self._left = min(self._left + (now_s - self._at_s) * _FASTEST_HZ, _BURST)
+            self._at_s = now_s
+            if self._left < 1.0:
+                self.dropped += 1
+                return False
+            self._left -= 1.0
+            return True
+
+    def refuse(self) -> None:
+        """Count what does not pass for another reason."""
+        with self._lock:
+            self.dropped += 1
+
+
+class Station:
+    """Keeps the one link that the daemon wants, and tells how it is."""
+
+    def __init__(self, peer: socket.socket) -> None:
+        self._peer = peer
+        self._orders: SimpleQueue[Order | None] = SimpleQueue()
+        self._endpoint: Endpoint | None = None
+        self._error: str | None = None
+        self._told = LinkStatus()
+        self._flood = Flood()
+        self._leaders: ZenohLeaders | None = None
+
+    def order(self, order: Order | None) -> None:
+        """Have a link opened in place of the present one, or none."""
+        self._orders.put(order)
+
+    def publish(self, payload: bytes) -> None:
+        """Send a frame, if the link is open; the worker tells of an error."""
+        endpoint = self._endpoint
+        if endpoint is None:
+            return
+        try:
+            endpoint.publish(payload)
+        except Exception as error:  # noqa: BLE001 - whatever a network raises, the link goes on
+            self._error = _worded(error)
+        else:
+            self._error = None
+
+    def work(self) -> None:
+        """Open and close as ordered, for ever; a worker that fails ends the process.
+
+        The daemon starts it anew, and asks for its link again.
+        """
+        order = self._orders.get()
+        try:
+            while True:
+                order = self._serve(order) if order is not None else self._orders.get()
+        except Exception:  # noqa: BLE001 - whatever it is, it is told
+            traceback.print_exc()
+            os._exit(1)
+
+    def _serve(self, order: Order) -> Order | None:
+        """Keep one link open until the next order; return that."""
+        self._told = LinkStatus()
+        self._flood = Flood()
+        endpoint: Endpoint | None = None
+        while True:
+            if endpoint is None:
+                endpoint = self._open(order)
+            try:
+                following = self._orders.get(
+                    timeout=_RETRY_AFTER_S if endpoint is None else _LOOK_EVERY_S
+                )
+            except Empty:
+                if endpoint is not None:
+                    self._look(order, endpoint)
+                continue
+            self._endpoint = None
+            if endpoint is not None:
+                endpoint.close()
+            return following
+
+    def _open(self, order: Order) -> Endpoint | None:
+        self._error = None
+        try:
+            endpoint = self._make(order)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the daemon is told, and it is tried again
+            self._tell(order, LinkStatus("failed", _worded(error)))
+            return None
+        self._endpoint = endpoint
+        self._tell(order, LinkStatus("open", matching=endpoint.matching))
+        return endpoint
+
+    def _make(self, order: Order) -> Endpoint:
+        wish, flood = order.wish, self._flood
+
+        def deliver(payload: bytes, source: str) -> None:
+            now_s = time.monotonic()
+            if flood.passes(now_s):
+                self._send(pack_arrival(order.generation, Arrival(payload, now_s, source)))
+
+        if wish.kind == "udp":
+            return (
+                UdpLeader(wish)
+                if wish.mode == "master"
+                else UdpFollower(wish, deliver, flood.refuse)
+            )
+        from litegripd.io.teleop_zenoh import (  # noqa: PLC0415 - large, and UDP needs none of it
+            ZenohFollower,
+            ZenohLeaders,
+        )
+
+        if wish.mode == "slave":
+            return ZenohFollower(wish, order.zenoh_config, deliver)
+        self._leaders = self._leaders or ZenohLeaders()
+        return self._leaders.open(wish, order.zenoh_config)
+
+    def _look(self, order: Order, endpoint: Endpoint) -> None:
+        """Tell of what has changed."""
+        error = self._error
+        state = LinkStatus("open" if error is None else "failed", error)
+        state = replace(state, matching=endpoint.matching, dropped=self._flood.dropped)
+        self._tell(order, state)
+
+    def _tell(self, order: Order, status: LinkStatus) -> None:
+        if status != self._told:
+            self._told = status
+            self._send(pack_status(order.generation, status))
+
+    def _send(self, packet: bytes) -> None:
+        """Tell the daemon something; without a daemon, end the process from any thread."""
+        try:
+            self._peer.send(packet, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            self._flood.refuse()  # the daemon stands still: frames get old, they are not kept
+        except OSError:
+            os._exit(0)
+
+
+def _worded(error: Exception) -> str:
+    """Word an error; zenoh's have the place in its sources in brackets behind."""
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return text or type(error).__name__
+
+
+def _next(peer: socket.socket) -> bytes:
+    """Wait for a packet of the daemon; nothing means that it is gone."""
+    try:
+        return peer.recv(MAX_PACKET_BYTES)
+    except ConnectionError:  # gone, with packets unread
+        return b""
+
+
+def main() -> None:
+    """Serve the daemon until it is gone."""
+    with suppress(OSError):  # the control thread's CPUs, which this has inherited, are its own
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+    peer = inherited_socket()
+    station = Station(peer)
+    threading.Thread(target=station.work, daemon=True).start()
+    while packet := _next(peer):
+        kind, body = packet[:1], packet[1:]
+        if kind == FRAME:
+            station.publish(body)
+        elif kind == OPEN:
+            station.order(unpack_open(body))
+        elif kind == CLOSE:
+            station.order(None)
+    os._exit(0)  # a session that is not closed, and a worker that waits, would keep it here
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,67 @@
+"""The packets between the daemon and the process in which its teleoperation link lives.
+
+One letter says which. To the process: `o`, open this link in place of the present one; `c`, close
+it; `f`, a frame to publish. From it: `f`, a frame that has come; `s`, how the link is now.
+"""
+
+import json
+import struct
+from dataclasses import asdict, dataclass
+
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.model.teleop_frame import FRAME_BYTES
+
+OPEN, CLOSE, FRAME, STATUS = b"o", b"c", b"f", b"s"
+_ARRIVED = struct.Struct("<IdB")  # generation, when it came, bytes of the source's name
+MAX_PAYLOAD_BYTES = FRAME_BYTES + 1
+"""What is longer than a frame is none; one more byte is enough to know that."""
+_MAX_SOURCE_BYTES = 64
+_LONGEST_ERROR = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Which link to open; `generation` tells its reports from those of the one before."""
+
+    generation: int
+    wish: LinkWish
+    zenoh_config: str | None = None
+
+
+def pack_open(order: Order) -> bytes:
+    """Make the packet that opens a link."""
+    return OPEN + json.dumps([order.generation, asdict(order.wish), order.zenoh_config]).encode()
+
+
+def unpack_open(body: bytes) -> Order:
+    """Take `pack_open` apart again, without its letter."""
+    generation, wish, zenoh_config = json.loads(body)
+    return Order(generation, LinkWish(**wish), zenoh_config)
+
+
+def pack_arrival(generation: int, arrival: Arrival) -> bytes:
+    """Make the packet for a payload that has come; a long one is cut to what is no frame either."""
+    source = arrival.source.encode()[:_MAX_SOURCE_BYTES]
+    head = _ARRIVED.pack(generation, arrival.at_s, len(source))
+    return FRAME + head + source + arrival.payload[:MAX_PAYLOAD_BYTES]
+
+
+def unpack_arrival(body: bytes) -> tuple[int, Arrival]:
+    """Take `pack_arrival` apart again, without its letter."""
+    generation, at_s, length = _ARRIVED.unpack_from(body)
+    payload_at = _ARRIVED.size + length
+    source = body[_ARRIVED.size : payload_at].decode(errors="replace")
+    return generation, Arrival(body[payload_at:], at_s, source)
+
+
+def pack_status(generation: int, status: LinkStatus) -> bytes:
+    """Make the packet that tells how a link is."""
+    error = None if status.error is None else status.error[:_LONGEST_ERROR]
+    values = [generation, status.state, error, status.matching, status.dropped]
+    return STATUS + json.dumps(values).encode()
+
+
+def unpack_status(body: bytes) -> tuple[int, LinkStatus]:
+    """Take `pack_status` apart again, without its letter."""
+    generation, state, error, matching, dropped = json.loads(body)
+    return generation, LinkStatus(state, error, matching, dropped)

@@ -1,0 +1,116 @@
+"""Leader/follower teleoperation as values: what is asked for, what a link brings, how it goes."""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+TeleopMode: TypeAlias = Literal["master", "slave"]
+LinkKind: TypeAlias = Literal["zenoh", "udp", "none"]
+
+DEFAULT_PORT = 17448
+DEFAULT_GRIP_ID = "gripA"
+DEFAULT_WATCHDOG_S = 0.2
+DEFAULT_DQ_MAX_RAD_S = 10.0
+"""The vendor's defaults, which the two ends of a link must share where it matters."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkWish:
+    """Which link to open. `host` is the other end's: a follower's leader, or whom UDP sends to."""
+
+    mode: TeleopMode
+    kind: LinkKind = "zenoh"
+    host: str | None = None
+    port: int = DEFAULT_PORT
+    grip_id: str = DEFAULT_GRIP_ID
+
+    @property
+    def topic(self) -> str:
+        """The key under which frames travel; UDP has none, but the same name."""
+        return f"litearm/v4/{self.grip_id}/gripper_teleop"
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """What came over a link, as it came: at `at_s` of the receiver's clock, from `source`.
+
+    `source` tells two senders from each other where the transport can, and is empty elsewhere.
+    """
+
+    payload: bytes
+    at_s: float
+    source: str = ""
+
+
+LinkState: TypeAlias = Literal["opening", "open", "failed"]
+
+
+@dataclass(frozen=True, slots=True)
+class LinkStatus:
+    """How a link is: `error` says why it failed (it is tried again by itself).
+
+    `matching` tells whether somebody listens to a leader, None where nobody can know; `dropped`
+    counts what came faster than any leader sends.
+    """
+
+    state: LinkState = "opening"
+    error: str | None = None
+    matching: bool | None = None
+    dropped: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class TeleopSettings:
+    """How to lead or to follow.
+
+    `rate_hz` is the leader's; None means every tick. `torque_limit_nm` 0 leaves the guard off,
+    `force_limit_n` None the force as the gains make it; gains that are None are the calibration's.
+    """
+
+    rate_hz: float | None = None
+    watchdog_s: float = DEFAULT_WATCHDOG_S
+    torque_limit_nm: float = 0.0
+    force_limit_n: float | None = None
+    kp_nm_rad: float | None = None
+    kd_nm_s_rad: float | None = None
+    dq_max_rad_s: float = DEFAULT_DQ_MAX_RAD_S
+
+
+@dataclass(frozen=True, slots=True)
+class TeleopStatus:
+    """How teleoperation goes; names as in the vendor's SDK, and some more.
+
+    `openness`, `position_mm` and `force_n` are a master's own, or its leader's where a slave
+    follows; `torque_nm` is this gripper's own torque. `frames` counts those sent, or followed.
+    `rejected` counts what was no frame, `out_of_order` frames that were older than one before,
+    `other_leaders` those of a second leader, or of a clock that was set back; all are dropped.
+    `send_failed` counts frames that could not be sent, or, of a slave, ticks whose command the
+    motor did not answer. `fault` names the motor's status where it is not "enabled", or why it all
+    ended.
+    """
+
+    active: bool
+    mode: TeleopMode | None = None
+    phase: str | None = None
+    topic: str | None = None
+    link: LinkKind | None = None
+    link_state: LinkState | None = None
+    link_error: str | None = None
+    matching: bool | None = None
+    frames: int = 0
+    last_frame_age_ms: float | None = None
+    stale: bool = False
+    openness: float | None = None
+    position_mm: float | None = None
+    force_n: float | None = None
+    dq_cmd: float = 0.0
+    loop_hz: float = 0.0
+    rejected: int = 0
+    out_of_order: int = 0
+    other_leaders: int = 0
+    dropped: int = 0
+    send_failed: int = 0
+    fault: str | None = None
+    torque_nm: float | None = None
+    over_torque: bool = False
+    torque_trips: int = 0
+    job: int | None = None

@@ -1,0 +1,123 @@
+"""The rows of the methods of leader/follower teleoperation."""
+
+from litegripd.model.teleop import (
+    DEFAULT_DQ_MAX_RAD_S,
+    DEFAULT_GRIP_ID,
+    DEFAULT_PORT,
+    DEFAULT_WATCHDOG_S,
+)
+from litegripd.rpc.method import CONFIG, DETACH, Method
+from litegripd.rpc.schema import Param
+
+_STATUS = (
+    "active, mode, phase, topic, link, link_state, link_error, matching, frames,"
+    " last_frame_age_ms, stale, openness, position_mm, force_n, dq_cmd, loop_hz, rejected,"
+    " out_of_order, other_leaders, dropped, send_failed, fault, torque_nm, over_torque,"
+    " torque_trips and the job."
+)
+
+_WHERE = (
+    Param(
+        "mode",
+        "string",
+        "Lead (master: the jaws go slack, a hand moves them) or follow (slave).",
+        required=True,
+        choices=("master", "slave"),
+    ),
+    Param(
+        "host",
+        "string",
+        "A slave's leader (with udp: the only one that is listened to; default: whoever sends)."
+        " With udp a master needs it, too: whom it sends to.",
+    ),
+    Param(
+        "port",
+        "integer",
+        f"Where the leader listens, with udp the follower (default {DEFAULT_PORT}).",
+        minimum=1,
+        maximum=65_535,
+    ),
+    Param("grip_id", "string", f"Both ends share it (default {DEFAULT_GRIP_ID})."),
+    Param(
+        "link",
+        "string",
+        "How frames travel: zenoh (the default), udp (a trusted network only), or none, with which"
+        " a master leads nobody.",
+        choices=("zenoh", "udp", "none"),
+    ),
+    Param(
+        "fake_leader",
+        "boolean",
+        "A slave follows a synthetic sweep, open to closed and back, without a network.",
+    ),
+)
+_HOW = (
+    Param(
+        "rate_hz",
+        "number",
+        "How often a master publishes (default: the control rate). A slave follows at the control"
+        " rate in any case.",
+        minimum=1,
+        maximum=1000,
+    ),
+    Param(
+        "watchdog_s",
+        "number",
+        f"So long without a frame makes a slave hold (default {DEFAULT_WATCHDOG_S:g}).",
+        minimum=0.02,
+        maximum=10,
+    ),
+    Param(
+        "torque_limit_nm",
+        "number",
+        "A slave lets go when its torque is at or over it for 60 ms; 0, the default: never.",
+        minimum=0,
+        maximum=10,
+    ),
+    Param(
+        "force_limit_n",
+        "number",
+        "A slave pushes by no more (default: as its gains and the lead's cap make it).",
+        minimum=1,
+        maximum=55,
+    ),
+    Param(
+        "kp", "number", "A slave's stiffness, N·m/rad (default: the calibration's).", False, 1, 500
+    ),
+    Param(
+        "kd", "number", "A slave's damping, N·m·s/rad (default: the calibration's).", False, 0, 5
+    ),
+    Param(
+        "dq_max",
+        "number",
+        "Most of the leader's velocity that is fed forward, rad/s; 0: none"
+        f" (default {DEFAULT_DQ_MAX_RAD_S:g}).",
+        minimum=0,
+        maximum=30,
+    ),
+)
+
+TELEOP: tuple[Method, ...] = (
+    Method(
+        "teleop.start",
+        "Begin to lead another gripper, or to follow one, until teleop.stop. It answers at once.",
+        f"The status: {_STATUS}",
+        (*_WHERE, *_HOW, CONFIG, DETACH),
+        role="operator",
+        needs_lease=True,
+        moves=True,
+    ),
+    Method(
+        "teleop.stop",
+        "End teleoperation, if it runs: the jaws hold where they are, except those that the torque"
+        " guard has let go of: they stay free.",
+        f"The status, as at the end: {_STATUS}",
+        role="operator",
+        needs_lease=True,
+    ),
+    Method(
+        "teleop.status",
+        "Tell how teleoperation goes, or how the last one went.",
+        _STATUS,
+    ),
+)

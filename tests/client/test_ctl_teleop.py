@@ -1,0 +1,188 @@
+"""Teleoperation by litegripctl: its options, its live line, and its end."""
+
+import json
+from typing import Any
+
+import pytest
+
+from litegrip_client.ctl import render_teleop
+from litegrip_client.ctl.main import main
+from tests.client.fake_daemon import FakeDaemon, Request
+from tests.client.helpers import Ctl, interrupt_main_thread
+
+STATUS: dict[str, Any] = {
+    "active": True,
+    "mode": "slave",
+    "phase": "following",
+    "topic": "litearm/v4/gripA/gripper_teleop",
+    "link": "zenoh",
+    "link_state": "open",
+    "link_error": None,
+    "matching": None,
+    "frames": 1234,
+    "last_frame_age_ms": 3.2,
+    "stale": False,
+    "openness": 0.5,
+    "position_mm": 60.1,
+    "force_n": 2.0,
+    "dq_cmd": 0.0,
+    "loop_hz": 200.0,
+    "rejected": 0,
+    "out_of_order": 0,
+    "other_leaders": 0,
+    "dropped": 0,
+    "send_failed": 0,
+    "fault": None,
+    "torque_nm": 0.2,
+    "over_torque": False,
+    "torque_trips": 0,
+    "job": 3,
+}
+ENDED = {**STATUS, "active": False}
+GUARDS = ("sent_s", "stop_generation")
+
+
+@pytest.fixture
+def started(daemon: FakeDaemon) -> list[dict[str, Any]]:
+    started: list[dict[str, Any]] = []
+
+    def start(request: Request) -> dict[str, Any]:
+        started.append({key: val for key, val in request.params.items() if key not in GUARDS})
+        return STATUS
+
+    daemon.handlers["teleop.start"] = start
+    daemon.handlers["teleop.status"] = lambda _request: ENDED
+    daemon.handlers["teleop.stop"] = lambda _request: ENDED
+    return started
+
+
+@pytest.mark.parametrize(
+    ("arguments", "params"),
+    [
+        (("master",), {"mode": "master"}),
+        (("master", "--rate", "50"), {"mode": "master", "rate_hz": 50.0}),
+        (("slave", "--host", "b"), {"mode": "slave", "host": "b"}),
+        (
+            ("slave", "--fake-leader", "--torque-limit", "1.0"),
+            {"mode": "slave", "fake_leader": True, "torque_limit_nm": 1.0},
+        ),
+        (
+            ("slave", "--link", "udp", "--port", "9", "--grip-id", "x", "--force-limit", "8"),
+            {"mode": "slave", "link": "udp", "port": 9, "grip_id": "x", "force_limit_n": 8.0},
+        ),
+        (
+            ("slave", "--host", "b", "--watchdog", "0.1"),
+            {"mode": "slave", "host": "b", "watchdog_s": 0.1},
+        ),
+    ],
+)
+def test_options_become_parameters(
+    ctl: Ctl, started: list[dict[str, Any]], arguments: tuple[str, ...], params: dict[str, Any]
+) -> None:
+    assert ctl("teleop", *arguments, "--detach")[0] == 0
+    assert started == [{**params, "detach": True}]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [(), ("lead",), ("slave", "--fake-leader", "--host", "b"), ("master", "--torque-limit", "1")],
+)
+def test_wrong_usage_is_told(
+    ctl: Ctl, started: list[dict[str, Any]], arguments: tuple[str, ...]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        ctl("teleop", *arguments)
+    assert ended.value.code == 2
+    assert started == []
+
+
+def test_detached_it_returns_at_once(ctl: Ctl, started: list[dict[str, Any]]) -> None:
+    code, out, _ = ctl("teleop", "slave", "--host", "b", "--detach")
+    assert (code, out) == (0, "slave: it runs; end it with: litegripctl teleop stop\n")
+
+
+def test_it_is_watched_until_it_ends_by_itself(
+    daemon: FakeDaemon, ctl: Ctl, started: list[dict[str, Any]]
+) -> None:
+    looked: list[int] = []
+
+    def status(_request: Request) -> dict[str, Any]:
+        looked.append(1)
+        return STATUS if len(looked) < 3 else {**ENDED, "fault": "driver_hot"}
+
+    daemon.handlers["teleop.status"] = status
+    code, out, _ = ctl("teleop", "slave", "--host", "b")
+    assert code == 1
+    assert "slave, does not run" in out
+    assert "ended by     driver_hot" in out
+    assert started == [{"mode": "slave", "host": "b"}]
+
+
+def test_ctrl_c_ends_it_and_is_a_good_end(
+    daemon: FakeDaemon, ctl: Ctl, started: list[dict[str, Any]]
+) -> None:
+    stops: list[int] = []
+
+    def stop(_request: Request) -> dict[str, Any]:
+        stops.append(1)
+        return ENDED
+
+    def status(_request: Request) -> dict[str, Any]:
+        interrupt_main_thread()
+        return STATUS
+
+    daemon.handlers["teleop.status"] = status
+    daemon.handlers["teleop.stop"] = stop
+    code, out, _ = ctl("teleop", "slave", "--host", "b")
+    assert code == 0
+    assert "does not run" in out
+    assert stops == [1]
+
+
+def test_a_refusal_has_its_own_hint(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["teleop.start"] = lambda request: request.fail("teleop_busy", -32050, "runs")
+    code, _, err = ctl("teleop", "master")
+    assert code == 6
+    assert "litegripctl teleop stop" in err
+
+
+def test_status_and_stop(ctl: Ctl, started: list[dict[str, Any]]) -> None:
+    for action in ("status", "stop"):
+        code, out, _ = ctl("teleop", action)
+        assert code == 0
+        assert "60.10 mm, 50.0 % open" in out
+        assert "1234, the last 3 ms ago" in out
+    code, out, _ = ctl("--json", "teleop", "status")
+    assert json.loads(out) == ENDED
+
+
+def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["teleop.status"] = lambda _request: {"active": False, "mode": None}
+    assert ctl("teleop", "status")[1] == "no teleoperation so far\n"
+
+
+def test_the_live_line_says_what_matters() -> None:
+    line = render_teleop.line(STATUS)
+    words = line.split()
+    assert words[:6] == ["slave", "following", "50.0", "%", "60.10", "mm"]
+    assert words[6:] == ["+0.20", "N·m", "200", "Hz", "frames", "1234"]
+    bad = {**STATUS, "stale": True, "over_torque": True, "torque_trips": 2, "rejected": 5}
+    shown = render_teleop.line(bad)
+    for note in ("STALE 3 ms", "RELEASED", "torque_trips 2", "rejected 5"):
+        assert note in shown
+    alone = {**STATUS, "mode": "master", "phase": "leading", "matching": False}
+    assert "nobody follows" in render_teleop.line(alone)
+    broken = {**STATUS, "link_state": "failed", "link_error": "port\x1b taken"}
+    assert "link failed: port? taken" in render_teleop.line(broken)
+
+
+def test_what_is_not_known_is_shown_as_such() -> None:
+    first = {**STATUS, "openness": None, "position_mm": None, "torque_nm": None, "force_n": None}
+    assert "--" in render_teleop.line(first)
+    assert "-- mm, -- open" in render_teleop.status({**first, "last_frame_age_ms": None})
+
+
+def test_help_shows_examples(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        main(["teleop", "--help"])
+    assert "--fake-leader --torque-limit 1.0" in capsys.readouterr().out

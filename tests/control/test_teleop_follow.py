@@ -1,0 +1,224 @@
+"""The follower's course: it aligns, follows, keeps its limits, and says how it goes."""
+
+import math
+import struct
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from tests.control.teleop_scene import (
+    CODE_RAD,
+    MM_RAD,
+    TRAVEL_MM,
+    TeleopWorld,
+    following,
+    packed,
+    sweep,
+)
+from tests.world import PERIOD_S
+
+MOUNTS = ("normal", "reverse")
+MAX_LEAD_MM = 4.0
+STOP_LEAD_MM = 0.7
+CODE_MM = CODE_RAD * MM_RAD
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_it_goes_where_the_leader_is(mount: str) -> None:
+    follower = following(mount)
+    follower.lead(sweep(0.5, 0.9, 1.0), 1.5)
+    assert follower.world.openness == pytest.approx(0.9, abs=0.005)
+    follower.lead(sweep(0.9, 0.1, 2.0), 2.5)
+    assert follower.world.openness == pytest.approx(0.1, abs=0.005)
+    status = follower.status()
+    assert status["active"]
+    assert status["frames"] == follower.sent
+    assert status["mode"] == "slave"
+    assert status["topic"] == "litearm/v4/gripA/gripper_teleop"
+    assert status["openness"] == pytest.approx(0.1, abs=1e-6)
+    assert not status["stale"]
+    assert status["loop_hz"] == pytest.approx(200.0, abs=1.0)
+    assert status["last_frame_age_ms"] <= 1e3 * PERIOD_S + 0.01
+    assert status["rejected"] == status["send_failed"] == status["torque_trips"] == 0
+    assert status["fault"] is None
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "dq_max", "most_mm"), [(200, 10.0, 1.5), (50, 10.0, 3.5), (200, 0.0, 6.0)]
+)
+def test_it_lags_little_thanks_to_the_velocity_fed_forward(
+    rate_hz: float, dq_max: float, most_mm: float
+) -> None:
+    follower = following(dq_max=dq_max)
+    course = sweep(0.5, 0.9, 1.0)  # 75 mm/s at most
+    began_s = follower.world.now_s
+    worst_mm = 0.0
+
+    def note() -> None:
+        nonlocal worst_mm
+        lag = course(follower.world.now_s - began_s) - follower.world.openness
+        worst_mm = max(worst_mm, abs(lag) * TRAVEL_MM)
+
+    follower.lead(course, 1.0, rate_hz, each=note)
+    assert worst_mm < most_mm
+    if dq_max == 0.0:
+        assert worst_mm > 1.5
+        assert follower.status()["dq_cmd"] == 0.0
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("openness", [0.0, 0.1, 1.0])
+def test_it_aligns_to_the_first_frame_at_a_bounded_speed_and_without_a_step(
+    mount: str, openness: float
+) -> None:
+    follower = following(mount, aligned=False)
+    began_mm, began_s = follower.world.gripper.opening_mm, follower.world.now_s
+    leads: list[float] = []
+    follower.lead(lambda _t: openness, 0.5, each=lambda: leads.append(follower.lead_mm))
+    moved_mm = abs(follower.world.gripper.opening_mm - began_mm)
+    assert moved_mm == pytest.approx(25.0, abs=3.0)  # 50 mm/s
+    assert follower.status()["phase"] == "aligning"
+    follower.stay(openness, 1.5)
+    assert follower.status()["phase"] == "following"
+    assert follower.world.openness == pytest.approx(openness, abs=0.012)
+    assert leads[0] < 0.3
+    assert max(leads) <= MAX_LEAD_MM + CODE_MM
+    commands = [c for at_s, c in follower.world.commands_since(began_s)]
+    steps = [abs(b.position_rad - a.position_rad) for a, b in pairwise(commands)]
+    assert max(steps) <= STOP_LEAD_MM / MM_RAD + CODE_RAD
+
+
+def test_it_waits_for_the_first_frame_holding_where_it_is() -> None:
+    follower = following(aligned=False)
+    before_mm = follower.world.gripper.opening_mm
+    follower.world.run(1.0)
+    status = follower.status()
+    assert (status["phase"], status["frames"], status["stale"]) == ("waiting", 0, False)
+    assert status["openness"] is None
+    assert status["last_frame_age_ms"] is None
+    assert follower.world.gripper.opening_mm == pytest.approx(before_mm, abs=0.05)
+    assert follower.command().kp_nm_rad > 90.0
+
+
+BAD = [
+    struct.pack(">dddd", math.nan, 1.0, 2.0, 3.0),
+    struct.pack(">dddd", 0.5, math.inf, 2.0, 3.0),
+    struct.pack(">dddd", 0.5, 1.0, -math.inf, 3.0),
+    struct.pack(">dddd", 0.5, 1.0, 2.0, math.nan),
+    b"",
+    packed(0.0, 1.0)[:-1],
+    packed(0.0, 1.0) + b"\0",
+]
+
+
+@pytest.mark.parametrize("payload", BAD)
+def test_what_is_no_frame_is_dropped_and_counted_also_as_the_first(payload: bytes) -> None:
+    follower = following(aligned=False)
+    follower.put(payload)
+    follower.world.run(0.5)
+    status = follower.status()
+    assert (status["rejected"], status["frames"], status["phase"]) == (1, 0, "waiting")
+    assert follower.world.gripper.opening_mm == pytest.approx(60.0, abs=0.1)
+    follower.stay(0.5, 0.5)
+    for _ in range(20):
+        follower.say(0.5)
+        follower.put(payload)
+        follower.world.tick()
+    status = follower.status()
+    assert (status["rejected"], status["frames"]) == (21, follower.sent)
+    assert follower.world.openness == pytest.approx(0.5, abs=0.005)
+
+
+def test_bad_frames_do_not_keep_a_leader_fresh() -> None:
+    follower = following()
+    for _ in range(100):
+        follower.put(BAD[0])
+        follower.world.tick()
+    assert follower.status()["stale"]
+
+
+@pytest.mark.parametrize(("openness", "end"), [(1.7, 1.0), (-3.0, 0.0), (1e300, 1.0)])
+def test_a_target_stays_in_the_own_travel(openness: float, end: float) -> None:
+    follower = following()
+    follower.stay(openness, 4.0)
+    assert follower.world.openness == pytest.approx(end, abs=0.012)
+    geometry = follower.world.engine.geometry
+    assert geometry is not None
+    low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad))
+    assert low_rad - CODE_RAD <= follower.command().position_rad <= high_rad + CODE_RAD
+
+
+def test_a_leap_of_the_leader_is_no_step_of_the_command() -> None:
+    follower = following()
+    leads: list[float] = []
+    for openness in (0.9, 0.1, 0.95, 0.05):
+        follower.lead(lambda _t, o=openness: o, 0.3, each=lambda: leads.append(follower.lead_mm))  # type: ignore[misc]
+    assert max(leads) <= MAX_LEAD_MM + CODE_MM
+    assert max(leads) > MAX_LEAD_MM - 0.2
+
+
+def test_near_a_stop_it_presses_gently() -> None:
+    follower = following(opening_mm=10.0)
+    leads: list[float] = []
+    follower.lead(sweep(0.08, -0.5, 1.0), 2.0, each=lambda: leads.append(follower.lead_mm))
+    assert follower.world.gripper.opening_mm < 1.0
+    assert max(leads[-100:]) <= STOP_LEAD_MM + CODE_MM
+
+
+@pytest.mark.parametrize("gains", [{}, {"kp": 400.0, "kd": 4.0}, {"kp": 20.0}])
+def test_stiffer_gains_push_no_harder(gains: dict[str, Any]) -> None:
+    follower = following(**gains)
+    follower.world.gripper.put_object(width_mm=50.0)
+    pushes: list[float] = []
+
+    def note() -> None:
+        engine = follower.world.engine
+        wanted, feedback = engine.output.requested, engine.motor.feedback
+        assert wanted is not None
+        assert feedback is not None
+        pushes.append(wanted.kp_nm_rad * abs(wanted.position_rad - feedback.position_rad))
+
+    follower.lead(sweep(0.5, 0.1, 0.8), 1.5, each=note)
+    most_nm = {400.0: 5.5, 20.0: 20.0 * MAX_LEAD_MM / MM_RAD}.get(gains.get("kp", 0.0), 5.35)
+    assert max(pushes) == pytest.approx(most_nm, abs=0.01)
+
+
+def test_a_force_limit_bounds_what_it_presses_with() -> None:
+    follower = following(force_limit_n=10.0)
+    follower.world.gripper.put_object(width_mm=50.0)
+    pressed: list[float] = []
+    follower.lead(
+        sweep(0.5, 0.1, 0.8),
+        1.5,
+        each=lambda: pressed.append(abs(follower.world.state.torque_nm or 0.0)),
+    )
+    assert pressed[-1] == pytest.approx(1.0, abs=0.1)
+    assert follower.world.gripper.opening_mm == pytest.approx(50.0, abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("params", "parameter"),
+    [
+        ({"mode": "slave"}, "host"),
+        ({"mode": "master", "host": "x"}, "host"),
+        ({"mode": "master", "link": "udp"}, "host"),
+        ({"mode": "slave", "host": "a/b"}, "host"),
+        ({"mode": "slave", "host": "a#iface=x"}, "host"),
+        ({"mode": "slave", "host": "x", "grip_id": "a/*"}, "grip_id"),
+        ({"mode": "slave", "host": "x", "grip_id": ""}, "grip_id"),
+        ({"mode": "master", "fake_leader": True}, "fake_leader"),
+        ({"mode": "slave", "link": "none"}, "link"),
+        ({"mode": "both"}, "mode"),
+        ({"mode": "slave", "host": "x", "port": 0}, "port"),
+    ],
+)
+def test_parameters_that_do_not_go_together_are_refused(
+    params: dict[str, Any], parameter: str
+) -> None:
+    world = TeleopWorld()
+    error = world.enabled().call("teleop.start", **params)["error"]
+    assert error["data"]["reason"] == "invalid_params"
+    assert error["data"]["parameter"] == parameter
+    assert world.wires.made == []
+    assert world.engine.jobs.running is None

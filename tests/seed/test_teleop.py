@@ -1,0 +1,446 @@
+"""The SDK's description, section "Leader/follower teleoperation": two grippers, and one hand."""
+
+import math
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from examples.teleop import main as example
+from litegrip_client import (
+    BusyError,
+    CommandError,
+    LiteGrip,
+    TeleopBusyError,
+    TeleopNotReady,
+)
+from litegripd.control.teleop.link import InProcessLink, InProcessLinks
+from litegripd.model.teleop import Arrival, LinkWish
+from tests.drop_in import Daemon, Site, a_site
+from tests.seed.scenes import bench_unit, jaws_are_loose
+from tests.world import PERIOD_S
+
+KEY = "litearm/v4/gripA/gripper_teleop"
+
+
+class Tapped(InProcessLinks):
+    """A bus inside the process that can be cut, listened to, and spoken on by a script."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wishes: list[LinkWish] = []
+        self.heard: list[bytes] = []
+        self.is_cut = False
+
+    def open(self, wish: LinkWish) -> InProcessLink:
+        self.wishes.append(wish)
+        return super().open(wish)
+
+    def listeners(self, wish: LinkWish) -> list[InProcessLink]:
+        return [] if self.is_cut else super().listeners(wish)
+
+    def say(self, payload: bytes, now_s: float) -> None:
+        for listener in self.listeners(LinkWish("master")):
+            listener.deliver(Arrival(payload, now_s))
+
+
+@dataclass(slots=True)
+class Pair:
+    """A leader on can0, a follower on can1, and a hand at the leader's jaws."""
+
+    site: Site
+    links: Tapped
+    leader: Daemon
+    follower: Daemon
+    master: LiteGrip
+    slave: LiteGrip
+    hand_mm: list[float] = field(default_factory=list)
+
+    def push(self) -> None:
+        """Be a hand: a soft spring and a damper towards where it wants the leader's jaws."""
+        if self.hand_mm:
+            gripper, opening = self.leader.gripper, -self.leader.gripper.parameters.close_sign
+            speed_mm_s = opening * gripper.velocity_rad_s * gripper.parameters.rad_to_mm
+            push_nm = 0.06 * (self.hand_mm[0] - gripper.opening_mm) - 0.0012 * speed_mm_s
+            gripper.push(opening * min(max(push_nm, -0.9), 0.9))
+
+    def move(self, to_mm: float, within_s: float = 1.0) -> None:
+        """Move the leader's jaws by hand, and wait."""
+        from_mm = self.leader.gripper.opening_mm
+        ticks = round(within_s / PERIOD_S)
+        for tick in range(ticks):
+            self.hand_mm[:] = [from_mm + (to_mm - from_mm) * (tick + 1) / ticks]
+            self.site.tick()
+        self.site.run(0.5)
+
+    def say(self, openness: float, duration_s: float) -> None:
+        """Be a leader that is a script."""
+        for _ in range(round(duration_s / PERIOD_S)):
+            packed = struct.pack(">dddd", openness, 0.0, 0.0, self.site.now_s)
+            self.links.say(packed, self.site.now_s)
+            self.site.tick()
+
+    def start(self, **params: object) -> None:
+        self.master.teleop_start("master")
+        self.slave.teleop_start("slave", host="192.168.1.20", **params)  # type: ignore[arg-type]
+        self.site.run_until(lambda: self.slave.teleop_status()["phase"] == "following")
+
+    @property
+    def openness(self) -> tuple[float, float]:
+        """How far leader and follower really are open, by their calibrations."""
+        return share_open(self.leader), share_open(self.follower)
+
+
+def share_open(daemon: Daemon) -> float:
+    geometry = daemon.engine.geometry
+    assert geometry is not None
+    return geometry.openness(daemon.gripper.position_rad)
+
+
+@pytest.fixture
+def pair(home: Path) -> Iterator[Pair]:
+    """Return two calibrated and enabled grippers that differ in mount and travel."""
+    with a_site(home) as site:
+        links = Tapped()
+        leader = site.add(Daemon("can0", links=links))
+        unit = bench_unit("reverse")
+        follower = site.add(Daemon("can1", "reverse", parameters=unit, links=links))
+        with LiteGrip("can0") as master, LiteGrip("can1") as slave:
+            assert master.enable()
+            assert slave.enable()
+            pair = Pair(site, links, leader, follower, master, slave)
+            site._watchers.append(pair.push)
+            yield pair
+
+
+def test_two_grippers_are_linked_so_that_one_follows_the_other(pair: Pair) -> None:
+    pair.start()
+    for to_mm in (90.0, 25.0, 60.0):
+        pair.move(to_mm)
+        leads, follows = pair.openness
+        assert leads * 120.0 == pytest.approx(to_mm, abs=6.0)
+        assert follows == pytest.approx(leads, abs=0.006)
+
+
+def test_what_travels_is_the_opening_so_calibrations_need_not_be_the_same(pair: Pair) -> None:
+    pair.start()
+    pair.move(100.0)
+    assert pair.master.mount == "normal"
+    assert pair.slave.mount == "reverse"
+    shown = pair.slave.teleop_status()["openness"]
+    assert shown == pytest.approx(pair.openness[0], abs=0.003)
+    assert pair.openness[1] == pytest.approx(shown, abs=0.006)
+
+
+def test_the_master_goes_slack_and_publishes_at_the_loop_rate(pair: Pair) -> None:
+    pair.master.teleop_start("master")
+    assert jaws_are_loose(pair.site, pair.leader)
+    before = pair.master.teleop_status()["frames"]
+    pair.site.run(1.0)
+    assert pair.master.teleop_status()["frames"] - before == pytest.approx(200, abs=3)
+
+
+def test_endpoints_key_and_defaults_are_the_field_stacks(pair: Pair) -> None:
+    pair.start()
+    leads, follows = pair.links.wishes
+    assert (leads.kind, leads.port, leads.topic) == ("zenoh", 17448, KEY)
+    assert (follows.host, follows.port, follows.topic) == ("192.168.1.20", 17448, KEY)
+
+
+def test_a_frame_is_byte_identical_to_the_litearm_stacks(pair: Pair) -> None:
+    """Four big-endian float64, packed here by hand, are followed like any other leader's."""
+    pair.slave.teleop_start("slave", host="192.168.1.20")
+    pair.say(0.7, 1.5)
+    assert pair.openness[1] == pytest.approx(0.7, abs=0.006)
+    listener = pair.links.open(LinkWish("slave"))
+    pair.slave.teleop_stop()
+    pair.master.teleop_start("master")
+    pair.site.run(0.1)
+    payload = listener.receive(0.0)[-1].payload
+    openness, position_mm, force_n, _ = struct.unpack(">dddd", payload)
+    assert openness == pytest.approx(pair.openness[0], abs=0.002)
+    assert position_mm == pytest.approx(pair.leader.gripper.opening_mm, abs=0.2)
+    assert force_n == pytest.approx(0.0, abs=0.2)
+
+
+def test_link_udp_is_a_choice(pair: Pair) -> None:
+    pair.slave.teleop_start("slave", link="udp")
+    assert pair.links.wishes[-1].kind == "udp"
+    assert pair.slave.teleop_status()["link"] == "udp"
+
+
+def test_an_own_transport_is_refused_with_the_reason(pair: Pair) -> None:
+    with pytest.raises(CommandError, match="daemon"):
+        pair.slave.teleop_start("slave", transport=object())
+    assert pair.links.wishes == []
+
+
+def test_the_fake_leader_sweeps_and_shows_the_guard_on_a_rigid_object(pair: Pair) -> None:
+    pair.follower.gripper.put_object(width_mm=50.0)
+    pair.slave.teleop_start("slave", fake_leader=True, torque_limit_nm=1.0)
+    pair.site.run_until(lambda: bool(pair.slave.teleop_status()["over_torque"]))
+    pair.site.run_until(lambda: not pair.slave.teleop_status()["over_torque"])
+    pair.site.run_until(lambda: pair.follower.gripper.opening_mm > 100.0)
+    pair.site.run_until(lambda: pair.slave.teleop_status()["torque_trips"] == 2)
+    assert pair.links.wishes == []
+
+
+def test_the_example_runs_one_end(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with a_site(home) as site:
+        daemon = site.add(Daemon("can0"))
+        arguments = ["--mode", "slave", "--channel", "can0", "--fake-leader"]
+        assert example([*arguments, "--torque-limit", "1.0", "--seconds", "4"]) == 0
+        assert not daemon.is_energised
+    out = capsys.readouterr().out
+    assert "following frames" in out
+    assert "no fault" in out
+
+
+def test_teleoperation_is_exclusive(pair: Pair) -> None:
+    pair.start()
+    for forbidden in (
+        pair.slave.open,
+        pair.slave.hold,
+        lambda: pair.slave.teleop_start("slave", host="x"),
+        lambda: pair.slave.goto(30.0),
+    ):
+        with pytest.raises(TeleopBusyError) as caught:
+            forbidden()
+        assert isinstance(caught.value, BusyError)
+    pair.slave.teleop_stop()
+    assert pair.slave.goto(60.0)
+
+
+def test_start_returns_the_initial_status(pair: Pair) -> None:
+    status = pair.slave.teleop_start("slave", host="192.168.1.20")
+    assert status["active"]
+    assert status["mode"] == "slave"
+    assert status["frames"] == 0
+    assert status.keys() == pair.slave.teleop_status().keys()
+
+
+FIELDS = {
+    "active",
+    "mode",
+    "topic",
+    "frames",
+    "last_frame_age_ms",
+    "stale",
+    "openness",
+    "position_mm",
+    "force_n",
+    "dq_cmd",
+    "loop_hz",
+    "rejected",
+    "send_failed",
+    "fault",
+    "torque_nm",
+    "over_torque",
+    "torque_trips",
+}
+
+
+def test_the_status_reports_these_fields(pair: Pair) -> None:
+    pair.start()
+    pair.site.run(0.5)
+    for gripper in (pair.master, pair.slave):
+        assert gripper.teleop_status().keys() >= FIELDS
+    assert pair.master.teleop_status()["matching"] is True
+    followed, leads = pair.slave.teleop_status(), pair.master.teleop_status()
+    assert followed["position_mm"] == pytest.approx(leads["position_mm"], abs=0.1)
+    assert followed["loop_hz"] == pytest.approx(200.0, abs=1.0)
+
+
+def lag_mm(pair: Pair, **params: float) -> float:
+    """Move the leader on at 60 mm/s; return by how much the follower trails."""
+    pair.slave.teleop_start("slave", host="x", **params)  # type: ignore[arg-type]
+    began_s, lags = pair.site.now_s, []
+    pair.say(0.5, 0.5)
+    for _ in range(120):
+        openness = 0.5 + 0.5 * (pair.site.now_s - began_s - 0.5)
+        pair.say(openness, PERIOD_S)
+        lags.append(openness - pair.openness[1])
+    pair.slave.teleop_stop()
+    pair.slave.goto(60.0)
+    return max(lags[60:]) * 120.0
+
+
+def test_the_velocity_is_fed_forward_by_differencing_frames(pair: Pair) -> None:
+    with_it, without = lag_mm(pair), lag_mm(pair, dq_max=0.0)
+    assert with_it < without - 0.5
+    assert with_it < 1.3
+
+
+def test_the_velocity_is_bounded(pair: Pair) -> None:
+    pair.slave.teleop_start("slave", host="x", dq_max=0.5)
+    pair.say(0.5, 0.3)
+    seen: list[float] = []
+    for tick in range(60):
+        pair.say(0.5 + 0.002 * tick, PERIOD_S)
+        seen.append(abs(pair.slave.teleop_status()["dq_cmd"]))
+    assert max(seen) == pytest.approx(0.5)
+
+
+def test_gaps_and_first_frames_feed_nothing_forward(pair: Pair) -> None:
+    pair.slave.teleop_start("slave", host="x")
+    pair.say(0.5, 0.3)
+    pair.say(0.51, PERIOD_S)
+    assert pair.slave.teleop_status()["dq_cmd"] != 0.0
+    pair.site.run(0.06)
+    assert pair.slave.teleop_status()["dq_cmd"] == 0.0
+    pair.say(0.53, PERIOD_S)
+    assert pair.slave.teleop_status()["dq_cmd"] == 0.0
+
+
+def test_a_follower_that_loses_the_leader_holds_under_the_follow_gains(pair: Pair) -> None:
+    pair.start()
+    pair.follower.gripper.put_object(width_mm=40.0)
+    pair.move(35.0)
+    squeeze_nm = pair.follower.closing_torque_nm
+    assert squeeze_nm > 1.0
+    pair.links.is_cut = True
+    pair.site.run(0.15)
+    assert not pair.slave.teleop_status()["stale"]
+    pair.site.run(1.0)
+    assert pair.slave.teleop_status()["stale"]
+    assert pair.follower.closing_torque_nm == pytest.approx(squeeze_nm, abs=0.15)
+    pair.links.is_cut = False
+    pair.move(80.0, 2.0)
+    assert pair.openness[1] == pytest.approx(pair.openness[0], abs=0.006)
+
+
+def test_the_guard_releases_a_follower_that_presses_too_hard(pair: Pair) -> None:
+    pair.start(torque_limit_nm=1.0)
+    pair.follower.gripper.put_object(width_mm=50.0)
+    pair.move(35.0)
+    status = pair.slave.teleop_status()
+    assert (status["over_torque"], status["torque_trips"]) == (True, 1)
+    assert status["active"]
+    assert abs(pair.follower.closing_torque_nm) < 0.1
+    assert pair.follower.longest_gap_s(pair.site.now_s - 1.0) == pytest.approx(PERIOD_S)
+    pair.move(80.0)
+    assert not pair.slave.teleop_status()["over_torque"]
+    pair.site.run(0.5)
+    assert pair.openness[1] == pytest.approx(pair.openness[0], abs=0.006)
+
+
+def test_the_guard_is_off_unless_asked_for(pair: Pair) -> None:
+    pair.start()
+    pair.follower.gripper.put_object(width_mm=50.0)
+    pair.move(35.0)
+    assert pair.slave.teleop_status()["torque_trips"] == 0
+    assert pair.follower.closing_torque_nm > 2.0
+
+
+def test_a_trip_near_full_open_re_arms_at_the_open_stop(pair: Pair) -> None:
+    pair.slave.teleop_start("slave", host="x", torque_limit_nm=1.0)
+    pair.say(0.85, 1.5)
+    pair.follower.gripper.jam()
+    pair.say(0.97, 0.5)
+    assert pair.slave.teleop_status()["over_torque"]
+    pair.follower.gripper.free()
+    pair.say(1.0, 0.5)
+    assert not pair.slave.teleop_status()["over_torque"]
+
+
+BAD: list[Callable[[], bytes]] = [
+    lambda: struct.pack(">dddd", math.nan, 0.0, 0.0, 0.0),
+    lambda: struct.pack(">dddd", 0.0, math.inf, 0.0, 0.0),
+    lambda: bytes(31),
+]
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_non_finite_frames_are_dropped_also_the_first(pair: Pair, bad: Callable[[], bytes]) -> None:
+    pair.slave.teleop_start("slave", host="x")
+    before = pair.openness[1]
+    for _ in range(50):
+        pair.links.say(bad(), pair.site.now_s)
+        pair.site.tick()
+    status = pair.slave.teleop_status()
+    assert (status["rejected"], status["frames"]) == (50, 0)
+    assert pair.openness[1] == pytest.approx(before, abs=0.002)
+
+
+@pytest.mark.parametrize(("openness", "end"), [(1.5, 1.0), (-0.5, 0.0)])
+def test_the_target_is_clamped_into_the_own_travel(pair: Pair, openness: float, end: float) -> None:
+    pair.slave.teleop_start("slave", host="x")
+    pair.say(openness, 2.5)
+    assert pair.openness[1] == pytest.approx(end, abs=0.015)
+
+
+def test_a_fault_is_reported(pair: Pair) -> None:
+    pair.start()
+    pair.follower.gripper.latch_fault(0xB)
+    pair.site.run(0.2)
+    status = pair.slave.teleop_status()
+    assert not status["active"]
+    assert "driver" in status["fault"]
+
+
+def test_frames_that_could_not_be_sent_are_counted(
+    pair: Pair, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pair.master.teleop_start("master")
+    monkeypatch.setattr(InProcessLink, "publish", lambda *_arguments: False)
+    pair.site.run(0.5)
+    assert pair.master.teleop_status()["send_failed"] > 90
+
+
+def test_stopping_leaves_both_holding(pair: Pair) -> None:
+    pair.start()
+    pair.move(80.0)
+    pair.hand_mm.clear()
+    pair.leader.gripper.push(0.0)
+    for gripper, daemon in ((pair.slave, pair.follower), (pair.master, pair.leader)):
+        before_mm = daemon.gripper.opening_mm
+        assert not gripper.teleop_stop()["active"]
+        pair.site.run(0.5)
+        assert daemon.is_energised
+        assert daemon.gripper.opening_mm == pytest.approx(before_mm, abs=0.5)
+        assert not jaws_are_loose(pair.site, daemon)
+
+
+def test_after_a_trip_stopping_keeps_the_zero_gains(pair: Pair) -> None:
+    pair.start(torque_limit_nm=1.0)
+    pair.follower.gripper.put_object(width_mm=50.0)
+    pair.move(35.0)
+    pair.slave.teleop_stop()
+    pair.site.run(0.5)
+    command = pair.follower.command_now()
+    assert command is not None
+    assert (command.kp_nm_rad, command.kd_nm_s_rad) == (0.0, 0.0)
+    assert abs(pair.follower.closing_torque_nm) < 0.1
+
+
+@pytest.mark.parametrize("mode", ["master", "slave"])
+def test_it_refuses_to_start_on_what_is_not_ready(site: Site, mode: str) -> None:
+    daemon = site.add(Daemon(calibrated=False))
+    with LiteGrip("can0") as gripper:
+        for enabled in (False, True):
+            with pytest.raises(TeleopNotReady):
+                gripper.teleop_start(mode, host="x" if mode == "slave" else None)
+            assert daemon.is_energised is enabled
+            gripper.enable()
+
+
+def test_the_follow_gains_are_the_calibrations_unless_given(pair: Pair) -> None:
+    for given, expected in (({}, (100.0, 2.0)), ({"kp": 60.0, "kd": 1.0}, (60.0, 1.0))):
+        pair.slave.teleop_start("slave", host="x", **given)  # type: ignore[arg-type]
+        pair.say(0.5, 0.5)
+        command = pair.follower.command_now()
+        assert command is not None
+        assert command.kp_nm_rad == pytest.approx(expected[0], abs=0.2)
+        assert command.kd_nm_s_rad == pytest.approx(expected[1], abs=0.01)
+        pair.slave.teleop_stop()
+
+
+def test_disconnecting_stops_it(pair: Pair) -> None:
+    pair.start()
+    pair.slave.disconnect()
+    pair.site.run(0.1)
+    assert not pair.follower.is_energised
+    with LiteGrip("can1") as other:
+        assert not other.teleop_status()["active"]
