@@ -23,13 +23,14 @@ class FaultGripper(RecordingGripper):
     def __init__(self, parameters: SimulatorParameters) -> None:
         super().__init__(parameters)
         self.deaf_to: Counter[bytes] = Counter()
+        self.foreign: set[bytes] = set()
         self.obeyed: list[tuple[float, CanFrame]] = []
 
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         if self.deaf_to[frame.data] > 0:
             self.deaf_to[frame.data] -= 1
             return []
-        is_own = frame.can_id == CAN_ID and is_command(frame)
+        is_own = frame.can_id == CAN_ID and is_command(frame) and frame.data not in self.foreign
         if is_own and self.motor.status == ENABLED:
             self.obeyed.append((now_s, frame))
         return super().receive(now_s, frame)
@@ -54,6 +55,10 @@ class FaultWorld(BusWorld):
         super().tick()
         if self.gripper.obeyed:
             self._judge_obeyed()
+
+    def inject(self, frame: CanFrame) -> None:
+        self.gripper.foreign.add(frame.data)  # the daemon may have sent the same once
+        super().inject(frame)
 
     def skip(self, seconds: float) -> None:
         """Let the daemon be late: time passes without a tick."""
