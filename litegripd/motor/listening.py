@@ -73,7 +73,9 @@ class Listener:
         if self._arming is not None:
             self._arming.note_answer()
         if self._phase is Phase.ENABLED and not self._plausibility.accepts(
-            feedback, _FASTEST_SHARE * self._identification.ranges.velocity_rad_s
+            feedback,
+            _FASTEST_SHARE * self._identification.ranges.velocity_rad_s,
+            is_stiff=self._traffic.is_stiff,
         ):
             self.counters.implausible_frames += 1
             self._silence.unanswered = 0

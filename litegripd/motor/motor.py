@@ -148,9 +148,9 @@ class Motor(Listener):
         return self._unfaulting.step(now_s)
 
     def _command(self, command: MitCommand, is_motion: bool) -> list[CanFrame]:
-        """Give the command; while the position is in doubt only brake, which needs none."""
+        """Give the command; while the position is in doubt only its damping, which needs none."""
         if self._plausibility.in_a_row:
-            damping = self._plausibility.brake_kd_nm_s_rad
+            damping = min(command.kd_nm_s_rad, self._plausibility.brake_kd_nm_s_rad)
             command = MitCommand(command.position_rad, 0.0, 0.0, damping, 0.0)
             self._traffic.forget_command()
         return self._traffic.command(command, is_motion, self._identification.ranges)

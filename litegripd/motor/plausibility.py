@@ -1,7 +1,8 @@
 """Whether a measured position can be true, by what is physically possible since the last one.
 
-Only jumps are judged, and only of an enabled motor: its position is what a command pulls to, so
-an encoder that jumps (or wraps at ±PMAX) would turn a hold into a blow.
+Only jumps are judged, and only of a motor that is enabled and told to be stiff: its position is
+what a command pulls to, so an encoder that jumps (or wraps at ±PMAX) would turn a hold into a blow.
+Slack jaws that a hand throws against a stop bounce faster than any motor could make them.
 """
 
 from litegripd.model.errors import Refusal
@@ -48,16 +49,17 @@ class Plausibility:
         self.in_a_row = 0
         self._last = None
 
-    def accepts(self, feedback: Feedback, fastest_rad_s: float) -> bool:
+    def accepts(self, feedback: Feedback, fastest_rad_s: float, *, is_stiff: bool = True) -> bool:
         """Tell whether the jaws can have got to where `feedback` says, and count if not.
 
         At `fastest_rad_s`, the end of what a frame can tell, the speed is not known, and nothing
-        is judged.
+        is judged; nor is it where the motor `is_stiff` not.
         """
         last = self._last
         silent_s, self._told_s = feedback.at_s - self._told_s, feedback.at_s
         is_judged = (
             last is not None
+            and (is_stiff or self.in_a_row > 0)
             and feedback.status == Status.ENABLED
             and max(abs(last.velocity_rad_s), abs(feedback.velocity_rad_s)) < fastest_rad_s
         )

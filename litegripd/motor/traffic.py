@@ -36,6 +36,11 @@ class Traffic:
         self._polled_at_s = float("-inf")
         self._last_command: MitCommand | None = None
 
+    @property
+    def is_stiff(self) -> bool:
+        """Whether the motor was told last to pull to a position."""
+        return self._last_command is not None and self._last_command.kp_nm_rad > 0.0
+
     def forget_command(self) -> None:
         """Begin anew: whoever is enabled next repeats nothing of before."""
         self._last_command = None

@@ -184,6 +184,10 @@ class AnyMotion(RuleBasedStateMachine):
     def check(self, own: list[CanFrame], *, is_motion: bool) -> None:
         world, motor = self.world, self.world.engine.motor
         commands = [codec.decode_command(f.data, world.ranges) for f in own if is_command(f)]
+        if world.machine.motor._plausibility.in_a_row and commands:
+            assert commands[-1].kp_nm_rad == 0.0  # it only brakes, no harder than its command did
+            assert abs(commands[-1].torque_nm) <= 1.01 * world.ranges.torque_nm / 4095
+            return
         if motor.phase is MotorPhase.ENABLED and commands:
             self.watch.check(
                 world.now_s,
