@@ -13,6 +13,7 @@ from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
+from litegripd.rpc.answering import Answering, defect
 from litegripd.rpc.calls import Answer, Deferred, Later, Result
 from litegripd.rpc.clients import Clients
 from litegripd.rpc.dispatch import Dispatch
@@ -33,7 +34,6 @@ from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
 from litegripd.rpc.teleoperating import Teleoperating
 from litegripd.rpc.trajectories import TrajectoryMethods
-from litegripd.rpc.view import progress_view
 from litegripd.rpc.waiting import Waiter, WaitingRoom
 from litegripd.rpc.watching import Watching
 from litegripd.rpc.wire import (
@@ -76,6 +76,7 @@ class RpcService:
         self._clients = Clients()
         self._subscriptions = Subscriptions()
         self._waiting = WaitingRoom()
+        self._answering = Answering(engine, self.reporter, self._waiting)
         self._tokens = Tokens(epoch)
         self._trajectories = TrajectoryMethods(engine)
         handlers = Handlers(
@@ -135,7 +136,7 @@ class RpcService:
             else:
                 self._call(session, request, now_s)
         except Exception as error:  # noqa: BLE001 - no request ends the daemon
-            self._refuse(session, request.identity, _defect("the request", error))
+            self._refuse(session, request.identity, defect("the request", error))
         self._collect_events(now_s)
 
     # The tick -------------------------------------------------------------------------------------
@@ -145,8 +146,8 @@ class RpcService:
         self._collect_events(now_s)
         self.reporter.tick(now_s)
         self.reporter.keep_ends()
-        self._answer_waiters()
-        self._send_progress(now_s)
+        self._answering.answer()
+        self._answering.send_progress(now_s)
         self._subscriptions.tick(now_s)
 
     @property
@@ -282,34 +283,3 @@ class RpcService:
         session = self._clients.get(event.data["client"])
         if session is not None:
             session.write(notification_line("lease.lost", encode(event.data)))
-
-    def _answer_waiters(self) -> None:
-        for waiter in self._waiting.take_ended():
-            try:
-                line = self._final_line(waiter)
-            except Exception as error:  # noqa: BLE001 - the other waiters get their answers
-                line = error_line(waiter.request, _defect(waiter.job.kind, error))
-            waiter.session.write(line)
-
-    def _final_line(self, waiter: Waiter) -> bytes:
-        job = waiter.job
-        if waiter.wants_job:
-            return result_line(waiter.request, self.reporter.job(job))
-        result = self.reporter.result(job)
-        if result is None:
-            ended = job.error or Refusal("internal_error", f"job {job.number} ended without result")
-            return error_line(waiter.request, ended)
-        return result_line(waiter.request, result)
-
-    def _send_progress(self, now_s: float) -> None:
-        job, progress = self._engine.jobs.running, self._engine.progress()
-        if job is None or progress is None:
-            return
-        for waiter in self._waiting.due_progress(job.number, now_s):
-            opening_mm = self.reporter.state().opening_mm
-            view = progress_view(job, waiter.request, progress, opening_mm)
-            waiter.session.write(notification_line("job.progress", encode(view)))
-
-
-def _defect(what: str, error: Exception) -> Refusal:
-    return Refusal("internal_error", f"{what} failed by a defect: {type(error).__name__}: {error}")
