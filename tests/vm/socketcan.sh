@@ -25,6 +25,6 @@ done
 mkdir /root/logs
 cd /root
 status=0
-PATH=$venv/bin:$PATH PYTHONPATH=/mnt/host python -m tests.vm.socketcan || status=$?
+PATH=$venv/bin:$PATH PYTHONPATH=/mnt/host python -m tests.vm.socketcan "$@" || status=$?
 cp -r logs /mnt/host/
 exit "$status"
