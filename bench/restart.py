@@ -20,20 +20,13 @@ from typing import Any, NamedTuple
 
 from bench.__main__ import call, enable, run_module, wait_for
 from bench.tapped_simulator import prefer
+from tests.process.daemon_process import SLCAN
 
 AROUND_S = 0.15
 SETTLE_S = 1.0
 PERIOD_S = 0.005
 OBJECT_MM = 40.0
 FORCE_N = 8.0
-CONFIG = """
-[bus]
-interface = "slcan"
-channel = "{channel}"
-sleep_after_open = 0
-[gripper]
-mount = "normal"
-"""
 
 
 class Restart(NamedTuple):
@@ -82,9 +75,10 @@ def measure(restarts: int, folder: Path) -> tuple[list[Restart], "array.array[fl
     """Restart so often; return when each began, ended, and took, and what the simulator noted."""
     rows_path, socket_path = folder / "rows", folder / "bench.sock"
     simulator = run_module("bench.tapped_simulator", rows_path, OBJECT_MM)
-    assert simulator.stdout is not None
+    if simulator.stdout is None:
+        raise RuntimeError("the simulator's output is not piped")
     config = folder / "config.toml"
-    config.write_text(CONFIG.format(channel=simulator.stdout.readline().strip()), encoding="utf-8")
+    config.write_text(SLCAN.format(channel=simulator.stdout.readline().strip()), encoding="utf-8")
     daemon: subprocess.Popen[str] = run_module(
         "litegripd.app.main", "bench", "--config", config, "--socket", socket_path
     )

@@ -94,7 +94,8 @@ def link_case(link: str, rate_hz: int, seconds: float) -> None:
         (leads if udp else follows)["host"] = "127.0.0.1"
         for end, params in (("follows", follows), ("leads", leads)):
             answer = call(paths[end], "teleop.start", detach=True, **params)
-            assert answer["result"]["active"], answer
+            if not answer.get("result", {}).get("active"):
+                raise RuntimeError(f"teleoperation has not begun: {answer}")
         rows = watch(paths, seconds)
         geometry = geometry_of(paths["leads"])
         health = {end: call(path, "health")["result"]["control"] for end, path in paths.items()}

@@ -16,10 +16,10 @@ from prometheus_client.metrics_core import Metric
 from prometheus_client.openmetrics.exposition import CONTENT_TYPE_LATEST, generate_latest
 from prometheus_client.registry import Collector
 
+from litegrip_client.state import USABLE_BUS
+
 CONTENT_TYPE = CONTENT_TYPE_LATEST
 VERDICTS = ("ok", "degraded", "down")
-USABLE = ("up", "motor_silent")
-"""States of a bus on which frames can be exchanged."""
 
 _PREFIX = "litegripd"
 _QUANTILES = {"p50_us": "0.5", "p99_us": "0.99", "p99_9_us": "0.999"}
@@ -183,7 +183,7 @@ def _metrics(health: Mapping[str, Any], channel: str, version: str) -> Iterator[
     state = _find(health, "bus.state")
     if state is not None:
         up = _new("bus_up", "Whether the bus can be used.", "gauge")
-        up.add_sample(up.name, labels, float(state in USABLE))
+        up.add_sample(up.name, labels, float(state in USABLE_BUS))
         yield up
     for row in ROWS:
         value = _find(health, row.path)

@@ -11,6 +11,9 @@ from typing import Any
 
 from litegrip_client.checks import pick
 
+USABLE_BUS = ("up", "motor_silent")
+"""States of a bus on which frames can be exchanged."""
+
 
 @dataclass(frozen=True, slots=True)
 class GripperState:

@@ -10,6 +10,7 @@ from typing import Any
 
 from litegrip_client.doctor.facts import Daemon, Facts
 from litegrip_client.doctor.findings import Finding, error, ok, warning
+from litegrip_client.state import USABLE_BUS
 
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4
@@ -23,9 +24,6 @@ MODEL_RANGES = {"PMAX": 12.5, "VMAX": 30.0, "TMAX": 10.0}
 BIT_RATES = {0: "125 kbit/s", 1: "200 kbit/s", 2: "250 kbit/s", 3: "500 kbit/s", 4: "1 Mbit/s"}
 """By the code of register can_br."""
 
-USABLE = ("up", "motor_silent")
-"""States of a bus on which frames can be exchanged."""
-
 _DAY_S = 86_400.0
 _SET = "with the maker's tool, while the daemon does not run"
 _NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X, at 1 Mbit/s"
@@ -36,7 +34,7 @@ def bus(facts: Facts) -> Finding | None:
     figures = facts.daemon.health.get("bus") if facts.daemon is not None else None
     if not figures:
         return None
-    if figures.get("state") not in USABLE:
+    if figures.get("state") not in USABLE_BUS:
         return error(
             f"the daemon cannot use it ({figures.get('state')}): {figures.get('error')}",
             advice="mend what is found above; the daemon then goes on by itself",
@@ -196,7 +194,7 @@ def calibration_channel(facts: Facts) -> Finding | None:
 
 
 def _bus_is_up(daemon: Daemon) -> bool:
-    return daemon.health.get("bus", {}).get("state", "up") in USABLE
+    return daemon.health.get("bus", {}).get("state", "up") in USABLE_BUS
 
 
 def _registers(facts: Facts) -> Mapping[str, Any]:

@@ -14,6 +14,9 @@ from litegripd.model.motor import MotorPhase
 from litegripd.model.unit import Unit
 from litegripd.motor.motor import Motor
 
+OFF = (MotorPhase.DISABLED, MotorPhase.FAULT)
+"""Phases of a motor that has confirmed that it is not energised."""
+
 
 class Machine:
     """One motor and the engine that drives it."""
@@ -38,11 +41,13 @@ class Machine:
         view = self.motor.view()
         if view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
             self.may_be_energised = True
-        elif self.is_disabled:
+        elif view.phase in OFF:
             self.may_be_energised = False
         if view.phase is MotorPhase.SILENT and bus.is_usable and view.problem is not None:
             bus = BusCondition("motor_silent", view.problem.message)
-        view = replace(view, problem=bus.refusal() or view.problem)
+        refusal = bus.refusal()
+        if refusal is not None:
+            view = replace(view, problem=refusal)
         self.engine.note_bus(bus)
         order = self.engine.step(now_s, view)
         self._sent = self.motor.step(now_s, order)
@@ -56,7 +61,7 @@ class Machine:
     @property
     def is_disabled(self) -> bool:
         """Whether the motor has confirmed that it is not energised."""
-        return self.motor.view().phase in (MotorPhase.DISABLED, MotorPhase.FAULT)
+        return self.motor.view().phase in OFF
 
     @property
     def is_out_of_reach(self) -> bool:

@@ -126,19 +126,10 @@ class Recorder:
         """
         motor = engine.motor
         feedback, requested = motor.feedback or _NO_FEEDBACK, engine.output.requested
-        identity, job, holder = motor.identity, engine.jobs.running, engine.lease.holder
+        identity, job = motor.identity, engine.jobs.running
         ranges = _RANGES if identity is None else identity.ranges
-        owner = _NOBODY
-        if job is not None:
-            owner = job.owner
-        elif holder is not None:
-            owner = holder.owner
-        if owner is not self._owner:
-            self._note_owner(now_s, owner)
-        if engine.geometry is not self._geometry:
-            self._note_geometry(engine.geometry)
-        if motor.phase is not self._phase:
-            self._phase, self._phase_number = motor.phase, _PHASE_NUMBERS[motor.phase]
+        self._note_changes(now_s, engine)
+        owner = self._owner
         flags = self._flags(engine)
         if bus_is_up:
             flags |= BUS_UP
@@ -180,6 +171,21 @@ class Recorder:
                 owner.client,
             )
         )
+
+    def _note_changes(self, now_s: float, engine: Engine) -> None:
+        """Work out anew what follows from owner, calibration and phase, where they are others."""
+        job, holder, phase = engine.jobs.running, engine.lease.holder, engine.motor.phase
+        owner = _NOBODY
+        if job is not None:
+            owner = job.owner
+        elif holder is not None:
+            owner = holder.owner
+        if owner is not self._owner:
+            self._note_owner(now_s, owner)
+        if engine.geometry is not self._geometry:
+            self._note_geometry(engine.geometry)
+        if phase is not self._phase:
+            self._phase, self._phase_number = phase, _PHASE_NUMBERS[phase]
 
     def event(self, event: Event, now_s: float) -> None:
         """Record one event; what is too long for its slot is cut, and marked so."""

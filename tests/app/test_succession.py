@@ -82,7 +82,7 @@ class Rig:
             bus=cast(FrameBus, self.bus),
             places=self.places,
         )
-        self.process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])
+        self.process = subprocess.Popen([sys.executable, "-c", "import signal; signal.pause()"])
 
     def close(self) -> None:
         self.process.kill()

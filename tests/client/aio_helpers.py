@@ -2,9 +2,10 @@
 
 import asyncio
 import gc
-from collections.abc import Coroutine
+from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any, TypeVar
 
+from litegrip_client.aio import LiteGrip
 from tests.client.fake_daemon import DEADLINE_S, FakeDaemon, Request
 
 _Result = TypeVar("_Result")
@@ -31,6 +32,16 @@ def run(main: Coroutine[Any, Any, _Result]) -> _Result:
     finally:
         gc.collect()  # what warns of being left behind does so now, which is an error
         assert not complaints
+
+
+def with_gripper(daemon: FakeDaemon, use: Callable[[LiteGrip], Awaitable[Any]]) -> Any:
+    """Return what comes of using a gripper of that daemon."""
+
+    async def main() -> Any:
+        async with LiteGrip(socket_path=daemon.path) as gripper:
+            return await use(gripper)
+
+    return run(main())
 
 
 async def arrived(daemon: FakeDaemon, method: str, count: int = 1) -> list[Request]:

@@ -1,13 +1,16 @@
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from litegrip_client import LiteGrip
 from litegrip_client.connection import Connection
+from litegrip_client.core import setpoints
 from litegrip_client.ctl.main import main
-from tests.client.fake_daemon import FakeDaemon
-from tests.client.helpers import Ctl
+from tests.client.fake_daemon import FakeDaemon, Request
+from tests.client.fake_trajectories import FakeTrajectories
+from tests.client.helpers import Clock, Ctl
 
 
 @pytest.fixture(autouse=True)
@@ -53,3 +56,31 @@ def ctl(daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]) -> Ctl:
         return code, captured.out, captured.err
 
     return run
+
+
+@pytest.fixture
+def jobs(daemon: FakeDaemon) -> list[int]:
+    """Have set-points with an id answered by jobs of ascending numbers."""
+    begun: list[int] = []
+
+    def begin(request: Request) -> Any:
+        if request.identity is None:
+            return None
+        begun.append(11 + len(begun))
+        return {"job": begun[-1]}
+
+    daemon.handlers["stream.set"] = begin
+    daemon.handlers["job.cancel"] = lambda request: {"job": request.params["job"]}
+    return begun
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    clock = Clock()
+    monkeypatch.setattr(setpoints, "time", clock)
+    return clock
+
+
+@pytest.fixture
+def there(daemon: FakeDaemon) -> FakeTrajectories:
+    return FakeTrajectories(daemon)

@@ -4,6 +4,7 @@ import base64
 import hashlib
 from typing import Any
 
+from litegrip_client import Trajectory
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.trajectories import PIECE_BYTES, lgt
 
@@ -19,6 +20,8 @@ PLAYED: dict[str, Any] = {
 }
 CONTENT = lgt([(number / 100, (number % 100) / 100) for number in range(300)])
 """Two pieces long."""
+TAUGHT = Trajectory.from_bytes(CONTENT)
+END = {"allow_empty": True, "allow_partial": True}
 
 
 class FakeTrajectories:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from litegrip_client.connection import Connection
-from tests.client.fake_daemon import DEADLINE_S, STATE, Request
+from tests.client.fake_daemon import DEADLINE_S, STATE, FakeDaemon, Request
 
 Ctl: TypeAlias = Callable[..., tuple[int, str, str]]
 """Runs litegripctl: its arguments in, its exit code and its two outputs out."""
@@ -83,3 +83,21 @@ def event(request: Request | None, seq: int, kind: str = "job_ended") -> dict[st
     if request is not None:
         request.notify("event", {"subscription": 5, **one})
     return one
+
+
+class Clock:
+    """The clock of the module, which goes on only when a test says so."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+
+    def monotonic(self) -> float:
+        return self.now_s
+
+
+def last_params(daemon: FakeDaemon) -> dict[str, Any]:
+    """Return what the last request said, without what guards every motion."""
+    params = dict(daemon.requests[-1].params)
+    assert 0.0 <= time.monotonic() - params.pop("sent_s") < 60.0
+    assert params.pop("stop_generation") == 3
+    return params

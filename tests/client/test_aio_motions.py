@@ -1,6 +1,5 @@
 import asyncio
 import os
-import time
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -16,25 +15,9 @@ from litegrip_client import (
     StoppedError,
 )
 from litegrip_client.aio import LiteGrip
-from tests.client.aio_helpers import arrived, cancel, run
+from tests.client.aio_helpers import arrived, cancel, with_gripper
 from tests.client.fake_daemon import GRASP, HELLO, MOVE, STATE, FakeDaemon, Request
-
-
-def last_params(daemon: FakeDaemon) -> dict[str, Any]:
-    """Return what the last request said, without what guards every motion."""
-    params = dict(daemon.requests[-1].params)
-    assert 0.0 <= time.monotonic() - params.pop("sent_s") < 60.0
-    assert params.pop("stop_generation") == 3
-    return params
-
-
-def with_gripper(daemon: FakeDaemon, use: Callable[[LiteGrip], Awaitable[Any]]) -> Any:
-    async def main() -> Any:
-        async with LiteGrip(socket_path=daemon.path) as gripper:
-            return await use(gripper)
-
-    return run(main())
-
+from tests.client.helpers import last_params
 
 # What is asked for, and what comes back
 

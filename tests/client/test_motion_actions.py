@@ -1,4 +1,3 @@
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -14,16 +13,7 @@ from litegrip_client import (
     MoveResult,
 )
 from tests.client.fake_daemon import GRASP, MOVE, STATE, FakeDaemon, Request
-from tests.client.helpers import interrupt_main_thread
-
-
-def last_params(daemon: FakeDaemon) -> dict[str, Any]:
-    """Return what the last request said, without what guards every motion."""
-    params = dict(daemon.requests[-1].params)
-    assert 0.0 <= time.monotonic() - params.pop("sent_s") < 60.0
-    assert params.pop("stop_generation") == 3
-    return params
-
+from tests.client.helpers import interrupt_main_thread, last_params
 
 # Grasp
 

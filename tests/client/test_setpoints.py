@@ -12,42 +12,10 @@ from litegrip_client import (
     SetpointStream,
     StoppedError,
 )
-from litegrip_client.core import setpoints
 from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
-from tests.client.helpers import in_thread
+from tests.client.helpers import Clock, in_thread
 
-
-@pytest.fixture(autouse=True)
-def jobs(daemon: FakeDaemon) -> list[int]:
-    """Have set-points with an id answered by jobs of ascending numbers."""
-    begun: list[int] = []
-
-    def begin(request: Request) -> Any:
-        if request.identity is None:
-            return None
-        begun.append(11 + len(begun))
-        return {"job": begun[-1]}
-
-    daemon.handlers["stream.set"] = begin
-    daemon.handlers["job.cancel"] = lambda request: {"job": request.params["job"]}
-    return begun
-
-
-class Clock:
-    """The clock of the module, which goes on only when a test says so."""
-
-    def __init__(self) -> None:
-        self.now_s = 0.0
-
-    def monotonic(self) -> float:
-        return self.now_s
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
-    clock = Clock()
-    monkeypatch.setattr(setpoints, "time", clock)
-    return clock
+pytestmark = pytest.mark.usefixtures("jobs")
 
 
 def sent(daemon: FakeDaemon) -> list[Request]:

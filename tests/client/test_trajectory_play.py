@@ -1,6 +1,5 @@
 """Replaying, for threads and for asyncio: what is sent and asked."""
 
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
@@ -13,29 +12,10 @@ from litegrip_client import (
     TrajectoryBusyError,
     aio,
 )
-from tests.client.aio_helpers import run
+from tests.client.aio_helpers import with_gripper
 from tests.client.fake_daemon import FakeDaemon, Request
-from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories
+from tests.client.fake_trajectories import CONTENT, PLAYED, TAUGHT, FakeTrajectories
 from tests.trajectories import lgt
-
-TAUGHT = Trajectory.from_bytes(CONTENT)
-END = {"allow_empty": True, "allow_partial": True}
-
-
-@pytest.fixture
-def there(daemon: FakeDaemon) -> FakeTrajectories:
-    return FakeTrajectories(daemon)
-
-
-Use = Callable[[aio.LiteGrip], Awaitable[Any]]
-
-
-def on_asyncio(daemon: FakeDaemon, use: Use) -> Any:
-    async def main() -> Any:
-        async with aio.LiteGrip(socket_path=daemon.path) as gripper:
-            return await use(gripper)
-
-    return run(main())
 
 
 def test_play_sends_the_trajectory_once_and_asks_for_what_is_wanted(
@@ -156,7 +136,7 @@ def test_play_stop_leaves_alone_what_is_no_replay_or_another_one(
     assert len(daemon.wait_for("job.cancel")) == 1
 
 
-def test_the_background_forms_on_asyncio(daemon: FakeDaemon, there: FakeTrajectories) -> None:
+def test_the_background_forms_with_gripper(daemon: FakeDaemon, there: FakeTrajectories) -> None:
     async def use(gripper: aio.LiteGrip) -> None:
         assert (await gripper.record_start())["active"]
         assert await gripper.record_stop() == TAUGHT
@@ -168,5 +148,5 @@ def test_the_background_forms_on_asyncio(daemon: FakeDaemon, there: FakeTrajecto
         assert await gripper.play_start(TAUGHT) == playing()
         assert (await gripper.play_stop())["error"] is None
 
-    on_asyncio(daemon, use)
+    with_gripper(daemon, use)
     assert there.uploads == {1: CONTENT}

@@ -1,7 +1,6 @@
 """Recording, for threads and for asyncio: what is asked and fetched."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
@@ -14,30 +13,11 @@ from litegrip_client import (
     Trajectory,
     aio,
 )
-from tests.client.aio_helpers import arrived, cancel, run
+from tests.client.aio_helpers import arrived, cancel, with_gripper
 from tests.client.fake_daemon import FakeDaemon, Request
-from tests.client.fake_trajectories import CONTENT, FakeTrajectories
+from tests.client.fake_trajectories import END, TAUGHT, FakeTrajectories
 from tests.client.helpers import interrupt_main_thread
 from tests.trajectories import PIECE_BYTES
-
-TAUGHT = Trajectory.from_bytes(CONTENT)
-END = {"allow_empty": True, "allow_partial": True}
-
-
-@pytest.fixture
-def there(daemon: FakeDaemon) -> FakeTrajectories:
-    return FakeTrajectories(daemon)
-
-
-Use = Callable[[aio.LiteGrip], Awaitable[Any]]
-
-
-def on_asyncio(daemon: FakeDaemon, use: Use) -> Any:
-    async def main() -> Any:
-        async with aio.LiteGrip(socket_path=daemon.path) as gripper:
-            return await use(gripper)
-
-    return run(main())
 
 
 def test_record_asks_for_its_samples_and_fetches_them_in_pieces(
@@ -51,11 +31,11 @@ def test_record_asks_for_its_samples_and_fetches_them_in_pieces(
     assert pieces == [{"recording": 1, "offset": at} for at in (0, PIECE_BYTES)]
 
 
-def test_record_on_asyncio_is_the_same(daemon: FakeDaemon, there: FakeTrajectories) -> None:
+def test_record_with_gripper_is_the_same(daemon: FakeDaemon, there: FakeTrajectories) -> None:
     async def use(gripper: aio.LiteGrip) -> Trajectory:
         return await gripper.record(0.5, 200.0, zero_gravity=False)
 
-    assert on_asyncio(daemon, use) == TAUGHT
+    assert with_gripper(daemon, use) == TAUGHT
     start = {"rate_hz": 200.0, "zero_gravity": False, "max_samples": 100}
     assert there.asked("record_start") == [start]
 
@@ -141,7 +121,7 @@ def test_a_cancelled_task_ends_the_recording(daemon: FakeDaemon, there: FakeTraj
         assert there.asked("record_stop") == [END]
 
     begun = {"kind": "record", "missed": 0, "error": None}
-    on_asyncio(daemon, use)
+    with_gripper(daemon, use)
 
 
 def test_a_daemon_that_goes_is_told_at_once(daemon: FakeDaemon, gripper: LiteGrip) -> None:

@@ -14,6 +14,16 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+SLCAN = """
+[bus]
+interface = "slcan"
+channel = "{channel}"
+sleep_after_open = 0
+[gripper]
+mount = "normal"
+"""
+"""The configuration of a daemon over SLCAN: `format` takes the channel, a path."""
+
 DEADLINE_S = 30.0
 
 

@@ -9,19 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, SLCAN, Client, DaemonProcess
 from tests.sim.simulator_process import simulator
 
-CONFIG = """
-[bus]
-interface = "slcan"
-channel = "{channel}"
-sleep_after_open = 0
-[gripper]
-mount = "normal"
-[control]
-rate_hz = 100
-"""
+CONFIG = SLCAN + "[control]\nrate_hz = 100\n"
 """At this rate a busy machine may keep pump and simulator away for 40 ms without any harm."""
 
 OBJECT_MM = 40.0

@@ -8,17 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import Client, DaemonProcess, daemon
+from tests.process.daemon_process import SLCAN, Client, DaemonProcess, daemon
 from tests.sim.simulator_process import SimulatorProcess, simulator
-
-SLCAN = """
-[bus]
-interface = "slcan"
-channel = "{channel}"
-sleep_after_open = 0
-[gripper]
-mount = "normal"
-"""
 
 
 def test_a_channel_that_does_not_exist_is_told_and_refused(tmp_path: Path) -> None:

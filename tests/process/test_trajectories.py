@@ -9,17 +9,9 @@ import pytest
 
 from litegrip_client import LiteGrip, LiteGripError, Trajectory
 from litegrip_client.ctl.main import main
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+from tests.process.daemon_process import DEADLINE_S, SLCAN, DaemonProcess, daemon
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
-SLCAN = """
-[bus]
-interface = "slcan"
-channel = "{channel}"
-sleep_after_open = 0
-[gripper]
-mount = "normal"
-"""
 _BUSY = ("recording_failed", "motor_silent", "motor_fault", "not_enabled", "not_confirmed")
 """What a simulator that was kept off the processor for too long brings; one tries again then."""
 
