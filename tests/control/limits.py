@@ -99,6 +99,11 @@ class LimitWatch:
         if not (is_motion and is_unanswered):
             self._check_bounds(command, feedback, code_rad, torque_nm, is_motion=is_motion)
 
+    def note(self) -> None:
+        """Remember what is wanted, for the next tick to be compared with."""
+        engine = self._engine
+        self._before = (engine.motor.phase, engine.rest, engine.output.requested)
+
     def _check_bounds(
         self,
         command: MitCommand,
@@ -155,11 +160,8 @@ class LimitWatch:
 
     def _check_stopped(self, feedback: Feedback | None) -> None:
         """While a stop is latched what is wanted stands still, lets go, or squeezes less."""
-        engine = self._engine
-        before, self._before = (
-            self._before,
-            (engine.motor.phase, engine.rest, engine.output.requested),
-        )
+        engine, before = self._engine, self._before
+        self.note()
         requested = engine.output.requested
         if not self._stopped or requested is None or feedback is None:
             return

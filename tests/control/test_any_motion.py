@@ -187,6 +187,7 @@ class AnyMotion(RuleBasedStateMachine):
         if world.machine.motor._plausibility.in_a_row and commands:
             assert commands[-1].kp_nm_rad == 0.0  # it only brakes, no harder than its command did
             assert abs(commands[-1].torque_nm) <= 1.01 * world.ranges.torque_nm / 4095
+            self.watch.note()
             return
         if motor.phase is MotorPhase.ENABLED and commands:
             self.watch.check(

@@ -83,7 +83,9 @@ class ChaosWatch:
         assert len(commands) <= 1, "more than one command in a tick"
         if engine.phase is MotorPhase.ENABLED and commands:
             if motor._plausibility.in_a_row:
-                return  # it only brakes
+                assert commands[-1].kp_nm_rad == 0.0, "leads while the position is in doubt"
+                self._limits.note()
+                return
             self._limits.check(
                 world.now_s,
                 commands[-1],
