@@ -74,13 +74,13 @@ class Rpc:
         """Whether the motor is in this phase now."""
         return bool(self.state()["motor"] == phase)
 
-    def insist(self, method: str) -> dict[str, Any]:
+    def insist(self, method: str, **params: object) -> dict[str, Any]:
         """Call; try again when the motor is said to be silent, for the machine itself stalls."""
         answer: dict[str, Any] = {}
         for _ in range(TRIES):
             if method != "motor.enable" and not self.motor_is("enabled"):
                 self.call("motor.enable")
-            answer = self.call(method)
+            answer = self.call(method, **params)
             error = answer.get("error") or {}
             if error.get("data", {}).get("reason") not in ("motor_silent", "not_enabled"):
                 break
@@ -136,9 +136,10 @@ def running(*command: str) -> Iterator[Program]:
 
 
 @contextlib.contextmanager
-def simulator(channel: str) -> Iterator[Program]:
+def simulator(channel: str, *options: str) -> Iterator[Program]:
     """Run a simulated motor on `channel`."""
-    with running("litegrip-sim", "--interface", "socketcan", "--channel", channel) as program:
+    command = ("litegrip-sim", "--interface", "socketcan", "--channel", channel, *options)
+    with running(*command) as program:
         if not reaches(lambda: program.said("serving on") or program.status is not None):
             raise TimeoutError("litegrip-sim does not serve")
         yield program

@@ -35,6 +35,7 @@ from tests.vm.guest import (
     stalls,
     witness,
 )
+from tests.vm.restarting import restart_while_holding
 
 TWO_ATTEMPTS_S = 12.0  # to open a bus: the daemon tries every 5 s at least
 
@@ -249,6 +250,7 @@ def main() -> int:
         link_down_and_up,
         sigterm_while_moving,
         *FAILING,
+        restart_while_holding,
     )
     names = sys.argv[1:]
     for scene in scenes:
