@@ -94,7 +94,9 @@ _ENGINE = Carried(
         "_queue",
         "_starting",
     ),
-    jobs=Carried(JobBook, left=("running", "_jobs"), _last=int),  # the others: `export_jobs`
+    jobs=Carried(
+        JobBook, left=("running", "_ended", "_jobs"), _last=int
+    ),  # the others: `export_jobs`
     lease=_LEASE,
     stop_latch=Carried(
         StopLatch, latched=Stop | None, generation=int, repeats=int, _latest_s=float
@@ -134,7 +136,7 @@ _GRIP = Carried(
     _slice_began_s=float,
     _slice_rad=float | None,
 )
-_JOBS = Carried(JobBook, left=("running", "_last"), _jobs=OrderedDict[int, Job])
+_JOBS = Carried(JobBook, left=("running", "_ended", "_last"), _jobs=OrderedDict[int, Job])
 
 
 def export(engine: Engine) -> dict[str, Any]:

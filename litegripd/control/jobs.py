@@ -24,6 +24,7 @@ class JobBook:
         self.running: Job | None = None
         self._jobs: OrderedDict[int, Job] = OrderedDict()
         self._last = 0
+        self._ended: list[Job] = []
 
     def __iter__(self) -> Iterator[Job]:
         """Iterate over what is kept, the oldest first."""
@@ -58,6 +59,7 @@ class JobBook:
         if job is self.running:
             self.running = None
         job.ended_s = now_s
+        self._ended.append(job)
         if isinstance(outcome, Refusal):
             job.error = outcome
             cancelled = outcome.reason in _CANCELLED_BY
@@ -65,3 +67,8 @@ class JobBook:
         else:
             job.result = outcome
             job.state = JobState.DONE
+
+    def take_ended(self) -> list[Job]:
+        """Return the jobs that have ended since the last call."""
+        ended, self._ended = self._ended, []
+        return ended

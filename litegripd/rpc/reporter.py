@@ -79,9 +79,8 @@ class Reporter:
 
     def keep_ends(self) -> None:
         """Encode every job that has ended in this period, and forget those no longer kept."""
-        for job in self._engine.jobs:
-            if not job.is_running and job.number not in self._ends:
-                self._end_of(job)
+        for job in self._engine.jobs.take_ended():
+            self._end_of(job)
         if len(self._ends) > 2 * KEPT_JOBS:
             kept = {job.number for job in self._engine.jobs}
             self._ends = {number: end for number, end in self._ends.items() if number in kept}
