@@ -83,7 +83,7 @@ class Chaos:
             client.read()
         self.world.service.take_events()  # for the log, as the daemon does
         self.world.gripper.received.clear()
-        del self.world.sent[:-200]
+        del self.world.sent[:-200], self.world.disk.dumps[:-1]
 
     def _change_faults(self) -> None:
         now_s, chance = self.world.now_s, self.chance
