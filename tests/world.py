@@ -272,6 +272,14 @@ class World:
         """Let a frame arrive that the motor did not send."""
         self._in_flight.append(frame)
 
+    def falsify_position(self, by_rad: float) -> None:
+        """Let the motor's answer that is under way tell of another position."""
+        answer = self._in_flight[-1]
+        code = int.from_bytes(answer.data[1:3], "big")
+        code += round(by_rad / (2.0 * self.ranges.position_rad) * 65535)
+        data = answer.data[:1] + code.to_bytes(2, "big") + answer.data[3:]
+        self._in_flight[-1] = CanFrame(answer.can_id, data)
+
     def run(self, duration_s: float) -> None:
         """Let time pass."""
         for _ in range(round(duration_s / PERIOD_S)):

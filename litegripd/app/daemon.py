@@ -99,6 +99,7 @@ class Daemon:
             {
                 signal.SIGTERM: self._end,
                 signal.SIGINT: self._end,
+                signal.SIGHUP: self._end,  # the terminal is gone
                 signal.SIGUSR1: self._stop_by_signal,
             }
         )

@@ -145,6 +145,12 @@ def client_lost(on_lost: OnLost, *, later: bool) -> Event:
     return Event("client_lost", text, {"on_lost": on_lost})
 
 
+def left_to_holder() -> Event:
+    """Tell that what a lost client had wished for the end of its motion is not done."""
+    text = "the gripper has a client again: what the jaws do then is that client's to say"
+    return Event("lease", text)
+
+
 def motor_changed(before: MotorPhase, now: MotorPhase) -> Event:
     """Tell that the motor is in another phase."""
     return Event("motor", f"motor: {before.value} -> {now.value}", {"phase": now.value})

@@ -93,7 +93,11 @@ class Arbiter(Running):
         return self._granted(self.lease.resume(number, owner, self.now_s))
 
     def _granted(self, answer: Grant | Refusal) -> Grant | Refusal:
+        """Tell of a grant; what a lost client wished for the jaws counts no more from then on."""
         if isinstance(answer, Grant):
+            if self._owed is not None:
+                self._owed = None
+                self.events.append(announce.left_to_holder())
             self.events.append(announce.lease_changed(answer, held=True))
         return answer
 

@@ -62,6 +62,7 @@ class Engine(Arbiter):
         self.inquiries = Inquiries()
         self.errands: list[Errand] = []
         self.capture: Capture | None = None
+        self.recordings = 0
 
     @property
     def geometry(self) -> Geometry | None:

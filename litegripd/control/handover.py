@@ -115,6 +115,7 @@ _ENGINE = Carried(
     ticks=int,
     output=_OUTPUT,
     bus=BusCondition,
+    recordings=int,
     second_master=Carried(
         SecondMaster,
         left=("is_tolerated", "count"),  # the configuration's; and the motor counts anew

@@ -36,7 +36,6 @@ class Trajectories:
         self.replay_job: Job | None = None
         self._engine = engine
         self._keeping: Keeping | None = None
-        self._recordings = 0
 
     @property
     def capture(self) -> Capture | None:
@@ -104,7 +103,7 @@ class Trajectories:
         refusal = _unusable(capture, allow_empty=allow_empty, allow_partial=allow_partial)
         if refusal is not None:
             return refusal
-        self._recordings += 1
+        engine.recordings += 1
 
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
             self._keeping = None
@@ -112,7 +111,7 @@ class Trajectories:
                 capture.let_go()
             on_kept(answer)
 
-        self._keeping = Keeping(engine, capture, self._recordings, name, kept)
+        self._keeping = Keeping(engine, capture, engine.recordings, name, kept)
         self._keeping.begin()
         return None
 

@@ -18,8 +18,9 @@ DIRECT_INTERFACES = ("socketcan", "virtual", "litegrip_sim")
 IN_PROCESS_INTERFACES = ("virtual", "litegrip_sim")
 """Those whose bus, and what is on it, ends with the process."""
 
-MAX_FRAMES_PER_TICK = 64
-"""About half of what a fully loaded 1 Mbit/s bus carries in 10 ms; the rest waits its turn."""
+MAX_FRAMES_PER_TICK = 256
+"""More than a fully loaded 1 Mbit/s bus carries in 10 ms, the longest period: nothing that is old
+counts as new. What a stall has left waiting is caught up with in a few periods."""
 
 _FRAME_OVERHEAD_BITS = 47  # start, id, control, CRC, ACK, end and interframe space
 _STUFFING = 1.1  # the average share of stuff bits on top

@@ -11,11 +11,14 @@ import signal
 import socket
 import struct
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 CHILD_FD = 3
 MEMORY_FD = 4
 """Where a child finds its socket, and the shared memory, if it was given one."""
+
+T = TypeVar("T")
 
 _DESCRIPTOR = struct.Struct("i")
 _BUFFER_BYTES = 212_992  # the kernel's usual ceiling without privileges (net.core.wmem_max)
@@ -119,9 +122,11 @@ def receive_descriptors(
     Raises what `recvmsg` raises. `socket.recv_fds` heeds no flags before Python 3.12.
     """
     room = socket.CMSG_SPACE(most * _DESCRIPTOR.size)
-    packet, ancillary, _flags, _address = connected.recvmsg(
-        most_bytes, room, socket.MSG_CMSG_CLOEXEC
-    )
+
+    def receive() -> tuple[bytes, list[tuple[int, int, bytes]], int, object]:
+        return connected.recvmsg(most_bytes, room, socket.MSG_CMSG_CLOEXEC)
+
+    packet, ancillary, _flags, _address = _despite_reset(receive)
     descriptors: list[int] = []
     for level, kind, data in ancillary:
         if (level, kind) == (socket.SOL_SOCKET, socket.SCM_RIGHTS):
@@ -133,3 +138,22 @@ def receive_descriptors(
 def inherited_socket() -> socket.socket:
     """Return the child's own end of the pair, in blocking mode."""
     return socket.socket(fileno=CHILD_FD)
+
+
+def next_packet(peer: socket.socket) -> bytes:
+    """Wait, in a child, for a packet of the daemon; nothing means that it is gone."""
+    return _despite_reset(lambda: peer.recv(MAX_PACKET_BYTES))
+
+
+def use_all_cpus() -> None:
+    """Leave the control thread's CPUs, which a child that it has started inherits, to itself."""
+    with contextlib.suppress(OSError):  # not allowed: then where it is
+        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+
+
+def _despite_reset(receive: Callable[[], T]) -> T:
+    """Receive; a reset, which tells that our words were not read, comes before the last packets."""
+    try:
+        return receive()
+    except ConnectionResetError:
+        return receive()

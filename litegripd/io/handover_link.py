@@ -59,7 +59,9 @@ class Link:
     def receive(self) -> Packet | None:
         """Return the next packet; None where there is none now, or no more."""
         try:
-            packet, descriptors = self._receive()
+            packet, descriptors = receive_descriptors(
+                self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS
+            )
         except BlockingIOError:
             return None
         if not packet:
@@ -67,13 +69,6 @@ class Link:
             return None
         kind, body = json.loads(packet)
         return Packet(kind, body, descriptors)
-
-    def _receive(self) -> tuple[bytes, list[int]]:
-        """Receive; a reset, which tells that our words were not read, comes before the last one."""
-        try:
-            return receive_descriptors(self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
-        except ConnectionResetError:
-            return receive_descriptors(self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
 
     def wait(self, within_s: float) -> Packet | None:
         """Wait for a packet or the end, at most so long."""

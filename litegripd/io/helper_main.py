@@ -18,6 +18,7 @@ from litegripd.io.child import (
     MEMORY_FD,
     inherited_socket,
     receive_descriptors,
+    use_all_cpus,
 )
 from litegripd.io.helper import GOODBYE
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
@@ -91,7 +92,10 @@ OPERATIONS: dict[str, Operation] = {
 
 
 def serve(operations: Mapping[str, Operation]) -> bool:
-    """Answer requests until the daemon is gone; tell whether it said goodbye."""
+    """Answer requests until the daemon is gone; tell whether it said goodbye.
+
+    One that has gone does not read any more, but its goodbye may lie behind its last request.
+    """
     with inherited_socket() as peer:
         while True:
             packet, descriptors = receive_descriptors(peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
@@ -107,8 +111,8 @@ def serve(operations: Mapping[str, Operation]) -> bool:
                 for answer in _answers(operations, name, parameters):
                     if identity:
                         peer.send(header + answer)
-            except BrokenPipeError:
-                return False
+            except ConnectionError:
+                continue
             finally:
                 for descriptor in descriptors:
                     os.close(descriptor)
@@ -134,6 +138,7 @@ def _answers(
 def main() -> None:
     """Run the helper with the daemon's operations."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a successor that fails is reaped at once
+    use_all_cpus()
     if serve(OPERATIONS):
         return
     try:

@@ -17,7 +17,7 @@ import can
 
 from litegripd.io.bus import BusSettings
 from litegripd.io.bus_errors import condition_of
-from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.io.messages import describe, open_bus, to_frame, to_message
 from litegripd.io.pumped_bus import pack_frames, unpack_order
 
@@ -80,6 +80,7 @@ def main() -> None:
     interface, channel, bitrate, options = json.loads(sys.argv[1])
     if interface == "slcan":
         options.setdefault("timeout", _READ_TIMEOUT_S)  # else its reader wakes 1000 times a second
+    use_all_cpus()
     peer = inherited_socket()
     try:
         bus = open_bus(BusSettings(interface, channel, bitrate, options))
@@ -89,7 +90,7 @@ def main() -> None:
     orders: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_read, args=(bus, peer), daemon=True).start()
     threading.Thread(target=_write, args=(bus, peer, orders), daemon=True).start()
-    while packet := peer.recv(MAX_PACKET_BYTES):
+    while packet := next_packet(peer):
         if orders.qsize() < _QUEUED_AT_MOST:
             orders.put(packet)
         else:

@@ -57,8 +57,11 @@ def acquire(priority: int, cpus: Sequence[int]) -> RealtimeRights:
 
 
 def give_up_priority() -> None:
-    """Go back to ordinary scheduling: what is left to do here must not keep others waiting."""
-    os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    """Go back to ordinary scheduling: what is left to do here must not keep others waiting.
+
+    `SCHED_RESET_ON_FORK` stays: without privileges nobody may take it back.
+    """
+    os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
 
 
 def _lock_memory() -> None:

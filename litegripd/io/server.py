@@ -148,7 +148,8 @@ class Server:
         """Read and serve what every client has sent until now, while there is time."""
         for connection in list(self._connections.values()):
             connection.on_event(select.EPOLLIN)
-        self.serve(until_s)
+        while self.pending and time.monotonic() < until_s:
+            self.serve(until_s)
 
     def close(self) -> None:
         """Close the listening socket and every connection."""

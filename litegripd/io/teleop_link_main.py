@@ -10,12 +10,11 @@ import socket
 import threading
 import time
 import traceback
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
-from litegripd.io.child import MAX_PACKET_BYTES, inherited_socket
+from litegripd.io.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.io.teleop_endpoint import Endpoint, UdpFollower, UdpLeader
 from litegripd.io.teleop_wire import (
     CLOSE,
@@ -189,22 +188,13 @@ def _worded(error: Exception) -> str:
     return text or type(error).__name__
 
 
-def _next(peer: socket.socket) -> bytes:
-    """Wait for a packet of the daemon; nothing means that it is gone."""
-    try:
-        return peer.recv(MAX_PACKET_BYTES)
-    except ConnectionError:  # gone, with packets unread
-        return b""
-
-
 def main() -> None:
     """Serve the daemon until it is gone."""
-    with suppress(OSError):  # the control thread's CPUs, which this has inherited, are its own
-        os.sched_setaffinity(0, range(os.cpu_count() or 1))
+    use_all_cpus()
     peer = inherited_socket()
     station = Station(peer)
     threading.Thread(target=station.work, daemon=True).start()
-    while packet := _next(peer):
+    while packet := next_packet(peer):
         kind, body = packet[:1], packet[1:]
         if kind == FRAME:
             station.publish(body)

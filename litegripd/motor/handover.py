@@ -51,7 +51,11 @@ _MOTOR = Carried(
         view=ZeroView,
     ),
     _plausibility=Carried(
-        Plausibility, left=("in_a_row", "_last", "_told_s"), refusal=Refusal | None
+        Plausibility,
+        in_a_row=int,
+        refusal=Refusal | None,
+        _last=Feedback | None,
+        _told_s=float,
     ),
     _feedback=Feedback,
     _asked_s=float,

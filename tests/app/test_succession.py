@@ -13,6 +13,7 @@ from typing import cast
 import pytest
 
 from litegripd.app.config import load, override
+from litegripd.app.handover import FORMAT
 from litegripd.app.succession import READY_WITHIN_S, TAKE_WITHIN_S, Succession
 from litegripd.io.bus import FrameBus
 from litegripd.io.child import Child
@@ -253,6 +254,18 @@ def test_a_motion_that_begins_meanwhile_is_waited_for(rig: Rig) -> None:
     line.close()
 
 
+def test_what_is_about_to_be_saved_is_waited_for(rig: Rig) -> None:
+    rig.ready()
+    assert rig.step() is None
+    rig.client.send("config.set", config={"speed_mm_s": 33.0}, keep=True)
+    assert [errand.operation for errand in rig.world.engine.errands] == ["motion.save"]
+    assert rig.step() is None, "its result would be lost"
+    assert rig.told == []
+    rig.world.run(0.1)
+    assert not rig.world.engine.errands
+    assert rig.client.has_answer(rig.client.last_id)
+
+
 def test_waiting_has_an_end(rig: Rig) -> None:
     link = rig.ready()
     rig.client.send("motion.move", opening_mm=20, speed_mm_s=1)
@@ -316,7 +329,7 @@ def test_the_state_fits_what_the_successor_prepares_with(rig: Rig) -> None:
     assert will["epoch"] == "epoch"
     assert will["path"] == str(rig.places.path)
     assert will["settings"].keys() == {"bus", "motor", "gripper", "rpc"}
-    assert will["state"]["format"] == 1
+    assert will["state"]["format"] == FORMAT
 
 
 def test_a_successor_without_predecessor_or_with_a_dead_one_ends() -> None:

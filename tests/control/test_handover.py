@@ -307,7 +307,7 @@ def test_what_is_missing_or_of_a_wrong_type_is_refused_wherever_it_is() -> None:
     assert not [path for path in accepted if path[-1] not in ("data", "content", "value")]
 
 
-@pytest.mark.parametrize("found", [0, 2, None, "1"])
+@pytest.mark.parametrize("found", [0, handover.FORMAT + 1, None, str(handover.FORMAT)])
 def test_another_format_is_refused(found: Any) -> None:
     whole = exported(disabled("normal"))
     whole["state"]["format"] = found
@@ -325,6 +325,31 @@ def test_another_motor_or_a_phase_on_its_way_is_refused() -> None:
         whole["state"]["motor"]["_phase"] = phase
         with pytest.raises(PlainError, match="no phase"):
             successor_of(whole)
+
+
+def test_the_first_position_that_a_successor_hears_is_judged_by_the_last_one_before() -> None:
+    world = hold("normal")
+    world.run(0.5)
+    before_mm = world.gripper.opening_mm
+    exchange(world)
+    world.falsify_position(0.5)
+    for _ in range(40):
+        world.tick()
+        assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.1)
+    assert world.in_phase(MotorPhase.ENABLED)
+
+
+def test_no_recording_gets_the_number_of_one_before() -> None:
+    world = hold("normal")
+    client = world.client()
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.run(0.2)
+    first = client.result("trajectory.record_stop")["recording"]
+    exchange(world)
+    client = world.client()
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.run(0.2)
+    assert client.result("trajectory.record_stop")["recording"] == first + 1
 
 
 def test_an_attribute_that_nobody_has_thought_of_is_a_defect_that_is_told() -> None:

@@ -61,6 +61,18 @@ class TestLostHolder:
         assert job.state is JobState.DONE
         check_left(world, on_lost)
 
+    def test_one_whose_motion_outlives_it_and_whom_another_follows(self, on_lost: str) -> None:
+        world, client = self.holder(on_lost)
+        client.send("motion.open", speed_mm_s=10, wait=False)
+        world.run(0.4)
+        other = world.client()
+        other.result("lease.take", why="it is my turn")
+        client.leave()
+        job = list(world.engine.jobs)[-1]
+        other.result("job.cancel", job=job.number)
+        other.result("motion.move", opening_mm=20)
+        check_left(world, "hold")
+
     def test_what_a_lost_one_has_queued_never_runs(self, on_lost: str) -> None:
         world, client = self.holder(on_lost)
         client.send("motion.open", wait=False)

@@ -118,6 +118,15 @@ def test_one_tick_reads_a_bounded_number_of_frames(rig: Rig) -> None:
     assert len(rig.tick()) == 3
 
 
+def test_the_newest_frame_of_a_full_bus_is_read_in_the_longest_period(rig: Rig) -> None:
+    shortest_frame_s, longest_period_s = 47e-6, 0.01
+    newest = can.Message(arbitration_id=0x18, data=b"newest", is_extended_id=False)
+    rig.tick()
+    rig.fake.to_receive += [MESSAGE] * int(longest_period_s / shortest_frame_s)
+    rig.fake.to_receive.append(newest)
+    assert rig.tick()[-1].data == b"newest"
+
+
 @pytest.mark.parametrize(
     "error",
     [

@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import select
 import signal
 from collections.abc import Iterator
 from pathlib import Path
@@ -218,6 +219,26 @@ def test_without_a_goodbye_the_helper_writes_what_the_daemon_did_last(
     assert path.name.endswith("-crash.mcap")
     assert messages_of(path.read_bytes())["/litegrip/virtual/tick"]
     assert str(path) in capfd.readouterr().err
+
+
+def test_a_daemon_that_dies_with_an_answer_unread_leaves_its_last_minute(
+    shared: SharedMemory, tmp_path: Path
+) -> None:
+    """The helper is told of a reset before it is told of the end."""
+    child = Child("litegripd.io.helper_main", memory_fd=shared.fd)
+    assert child.send(json.dumps([1, "calibration.templates", {}]).encode())
+    assert select.select([child.socket], [], [], DEADLINE_S)[0]
+    child.close(DEADLINE_S)
+    (path,) = dumps_in(tmp_path)
+    assert path.name.endswith("-crash.mcap")
+
+
+def test_an_end_before_the_last_answer_is_no_crash(shared: SharedMemory, tmp_path: Path) -> None:
+    rig = helper_with(shared)
+    rig.helper.request("recorder.dump", {"cause": "motor_fault", "note": ""}, rig.results.append)
+    rig.helper.close()
+    (path,) = dumps_in(tmp_path)
+    assert path.name.endswith("-motor_fault.mcap")
 
 
 def test_a_group_that_is_sent_sigterm_loses_no_helper(shared: SharedMemory) -> None:

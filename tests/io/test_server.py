@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import socket
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -13,7 +14,7 @@ from litegripd.io import server as server_module
 from litegripd.io.connection import MAX_UNSENT_BYTES
 from litegripd.rpc.session import Session
 from litegripd.rpc.wire import MAX_LINE_BYTES
-from tests.io.loop import Loop, line
+from tests.io.loop import DEADLINE_S, Loop, line
 
 
 def padded(length: int) -> bytes:
@@ -37,6 +38,15 @@ def test_many_lines_in_one_packet_are_all_answered_in_order(loop: Loop) -> None:
     client = loop.connect()
     client.send(b"".join(line("echo", n) for n in range(150)))
     assert [answer["id"] for answer in loop.read(client, 150)] == list(range(150))
+
+
+def test_all_that_clients_have_sent_before_an_end_is_served(loop: Loop) -> None:
+    clients = [loop.connect() for _ in range(40)]
+    loop.until(lambda: loop.server.clients == len(clients))
+    for client in clients:
+        client.send(line("echo", 1))
+    loop.server.drain(time.monotonic() + DEADLINE_S)
+    assert len(loop.service.lines) == len(clients)
 
 
 def test_a_line_may_come_in_pieces_and_half_a_line_disturbs_nobody(loop: Loop) -> None:

@@ -124,7 +124,10 @@ def test_a_killed_client_that_asked_for_it_disables_the_motor(
         watcher.until(lambda state: bool(state["status"] == "disabled" and not state["enabled"]))
 
 
-def test_sigterm_while_moving_disables_the_motor_and_answers_who_waits(tmp_path: Path) -> None:
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
+def test_a_signal_while_moving_disables_the_motor_and_answers_who_waits(
+    tmp_path: Path, number: signal.Signals
+) -> None:
     with (
         daemon(tmp_path, f"sim-{os.getpid()}", "--simulate") as running,
         running.connect() as mover,
@@ -132,7 +135,7 @@ def test_sigterm_while_moving_disables_the_motor_and_answers_who_waits(tmp_path:
         mover.enabled()
         motion = mover.send("motion.open", speed_mm_s=20)
         mover.until(lambda state: bool(state["mode"] == "moving"))
-        running.process.send_signal(signal.SIGTERM)
+        running.process.send_signal(number)
         assert mover.answer(motion)["error"]["data"]["reason"] == "shutting_down"
         assert mover.read() == {}
         assert running.exit_code() == 0
