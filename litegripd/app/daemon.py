@@ -13,10 +13,10 @@ from litegripd.app.flight import make_flight
 from litegripd.app.logs import log_event, log_motor, make_log_handler
 from litegripd.app.machine import Machine
 from litegripd.app.making import Legacy, make_bus, occupy_places
+from litegripd.app.retiring import Retirement
 from litegripd.app.starting import load_at_start
 from litegripd.app.succession import Succession
 from litegripd.io.child import Child
-from litegripd.io.handover_link import Link
 from litegripd.io.helper import Helper
 from litegripd.io.notify import barrier, notify
 from litegripd.io.reactor import Reactor
@@ -36,9 +36,6 @@ _log = logging.getLogger(__name__)
 OPEN_WITHIN_S = 0.5
 """So long the first clients wait for motor and calibration to be found; then they are told that
 these are not there."""
-
-DRAIN_WITHIN_S = 0.05
-"""So long a daemon that has handed over serves what its clients have sent before."""
 
 MANAGER_WITHIN_S = 1.0
 """So long it waits for the service manager to know the successor as its main process."""
@@ -109,7 +106,7 @@ class Daemon:
         self._motor_was_known = False
         self._calibration_is_known = False
         self._opens_at_s: float | None = None
-        self._successor: Link | None = None
+        self._retirement: Retirement | None = None
 
     def run(self) -> bool:
         """Run until told to end, and disable the motor; tell whether it is known to be off."""
@@ -153,14 +150,14 @@ class Daemon:
         finally:
             self._close()
             root.handlers = self._previous_handlers
-        if self._successor is not None:
+        if self._retirement is not None:
             _log.info("ended; the motor belongs to the successor, pid %d", self._succession.pid)
             return True
         return self._ending.tell()
 
     def _tick(self, now_s: float) -> None:
         """Do one period's work, stops first; whatever fails in it, the end stays possible."""
-        if self._successor is not None:  # not even a defect in `_retire` may command again
+        if self._retirement is not None:  # not even a defect in `_retire` may command again
             self._reactor.stop()
             return
         self._urgent.serve()
@@ -189,10 +186,13 @@ class Daemon:
         self._greet_motor()
         if self._opens_at_s is not None:
             self._open_when_ready(now_s, self._opens_at_s)
-        self._successor = self._succession.step(now_s, self._reactor.next_tick_s)
-        if self._successor is not None:
+        successor = self._succession.step(now_s, self._reactor.next_tick_s)
+        if successor is not None:
+            self._retirement = Retirement(
+                successor, self._succession, self._machine.engine, self._urgent, self._ending
+            )
             self._reactor.stop()
-            self._retire(self._successor)
+            self._retire(self._retirement)
 
     def _record(self, now_s: float, failed: bool) -> None:
         """Record the tick; errands and events leave even where it failed."""
@@ -220,26 +220,13 @@ class Daemon:
         channel, places = self._config.channel, self._places
         _log.info("channel %s: listening on %s and %s", channel, places.path, places.stop_path)
 
-    def _retire(self, successor: Link) -> None:
-        """End after a successor has taken over: the bus is its own, and so is whoever comes now.
-
-        Who had connected before gets its answers; a stop or SIGTERM is passed on.
-        """
+    def _retire(self, retirement: Retirement) -> None:
+        """End after a successor has taken over: the bus is its own, and so is whoever comes now."""
         give_up_priority()
         self._succession.tell_outcome()
-        engine, stops = self._machine.engine, self._machine.engine.stop_latch
-        was_told = stops.generation
-        engine.shut_down()  # this engine has no motor any more: it only refuses
-        self._server.let_in(False)
-        self._stop_listener.let_in_no_more()
-        self._urgent.serve()
-        self._server.drain(time.monotonic() + DRAIN_WITHIN_S)
-        if stops.generation != was_told and stops.latched is not None:
-            self._succession.tell_stop(successor, stops.latched, stops.generation)
-        if self._ending.has_begun:
-            self._succession.tell_end(successor)
+        retirement.part_with_clients(self._server, self._stop_listener)
         if notify(f"MAINPID={self._succession.pid}"):
-            barrier(MANAGER_WITHIN_S)
+            barrier(MANAGER_WITHIN_S, retirement.pass_on)
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop, in force with the next command; return the level that is latched, and the count."""
@@ -257,19 +244,21 @@ class Daemon:
 
     def _close(self) -> None:
         self._succession.close()
-        self._server.flush()
-        self._server.close()
-        self._stop_listener.close()
         self._service.dumps.finish(time.monotonic())
         self._run_errands()
-        if self._successor is None:
+        if self._retirement is None:
+            self._server.flush()
+            self._server.close()
+            self._stop_listener.close()
             self._places.remove()
             self._bus.close()
+            self._helper.close()
+            self._links.close()
         else:
-            self._successor.close()
             self._bus.leave()
-        self._helper.close()
-        self._links.close()
+            self._helper.let_go()
+            self._links.let_go()
+            self._retirement.close()
         self._signals.close()
         self._places.claim.close()
         self._urgent.close()

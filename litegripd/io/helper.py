@@ -130,6 +130,14 @@ class Helper:
             self._child.close(FINISH_WITHIN_S if self._requests else END_WITHIN_S)
             self._child = None
 
+    def let_go(self) -> None:
+        """Leave the helper process to do what it was sent, and to end by itself."""
+        if self._child is not None:
+            self.post(GOODBYE, {})
+            self._unwatch(self._child)
+            self._child.let_go()
+            self._child = None
+
     def _start(self) -> None:
         try:
             self._child = Child(self._module, memory_fd=self._memory_fd)

@@ -6,8 +6,11 @@ The protocol is one datagram of lines `NAME=value` to the socket that NOTIFY_SOC
 import os
 import select
 import socket
+import time
+from collections.abc import Callable
 
 _BARRIER = b"BARRIER=1"
+_LOOK_EVERY_MS = 5
 
 
 def notify(text: str) -> bool:
@@ -15,11 +18,13 @@ def notify(text: str) -> bool:
     return _send(text.encode(), ())
 
 
-def barrier(within_s: float) -> bool:
+def barrier(within_s: float, meanwhile: Callable[[], None]) -> bool:
     """Wait until the manager has taken in all that was sent before; False if it has not in time.
 
-    It closes the descriptor that it gets, which we see (systemd 246; others never do).
+    It closes the descriptor that it gets, which we see (systemd 246; others never do). `meanwhile`
+    is called every few milliseconds.
     """
+    ends_s = time.monotonic() + within_s
     ours, theirs = os.pipe()
     try:
         sent = _send(_BARRIER, (theirs,))
@@ -28,7 +33,10 @@ def barrier(within_s: float) -> bool:
     try:
         poll = select.poll()
         poll.register(ours, 0)
-        return sent and bool(poll.poll(within_s * 1e3))
+        while sent and not poll.poll(_LOOK_EVERY_MS):
+            meanwhile()
+            sent = time.monotonic() < ends_s
+        return sent
     finally:
         os.close(ours)
 

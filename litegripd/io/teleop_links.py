@@ -92,6 +92,12 @@ class TeleopLinks:
             self._child.close(_END_WITHIN_S)
             self._child = None
 
+    def let_go(self) -> None:
+        """Leave the process to end by itself, as it does without its daemon."""
+        if self._child is not None:
+            self._child.let_go()
+            self._child = None
+
     # For the links
 
     def send(self, packet: bytes) -> bool:

@@ -105,7 +105,7 @@ def test_the_manager_is_told_and_waited_for(
         manager.bind(address)
         assert notify("READY=1")
         assert manager.recv(100) == b"READY=1"
-        assert not barrier(0.0), "the manager has not looked yet"
+        assert not barrier(0.0, lambda: None), "the manager has not looked yet"
         message, descriptors, _flags, _address = socket.recv_fds(manager, 100, 1)
         assert message == b"BARRIER=1"
         os.close(descriptors[0])
@@ -116,10 +116,10 @@ def test_without_a_manager_nothing_is_waited_for(
 ) -> None:
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
     assert not notify("READY=1")
-    assert not barrier(DEADLINE_S)
+    assert not barrier(DEADLINE_S, lambda: None)
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "nobody"))
     assert not notify("READY=1")
-    assert not barrier(DEADLINE_S)
+    assert not barrier(DEADLINE_S, lambda: None)
     monkeypatch.setenv("NOTIFY_SOCKET", "vsock:2:1234")
     assert not notify("READY=1")
 

@@ -157,19 +157,48 @@ def test_no_stop_is_lost_on_the_way_from_one_to_the_other(daemon: Restartable) -
         assert state["stop_generation"] >= generation
 
 
-def test_the_service_manager_is_told_who_the_daemon_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.fixture
+def manager(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    """The end at which a service manager hears what its services tell it."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(str(tmp_path / "notify"))
+        listening.settimeout(DEADLINE_S)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+        yield listening
+
+
+def restarted(running: Restartable) -> None:
+    """Restart a daemon; what this busy machine lets fail is tried again."""
+    deadline_s = time.monotonic() + DEADLINE_S
+    with running.connect() as client:
+        while "result" not in (answer := running.restart(client)):
+            assert time.monotonic() < deadline_s, answer
+
+
+@pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGTERM])
+def test_a_signal_to_the_old_daemon_is_passed_on_to_its_end(
+    tmp_path: Path, manager: socket.socket, number: signal.Signals
 ) -> None:
-    manager = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    manager.bind(str(tmp_path / "notify"))
-    manager.settimeout(DEADLINE_S)
-    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
-    with manager, restartable(tmp_path) as running:
+    """The service manager takes its time, and so the old daemon is still there."""
+    with restartable(tmp_path) as running:
+        restarted(running)
+        assert running.first.process.poll() is None
+        running.first.process.send_signal(number)
+        if number == signal.SIGTERM:
+            wait_for_end(running.pid)
+            assert "ended; the motor is off" in running.log
+        else:
+            with running.connect() as client:
+                client.until(lambda state: bool(state["stop"] is not None))
+        assert running.first.exit_code() == 0
+
+
+def test_the_service_manager_is_told_who_the_daemon_is(
+    tmp_path: Path, manager: socket.socket
+) -> None:
+    with restartable(tmp_path) as running:
         assert manager.recv(100) == b"READY=1"
-        with running.connect() as client:
-            deadline_s = time.monotonic() + DEADLINE_S
-            while "result" not in (answer := running.restart(client)):
-                assert time.monotonic() < deadline_s, answer
+        restarted(running)
         assert manager.recv(100) == f"MAINPID={running.pid}".encode()
         message, (barrier,), _flags, _address = socket.recv_fds(manager, 100, 1)
         assert message == b"BARRIER=1"
