@@ -27,14 +27,14 @@ def run_script(running: DaemonProcess) -> "subprocess.CompletedProcess[str]":
 def test_quick_start(tmp_path: Path) -> None:
     config = tmp_path / "gripper.toml"
     config.write_text(CONFIG.format(mount="normal"), encoding="utf-8")
-    with daemon(tmp_path / "daemon", "can0", "--config", str(config)) as running:
-        with running.connect() as client:
-            client.until(lambda state: bool(state["motor"] == "disabled"))
-            done = run_script(running)
-            for _ in range(TRIES - 1):
-                if "HardwareError" in done.stderr:
-                    done = run_script(running)
-            assert (done.returncode, done.stderr) == (0, "")
-            assert done.stdout == "True False 0\n"  # nothing was between the jaws
-            state = client.until(lambda state: bool(state["motor"] == "disabled"))
-            assert state["openness"] < 0.1
+    arguments = ("can0", "--config", str(config))
+    with daemon(tmp_path / "daemon", *arguments) as running, running.connect() as client:
+        client.until(lambda state: bool(state["motor"] == "disabled"))
+        done = run_script(running)
+        for _ in range(TRIES - 1):
+            if "HardwareError" in done.stderr:
+                done = run_script(running)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout == "True False 0\n"  # nothing was between the jaws
+        state = client.until(lambda state: bool(state["motor"] == "disabled"))
+        assert state["openness"] < 0.1
