@@ -40,7 +40,7 @@ MEANINGS = {
     "hold_kp": "A hold by gains: stiffness, N·m/rad.",
     "hold_kd": "A hold by gains: damping, N·m·s/rad.",
     "stop_torque_nm": "Torque guard of `open` and `close` on their way: where it begins, N·m.",
-    "stop_torque_cycles": "So many periods in a row make it let go.",
+    "stop_torque_cycles": "So many samples in a row with it, and slow jaws, make it let go.",
     "stop_release_s": "For how long it lets go, s.",
     "enable_retries": "Attempts to enable the motor.",
     "enable_retry_interval": "Time between them, s.",
@@ -91,8 +91,8 @@ ENVIRONMENT = """
 In `$STATE_DIRECTORY`, which systemd sets to `/var/lib/litegripd`. Without it, in
 `/var/lib/litegripd` where it may write there, else in `~/.local/state/litegripd`. There are the
 calibration of each channel, the motions' defaults that were kept, `trajectories/` and
-`dumps/<channel>/`. `LITEGRIP_CALIB` in the daemon's environment names a calibration file that counts
-before all others but `mount`.
+`dumps/<channel>/`. `LITEGRIP_CALIB` in the daemon's environment names a calibration file that
+counts before all others but `mount`.
 """
 
 
@@ -114,9 +114,9 @@ def default_file() -> str:
     lines = [
         "# Configuration of litegripd; made by docs/generate.py.",
         "# A channel's own file, /etc/litegripd/<channel>.toml, is read if it exists, else",
-        "# /etc/litegripd/litegripd.toml, else the defaults, which are the values shown here. Where",
-        "# a key is commented out, leaving it out means what its text says; the value is an example.",
-        "# An unknown key, a wrong type or an impossible value is refused at the start.",
+        "# /etc/litegripd/litegripd.toml, else the defaults, which are the values shown here. What",
+        "# is commented out shows an example. An unknown key, a wrong type or an impossible value is",
+        "# refused at the start.",
     ]
     for table, about in TABLES.items():
         lines += ["", *_comment(about), f"[{table}]"]
