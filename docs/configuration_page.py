@@ -114,9 +114,9 @@ def default_file() -> str:
     lines = [
         "# Configuration of litegripd; made by docs/generate.py.",
         "# A channel's own file, /etc/litegripd/<channel>.toml, is read if it exists, else",
-        "# /etc/litegripd/litegripd.toml, else the defaults, which are the values shown here. What",
-        "# is commented out shows an example. An unknown key, a wrong type or an impossible value is",
-        "# refused at the start.",
+        "# /etc/litegripd/litegripd.toml, else the defaults, which are the values shown here.",
+        "# What is commented out shows an example. An unknown key, a wrong type or an impossible",
+        "# value is refused at the start.",
     ]
     for table, about in TABLES.items():
         lines += ["", *_comment(about), f"[{table}]"]
