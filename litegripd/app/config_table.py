@@ -104,7 +104,8 @@ KEYS = (
         "mount",
         str,
         '"normal"',
-        'The calibration to start with: "normal", "reverse", or the absolute path of a calibration'
+        '"normal" or "reverse" declares which way closing runs: what the daemon has measured of'
+        " such a mount counts, else its nominal template. Or the absolute path of a calibration"
         " file. Left out: the first that fits of the daemon's own file for this channel,"
         " ~/.litegrip/<channel>_calibration.json, ~/.litegrip/litegrip_calibration.json (of the"
         " daemon's user) and, for can0, the factory's.",
