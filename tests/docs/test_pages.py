@@ -9,6 +9,8 @@ import pytest
 import litegrip_client
 from litegrip_client import LiteGrip
 from litegrip_client.ctl.options import parse
+from litegripd.model.errors import ERROR_TABLE
+from litegripd.model.motor import Status, status_name
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted(
@@ -107,3 +109,21 @@ def test_the_index_names_every_page() -> None:
     linked = {target.partition("#")[0] for target in LINK.findall(text_of("docs/README.md"))}
     pages = {path.name for path in (ROOT / "docs").glob("*.md")} - {"README.md"}
     assert pages <= linked
+
+
+def test_troubleshooting_knows_every_reason_that_a_user_can_mend() -> None:
+    hardware, busy, stopped, not_permitted = 5, 6, 7, 9
+    mended = {hardware, busy, stopped, not_permitted}
+    page = text_of("docs/troubleshooting.md")
+    for row in ERROR_TABLE:
+        if row.exit_code in mended:
+            assert f"`{row.reason}`" in page, row.reason
+
+
+def test_troubleshooting_knows_every_fault_of_the_motor() -> None:
+    page = text_of("docs/troubleshooting.md")
+    faults = [status for status in Status if status >= Status.OVER_VOLTAGE]
+    assert len(faults) == 7
+    for status in faults:
+        name = status_name(status).replace("_", " ")
+        assert f"| {status:X} | {name} |" in page
