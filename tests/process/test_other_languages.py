@@ -95,7 +95,8 @@ def test_cpp(holding: DaemonProcess, cpp: list[str]) -> None:
 def test_javascript(holding: DaemonProcess, javascript: list[str]) -> None:
     *openings, last = grasps(holding, javascript).splitlines()
     outcome, width_mm = last.split()
-    assert (outcome, float(width_mm)) == ("object_held", pytest.approx(40.0, abs=1.5))
+    assert outcome == "object_held"
+    assert float(width_mm) == pytest.approx(40.0, abs=1.5)
     assert len(openings) > 1
     assert all(line.startswith("opening ") for line in openings)
     assert refused(holding, javascript).endswith(" stopped\n")
