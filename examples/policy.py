@@ -2,8 +2,8 @@
 
 python examples/policy.py [--channel can0] [--seconds 5]
 
-The loop has no clock of its own: the daemon sends 50 states a second, and the newest one counts. A
-target is valid for 0.2 s. A policy that hangs or crashes leaves jaws that hold.
+The loop has no clock of its own: the daemon sends 50 states a second, and the newest one counts.
+A target is valid for 0.2 s: when a policy hangs, the jaws hold. A crash disables the motor.
 """
 
 import argparse
