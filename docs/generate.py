@@ -18,6 +18,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from docs.configuration_page import configuration_page, default_file  # noqa: E402
 from litegripd.io.stop_listener import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.model.state import GripperState  # noqa: E402
@@ -196,6 +197,8 @@ GENERATED = (
     Generated("litegrip_client/_error_table.py", client_error_table),
     Generated("docs/errors.md", errors_page),
     Generated("docs/protocol.md", protocol_page),
+    Generated("docs/configuration.md", configuration_page),
+    Generated("etc/litegripd.toml", default_file),
 )
 
 

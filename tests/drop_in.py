@@ -195,6 +195,10 @@ class Site:
         self.run_until(lambda: daemon.phase is MotorPhase.DISABLED, 2.0)
         return daemon
 
+    def leave(self, channel: str) -> None:
+        """Go on on another machine: there a script finds another daemon on `channel`, if any."""
+        self._daemons[f"another machine's {channel}"] = self._daemons.pop(channel)
+
     def tick(self) -> None:
         """Let one period pass everywhere; then do what was planned for this moment."""
         self.now_s += PERIOD_S

@@ -1,6 +1,6 @@
 """The daemon's configuration: TOML to frozen values, refused as a whole when anything is wrong.
 
-The tables below are the one definition: what is not in them is unknown.
+What there is, and what it may be, is in `config_table.py`.
 """
 
 import dataclasses
@@ -11,10 +11,10 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from litegripd.app.config_table import KEYS, MAX_CPUS, TABLES
 from litegripd.app.roles import ALLOWED, Access, UnknownEntryError, access_of
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import TEMPLATES
-from litegripd.rpc.session import ROLES
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -22,8 +22,6 @@ else:
     import tomli as tomllib
 
 DIRECTORY = Path("/etc/litegripd")
-MOTOR_TYPES = ("DM4310",)
-MAX_STANDARD_ID = 0x7FE  # 0x7FF carries register traffic
 
 
 class ConfigError(ValueError):
@@ -91,44 +89,10 @@ class Config:
     source: Path | None = None
 
 
-_RANGES: Mapping[tuple[str, str], tuple[float, float]] = {
-    ("bus", "bitrate"): (10_000, 1_000_000),
-    ("motor", "can_id"): (0x01, MAX_STANDARD_ID),
-    ("motor", "master_id"): (0x00, MAX_STANDARD_ID),
-    ("gripper", "stroke_mm"): (1.0, 1000.0),
-    ("control", "rate_hz"): (100, 1000),
-    ("control", "priority"): (0, 99),
-}
-_CHOICES: Mapping[tuple[str, str], tuple[str, ...]] = {
-    ("motor", "type"): MOTOR_TYPES,
-    ("motor", "second_master"): ("refuse", "tolerate"),
-    ("access", "default"): ROLES,
-}
-_TYPES: Mapping[tuple[str, str], type] = {
-    ("bus", "interface"): str,
-    ("bus", "channel"): str,
-    ("bus", "bitrate"): int,
-    ("motor", "type"): str,
-    ("motor", "can_id"): int,
-    ("motor", "master_id"): int,
-    ("motor", "second_master"): str,
-    ("gripper", "mount"): str,
-    ("gripper", "stroke_mm"): float,
-    ("control", "rate_hz"): int,
-    ("control", "priority"): int,
-    ("control", "cpus"): list,
-    ("rpc", "socket"): str,
-    ("rpc", "group"): str,
-    ("access", "default"): str,
-    ("access", "admins"): tuple,
-    ("access", "operators"): tuple,
-    ("access", "observers"): tuple,
-    ("teleop", "zenoh_config"): str,
-}
+_KEYS = {(key.table, key.name): key for key in KEYS}
 _OURS = ("ignore_config",)
 """Arguments of python-can that the daemon sets itself."""
 
-_TABLES = ("bus", "motor", "gripper", "control", "rpc", "access", "teleop")
 _NAMED = {
     str: "a string",
     int: "an integer",
@@ -136,7 +100,6 @@ _NAMED = {
     list: "an array of integers, 0 to 1023",
     tuple: f"an array of these: {ALLOWED}",
 }
-_MAX_CPUS = 1024
 
 
 def find(channel: str, directory: Path = DIRECTORY) -> Path | None:
@@ -166,8 +129,8 @@ def load(channel: str, path: Path | None) -> Config:
 def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Config:
     where = "defaults" if source is None else str(source)
     for table, values in content.items():
-        if table not in _TABLES:
-            raise ConfigError(f"{where}: unknown table [{table}]; allowed: {_listed(_TABLES)}")
+        if table not in TABLES:
+            raise ConfigError(f"{where}: unknown table [{table}]; allowed: {_listed(TABLES)}")
         if not isinstance(values, dict):
             raise ConfigError(f"{where}: {table} must be a table, written [{table}]")
         for key, value in values.items():
@@ -215,24 +178,22 @@ def _check(where: str, table: str, key: str, value: Any) -> None:
 
     Further keys of [bus] are python-can's: only it knows which its interface takes.
     """
-    kind = _TYPES.get((table, key))
+    known = _KEYS.get((table, key))
     name = f"{where}: [{table}] {key}"
-    if kind is None:
+    if known is None:
         if table == "bus" and key not in _OURS:
             if not isinstance(value, bool | int | float | str):
                 raise ConfigError(f"{name} is {value!r}, it must be a string, number or boolean")
             return
-        allowed = [known for owner, known in _TYPES if owner == table]
+        allowed = [one.name for one in KEYS if one.table == table]
         raise ConfigError(f"{name} is unknown; allowed: {_listed(allowed)}")
-    if not _has_type(value, kind):
-        raise ConfigError(f"{name} is {value!r}, it must be {_NAMED[kind]}")
-    low, high = _RANGES.get((table, key), (-math.inf, math.inf))
-    if kind in (int, float) and not low <= value <= high:
-        raise ConfigError(f"{name} is {value}, it must be {low:g} to {high:g}")
-    choices = _CHOICES.get((table, key))
-    if choices and value not in choices:
-        raise ConfigError(f"{name} is {value!r}, it must be one of: {_listed(choices)}")
-    if kind is str and not value:
+    if not _has_type(value, known.kind):
+        raise ConfigError(f"{name} is {value!r}, it must be {_NAMED[known.kind]}")
+    if known.kind in (int, float) and not known.low <= value <= known.high:
+        raise ConfigError(f"{name} is {value}, it must be {known.low:g} to {known.high:g}")
+    if known.choices and value not in known.choices:
+        raise ConfigError(f"{name} is {value!r}, it must be one of: {_listed(known.choices)}")
+    if known.kind is str and not value:
         raise ConfigError(f"{name} is empty; leave the key out for the default")
 
 
@@ -259,7 +220,7 @@ def _has_type(value: Any, kind: type) -> bool:
         return isinstance(value, int | float) and math.isfinite(value)
     if kind is list:
         return isinstance(value, list) and all(
-            isinstance(item, int) and not isinstance(item, bool) and 0 <= item < _MAX_CPUS
+            isinstance(item, int) and not isinstance(item, bool) and 0 <= item < MAX_CPUS
             for item in value
         )
     if kind is tuple:

@@ -17,7 +17,7 @@ def generate(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def a_copy(tmp_path: Path) -> Path:
     skipped = shutil.ignore_patterns("__pycache__")
-    for name in ("docs", "litegripd", "litegrip_client"):
+    for name in ("docs", "etc", "examples", "litegripd", "litegrip_client"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=skipped)
     return tmp_path
 

@@ -8,19 +8,8 @@ import pytest
 from litegrip_client import LiteGrip
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site
+from tests.seed import blocks
 from tests.seed.scenes import content, jaws_are_loose, own_file, speed_mm_s
-
-
-def the_example() -> None:
-    """Run the SDK's first example, word for word but the import."""
-    with LiteGrip(channel="can0", can_id=0x08) as gripper:
-        gripper.load_calibration()
-        gripper.enable()
-
-        gripper.open()
-        gripper.close()
-        result = gripper.grasp(force_n=20.0, hold_s=3.0)
-        print(result.reached, result.stalled, result.cycles)
 
 
 def test_the_example_on_an_object(
@@ -31,7 +20,7 @@ def test_the_example_on_an_object(
     daemon = site.add(Daemon(mount=mount, calibrated=False))
     daemon.gripper.put_object(width_mm=30.0)
     with site.recorded(daemon) as moments:
-        the_example()
+        blocks.run(blocks.source("quick_start"))
     assert capsys.readouterr().out == "False True 15\n"
     assert max(moment.opening_mm for moment in moments) == pytest.approx(120.0, abs=1.0)
     assert moments[-10].closing_torque_nm == pytest.approx(2.0, abs=0.1)
@@ -45,7 +34,7 @@ def test_the_example_without_an_object_ends_at_once(
     own_file(home, "can0", mount)
     daemon = site.add(Daemon(mount=mount, calibrated=False))
     with site.recorded(daemon) as moments:
-        the_example()
+        blocks.run(blocks.source("quick_start"))
     assert capsys.readouterr().out == "True False 0\n"
     openings = [moment.opening_mm for moment in moments]
     assert max(openings) == pytest.approx(120.0, abs=1.0)

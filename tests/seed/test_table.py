@@ -18,6 +18,7 @@ SECTIONS = (
     "How the motion works",
     "Torque, force and safety",
     "Migrating from the 2.2.0 API",
+    "Code blocks",
 )
 
 

@@ -1,0 +1,50 @@
+"""Every block of Python in the pages is run, on a whole daemon in virtual time."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from litegrip_client import LiteGrip
+from tests.docs.test_pages import NAMES, text_of
+from tests.drop_in import Daemon, Site, a_site
+from tests.seed import blocks
+
+BLOCKS = [
+    (name, code)
+    for name in NAMES
+    for code in re.findall(r"^```python\n(.*?)^```$", text_of(name), re.MULTILINE | re.DOTALL)
+]
+
+
+def interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+def run(site: Site, code: str) -> None:
+    """Run a script, or parts that are given a gripper and go on until they are interrupted."""
+    if "with LiteGrip(" in code:
+        blocks.run(code)
+        return
+    with LiteGrip("can0") as gripper:
+        gripper.enable()
+        for part in code.split("\n\n"):
+            site.after(5.0, interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                blocks.run(part, gripper=gripper)
+
+
+def test_there_are_blocks() -> None:
+    assert [name for name, _ in BLOCKS].count("README.md") == 3
+    assert [name for name, _ in BLOCKS].count("docs/tutorial.md") == 1
+
+
+@pytest.mark.parametrize(("name", "code"), BLOCKS, ids=[name for name, _ in BLOCKS])
+def test_it_runs(name: str, code: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with a_site(tmp_path) as site:
+        daemon = site.add(Daemon())
+        daemon.gripper.put_object(width_mm=30.0)
+        run(site, code)
+        assert not daemon.is_energised
+    if "print(" in code:
+        assert capsys.readouterr().out

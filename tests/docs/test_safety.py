@@ -1,0 +1,97 @@
+"""What docs/safety.md says of torques, measured at simulated jaws on something rigid."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from litegrip_client import LiteGrip, StoppedError, Trajectory, TrajectorySample
+from tests.drop_in import Daemon, Moment, Site, a_site
+
+RIGID_NM_RAD = 1500.0
+OBJECT_MM = 40.0
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    with a_site(tmp_path) as site:
+        yield site
+
+
+def stream(gripper: LiteGrip, site: Site, **more: float) -> None:
+    with gripper.stream(**more) as targets:
+        for _ in range(200):
+            targets.set_target(10.0)
+            site.run(0.01)
+
+
+def play(gripper: LiteGrip, _site: Site) -> None:
+    samples = [TrajectorySample(n * 0.01, 0.5 - 0.002 * n, 0.0, 0.0, 0.0) for n in range(201)]
+    assert gripper.play(Trajectory(samples, 100.0, 1.7e9, 0.114, -1.491, 74.8)).outcome == "blocked"
+
+
+def follow(gripper: LiteGrip, site: Site) -> None:
+    gripper.teleop_start("slave", fake_leader=True)
+    site.run(10.0)
+
+
+MOTIONS: dict[str, tuple[Callable[[LiteGrip, Site], object], float, float]] = {
+    "grasp": (lambda gripper, _: gripper.grasp(force_n=10, hold_s=1), 1.0, 1.1),
+    "close": (lambda gripper, _: gripper.close(), 6.0, 6.7),
+    "goto": (lambda gripper, _: gripper.goto(10.0), 6.0, 7.0),
+    "stream": (stream, 0.9, 1.05),
+    "stream of 3 N·m": (lambda gripper, site: stream(gripper, site, torque_nm=3.0), 2.8, 3.05),
+    "play": (play, 1.9, 2.05),
+    "follower": (follow, 4.7, 5.5),
+}
+
+
+def measured(site: Site, daemon: Daemon, move: Callable[[LiteGrip], object]) -> list[Moment]:
+    with LiteGrip("can0") as gripper:
+        assert gripper.enable()
+        with site.recorded(daemon) as moments:
+            move(gripper)
+    return moments
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_how_hard_something_rigid_is_pressed(site: Site, name: str) -> None:
+    move, least_nm, most_nm = MOTIONS[name]
+    daemon = site.add(Daemon())
+    daemon.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=RIGID_NM_RAD)
+    moments = measured(site, daemon, lambda gripper: move(gripper, site))
+    assert least_nm < max(moment.closing_torque_nm for moment in moments) < most_nm
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("close", 0.12), ("goto", 0.24)])
+def test_how_long_more_than_the_rating_lasts(site: Site, name: str, seconds: float) -> None:
+    daemon = site.add(Daemon())
+    daemon.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=RIGID_NM_RAD)
+    moments = measured(site, daemon, lambda gripper: MOTIONS[name][0](gripper, site))
+    above = [moment for moment in moments if moment.closing_torque_nm > 3.0]
+    assert len(above) * 0.005 == pytest.approx(seconds, abs=0.06)
+
+
+def test_zero_probes_with_about_1_nm(site: Site) -> None:
+    daemon = site.add(Daemon())
+    moments = measured(site, daemon, lambda gripper: gripper.zero(progress=lambda _: None))
+    assert 0.9 < max(abs(moment.closing_torque_nm) for moment in moments) < 1.1
+
+
+def test_a_stop_that_holds_goes_on_gripping_and_one_that_relaxes_does_not(site: Site) -> None:
+    daemon = site.add(Daemon())
+    daemon.gripper.put_object(width_mm=OBJECT_MM, stiffness_nm_rad=RIGID_NM_RAD)
+    with LiteGrip("can0") as gripper:
+        gripper.enable()
+        assert gripper.grasp(force_n=20, hold_s=1)
+        gripper.stop()
+        site.run(2.0)
+        assert daemon.closing_torque_nm == pytest.approx(2.0, abs=0.1)
+        gripper.stop("relax")
+        weaker = gripper.stop("hold")
+        assert weaker.stop is not None
+        assert weaker.stop["level"] == "relax"
+        site.run(0.5)
+        assert daemon.closing_torque_nm == pytest.approx(0.0, abs=0.01)
+        with pytest.raises(StoppedError):
+            gripper.open()

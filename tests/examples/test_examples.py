@@ -1,0 +1,63 @@
+"""The examples for one gripper, each to its end, on a whole daemon in virtual time."""
+
+import csv
+import itertools
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from examples import collect, policy
+from litegrip_client import LiteGrip
+from tests.drop_in import Daemon, Site, a_site
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Iterator[Site]:
+    with a_site(tmp_path) as site:
+        yield site
+
+
+def test_the_policy_drives_the_jaws_at_50_hz(
+    site: Site, capsys: pytest.CaptureFixture[str]
+) -> None:
+    daemon = site.add(Daemon())
+    with site.recorded(daemon) as moments:
+        assert policy.main(["--seconds", "5"]) == 0
+    steps = int(capsys.readouterr().out.split()[0])
+    assert steps == pytest.approx(250, abs=2)
+    openings = [moment.opening_mm for moment in moments]
+    assert (max(openings), min(openings)) == pytest.approx((96.0, 25.0), abs=2.0)
+    assert not daemon.is_energised
+
+
+def test_the_policy_feels_an_object(site: Site) -> None:
+    daemon = site.add(Daemon())
+    daemon.gripper.put_object(width_mm=50.0)
+    with site.recorded(daemon) as moments:
+        assert policy.main(["--seconds", "5"]) == 0
+    assert min(moment.opening_mm for moment in moments) == pytest.approx(50.0, abs=1.0)
+    assert max(abs(moment.closing_torque_nm) for moment in moments) < 1.1
+
+
+def test_what_a_follower_does_is_collected_tick_by_tick(
+    site: Site, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    daemon = site.add(Daemon())
+    file = tmp_path / "data.csv"
+    with LiteGrip("can0") as other:
+        other.enable()
+        other.teleop_start("slave", fake_leader=True)
+        with site.recorded(daemon) as moments:
+            assert collect.main([str(file), "--seconds", "6"]) == 0
+        assert other.teleop_status()["active"]  # the one that watches takes nothing away
+    assert capsys.readouterr().out == "1200 rows, 0 missing; the follower was following\n"
+    with file.open(encoding="utf-8", newline="") as lines:
+        rows = list(csv.DictReader(lines))
+    assert len(rows) == 1200
+    assert list(rows[0]) == collect.FIELDS
+    times = [float(row["monotonic_s"]) for row in rows]
+    assert [b - a for a, b in itertools.pairwise(times)] == pytest.approx([0.005] * 1199)
+    seen = [float(row["openness"]) for row in rows]
+    true = [moment.opening_mm / 120.05 for moment in moments]
+    assert (max(seen), min(seen)) == pytest.approx((max(true), min(true)), abs=0.02)

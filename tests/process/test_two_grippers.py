@@ -1,0 +1,62 @@
+"""The example for two grippers, with a daemon for each."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+from tests.process.teleop_pair import CONFIG
+
+EXAMPLE = Path(__file__).parents[2] / "examples" / "two_grippers.py"
+OBJECT = 'interface = "litegrip_sim"\nobject_mm = 40.0\n'
+
+
+def run(places: Path, channels: list[str]) -> "subprocess.CompletedProcess[str]":
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(places)}
+    environment.pop("LITEGRIPD_SOCKET", None)
+    return subprocess.run(
+        [sys.executable, str(EXAMPLE), *channels],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+
+
+def disabled(running: DaemonProcess) -> None:
+    with running.connect() as client:
+        client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+
+
+def test_one_holds_while_the_other_works(tmp_path: Path) -> None:
+    """A daemon that is kept off the processor may lose its motor: then a user tries again."""
+    places = tmp_path / "places"
+    (places / "litegripd").mkdir(parents=True)
+    channels = [f"{side}-{os.getpid()}" for side in ("left", "right")]
+    for channel, interface in zip(channels, (OBJECT, OBJECT.splitlines()[0] + "\n"), strict=True):
+        text = CONFIG.format(mount="normal").replace('interface = "litegrip_sim"\n', interface)
+        (tmp_path / f"{channel}.toml").write_text(text, encoding="utf-8")
+        socket_path = tmp_path / channel / "rpc.sock"
+        (places / "litegripd" / f"{channel}.sock").symlink_to(socket_path)
+    left, right = ((c, "--config", str(tmp_path / f"{c}.toml")) for c in channels)
+    with (
+        daemon(tmp_path / channels[0], *left) as holds,
+        daemon(tmp_path / channels[1], *right) as works,
+    ):
+        for _ in range(4):
+            disabled(holds)
+            disabled(works)
+            done = run(places, channels)
+            if "the motor" not in done.stderr:
+                break
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.splitlines() == [
+            "open: 120 mm 120 mm",
+            "left: object_held",
+            "right: reached",
+            "left still holds: True",
+        ]
+        disabled(holds)
+        disabled(works)
