@@ -1,5 +1,6 @@
 """litegripctl as a program: its command line, a terminal, a pipe that closes, no daemon."""
 
+import json
 import os
 import subprocess
 import time
@@ -147,10 +148,11 @@ def test_a_channel_that_was_asked_for_must_be_the_daemons(
     ],
 )
 def test_wrong_usage_ends_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(arguments)
-    assert caught.value.code == 2
-    assert "litegripctl" in capsys.readouterr().err
+    assert main(arguments) == 2
+    assert capsys.readouterr().err.startswith("usage: litegripctl")
+    assert main(["--json", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert (json.loads(out)["error"]["data"]["reason"], err) == ("wrong_usage", "")
 
 
 def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
