@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import time
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import pytest
 
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
+from litegrip_client.ctl.options import whole_parser
+from litegrip_client.ctl.options.late import Parser
 from litegripd.model.errors import ERROR_TABLE
 from tests.client.ctl_terminal import COMMAND, ROOT, Terminal, start
 from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
@@ -171,6 +174,19 @@ ACTIONS = {
     "trajectories": ["list", "get", "put", "delete", "export"],
     "teleop": ["master", "slave", "status", "stop"],
 }
+
+
+def every_parser() -> Iterator[Parser]:
+    """Give the whole parser, and those of all commands and of their actions."""
+    open_ones: list[Parser] = [whole_parser()]
+    while open_ones:
+        parser = open_ones.pop()
+        yield parser
+        for action in parser.arguments():
+            if isinstance(action.choices, Mapping):
+                for inner in action.choices.values():
+                    inner.become()
+                    open_ones.append(inner)
 
 
 def listed(help_text: str) -> list[str]:

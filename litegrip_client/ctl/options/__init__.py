@@ -107,5 +107,6 @@ def whole_parser() -> Parser:
     add("metrics", "print the figures of health as OpenMetrics text, for Prometheus")
     add("restart", "restart the daemon without letting go of what is held", general.restart)
     add("info", "show what does not change: versions, motor, calibration")
+    add("completion", "print what completes command lines in a shell", general.completion)
     add("discover", "list the methods of the daemon (with --json: its OpenRPC document)")
     return parser
