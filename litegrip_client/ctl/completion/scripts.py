@@ -18,7 +18,8 @@ _litegripctl() {
     {
         read -r files
         while IFS=$'\t' read -r word _; do
-            COMPREPLY+=("${word#"$cut"}")
+            word=${word#"$cut"}
+            [[ $word ]] && COMPREPLY+=("$word")
         done
     } < <("${1/#\~/$HOME}" __complete "${words[@]:1}" 2>/dev/null)
     if [[ $files == files ]]; then
