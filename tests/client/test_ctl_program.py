@@ -49,12 +49,6 @@ def test_a_motion_on_a_terminal_shows_a_bar_and_then_the_result(daemon: FakeDaem
     assert shown.endswith("\r\x1b[Kopen: pressed, at 35.25 mm\n")
 
 
-def test_watch_on_a_terminal_is_one_line(daemon: FakeDaemon) -> None:
-    samples(daemon, 3)
-    code, shown = Terminal("--socket", daemon.path, "watch", "--count", "4").end()
-    assert (code, shown.count("\n"), shown.count("\r")) == (0, 1, 4)
-
-
 def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
     samples(daemon, 100)
     process = start(

@@ -24,6 +24,7 @@ _MODULES = {
     "doctor": "doctor",
     "teleop": "teleop",
     "completion": "completion",
+    "watch": "watch",
 }
 """In which module of this room a command is; all others are in `general`."""
 

@@ -8,6 +8,12 @@ Start a successor of the daemon, which reads the configuration anew and takes
 over. The motor stays enabled, with the same pose and force. For admins, while
 no motion runs."""
 
+_WATCH = """\
+Show the state again and again, until Ctrl-C. In a terminal this is a live view
+of the whole gripper, which waits for a daemon that goes; it needs the library
+rich: pip install 'litegripd[watch]'. Elsewhere, and with --plain, a line for
+each state.
+"""
 _DUMP = """\
 Have the daemon write its flight recorder: the last minute, tick by tick, with
 all events, as an MCAP file on the daemon's machine. It does so by itself when
@@ -32,9 +38,13 @@ examples:
 
 
 def watch(parser: LateParser) -> None:
-    """Take how often, and until when."""
+    """Take how often, until when, and in which form."""
+    parser.description = _WATCH
     parser.add_argument("--hz", type=positive, default=5.0, metavar="N", help="0.1 to 200 (5)")
     parser.add_argument("--count", type=count, metavar="N", help="end after N states")
+    parser.add_argument(
+        "--plain", action="store_true", help="lines, and no live view, in a terminal as well"
+    )
 
 
 def enable(parser: LateParser) -> None:
