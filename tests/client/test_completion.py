@@ -10,8 +10,8 @@ from litegrip_client.ctl.completion.scripts import SCRIPTS
 from litegrip_client.ctl.completion.words import _SOURCES, FILES
 from litegrip_client.ctl.main import main
 from litegrip_client.trajectory_files import write
+from tests.client.ctl_commands import ACTIONS, every_parser
 from tests.client.fake_daemon import FakeDaemon
-from tests.client.test_ctl_program import ACTIONS, every_parser
 from tests.trajectories import lgt
 
 

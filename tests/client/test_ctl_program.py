@@ -4,7 +4,6 @@ import json
 import os
 import subprocess
 import time
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +11,8 @@ import pytest
 
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.options import whole_parser
-from litegrip_client.ctl.options.late import Parser
 from litegripd.model.errors import ERROR_TABLE
+from tests.client.ctl_commands import ACTIONS
 from tests.client.ctl_terminal import COMMAND, ROOT, Terminal, start
 from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import processor_time_of_children_s
@@ -159,28 +157,6 @@ def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> N
     listed = capsys.readouterr().out.partition("exit codes:")[2].split("\n")
     codes = {int(line.split()[0]) for line in listed if line[2:3].isdigit()}
     assert codes == {0, 1, 2, 130, 141} | {kind.exit_code for kind in ERROR_TABLE}
-
-
-ACTIONS = {
-    "calibration": ["show", "templates", "load", "save", "manual"],
-    "config": ["get", "set"],
-    "lease": ["show", "take"],
-    "trajectories": ["list", "get", "put", "delete", "export"],
-    "teleop": ["master", "slave", "status", "stop"],
-}
-
-
-def every_parser() -> Iterator[Parser]:
-    """Give the whole parser, and those of all commands and of their actions."""
-    open_ones: list[Parser] = [whole_parser()]
-    while open_ones:
-        parser = open_ones.pop()
-        yield parser
-        for action in parser.arguments():
-            if isinstance(action.choices, Mapping):
-                for inner in action.choices.values():
-                    inner.become()
-                    open_ones.append(inner)
 
 
 def listed(help_text: str) -> list[str]:

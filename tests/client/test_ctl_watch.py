@@ -14,7 +14,7 @@ from litegrip_client.ctl.live.view import picture
 from litegrip_client.ctl.watching import Scene
 from litegrip_client.feeds import Event
 from tests.client.ctl_terminal import Terminal
-from tests.client.fake_daemon import HELLO, STATE, FakeDaemon, Request
+from tests.client.fake_daemon import HELLO, STATE, FakeDaemon, Handler, Request
 from tests.client.helpers import event
 
 TAKEN, GIVEN_BACK = "\x1b[?1049h", "\x1b[?1049l"
@@ -28,6 +28,10 @@ def _terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setenv("LINES", "40")
+
+
+def answering(answer: dict[str, Any]) -> Handler:
+    return lambda request: answer
 
 
 def live(daemon: FakeDaemon, states: int = 5) -> FakeDaemon:
@@ -48,7 +52,7 @@ def live(daemon: FakeDaemon, states: int = 5) -> FakeDaemon:
         "health": HEALTH,
     }
     for method, answer in answers.items():
-        daemon.handlers[method] = lambda request, answer=answer: answer
+        daemon.handlers[method] = answering(answer)
     daemon.handlers["state.subscribe"] = subscribe
     return daemon
 
