@@ -18,6 +18,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from docs.manual import client_page, daemon_page, simulator_page  # noqa: E402
 from litegripd.io.stop_listener import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.model.state import GripperState  # noqa: E402
@@ -196,6 +197,9 @@ GENERATED = (
     Generated("litegrip_client/_error_table.py", client_error_table),
     Generated("docs/errors.md", errors_page),
     Generated("docs/protocol.md", protocol_page),
+    Generated("man/litegripctl.1", client_page),
+    Generated("man/litegrip-sim.1", simulator_page),
+    Generated("man/litegripd.8", daemon_page),
 )
 
 
@@ -207,6 +211,7 @@ def main(arguments: list[str] | None = None) -> int:
     stale = [generated for generated in GENERATED if generated.is_stale()]
     for generated in stale:
         if not check:
+            generated.file.parent.mkdir(exist_ok=True)
             generated.file.write_text(generated.make(), encoding="utf-8")
         sys.stdout.write(f"{generated.path} {'is stale' if check else 'written'}\n")
     return 1 if check and stale else 0
