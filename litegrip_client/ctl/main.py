@@ -10,6 +10,7 @@ from litegrip_client.ctl.options import UsageError, parse
 from litegrip_client.ctl.output import Output
 from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, OK, WRONG_USAGE, Run
 from litegrip_client.ctl.way import Way, way_of
+from litegrip_client.discovery import running_channels
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
 COMPLETE = "__complete"
@@ -68,11 +69,11 @@ def _run(options: Namespace, output: Output) -> int:
             with way.connect() as connection:
                 return command(Run(connection, options, output, way))
     except LiteGripError as error:
-        output.error(error, _hint(error, options.channel))
+        output.error(error, _hint(error, options))
         return exit_code(error)
     except (KeyError, TypeError, AttributeError) as error:
         strange = ProtocolError(f"the daemon's answer is not as expected: {error!r}")
-        output.error(strange, _hint(strange, options.channel))
+        output.error(strange, _hint(strange, options))
         return exit_code(strange)
     except KeyboardInterrupt:
         output.end_line()
@@ -100,12 +101,16 @@ def _refuse(wrong: UsageError, output: Output) -> int:
     return WRONG_USAGE
 
 
-def _hint(error: LiteGripError, channel: str) -> str:
+def _hint(error: LiteGripError, options: Namespace) -> str:
+    if error.reason == "no_daemon" and not options.channel_chosen and options.socket is None:
+        running = running_channels()
+        if running:  # which of them is meant is not guessed: it may be the one that must not move
+            return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
     own = _HINTS.get(error.reason or "") or error.hint
     if own:
         return own
     if error.reason == "internal_error":
-        return f"see the daemon's log: journalctl -u litegripd@{channel}"
+        return f"see the daemon's log: journalctl -u litegripd@{options.channel}"
     return "try again" if error.retryable else "see: litegripctl --help"
 
 

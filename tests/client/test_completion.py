@@ -94,7 +94,7 @@ def test_channels_are_the_sockets_that_there_are(
 
 
 def test_the_daemon_knows_its_trajectories_and_jobs(daemon: FakeDaemon) -> None:
-    kept = [{"name": name, "duration_s": 1.5} for name in ("pick", "place")]
+    kept = [{"name": name, "samples": 15} for name in ("pick", "place")]
     running = [{"job": 3, "kind": "open", "state": "done"}, {"job": 4, "state": "running"}]
     daemon.handlers["trajectory.list"] = lambda request: {"trajectories": kept, "more": False}
     daemon.handlers["job.list"] = lambda request: {"jobs": running}
@@ -103,7 +103,7 @@ def test_the_daemon_knows_its_trajectories_and_jobs(daemon: FakeDaemon) -> None:
         assert words(*at, *command, "pi") == ["pick"]
     assert words(*at, "record", "") == []
     assert words(*at, "cancel", "") == ["4"]
-    assert complete([*at, "play", "pi"])[1] == "pick\t1.5 s"
+    assert complete([*at, "play", "pi"])[1] == "pick\t15 samples"
 
 
 def test_a_daemon_that_is_not_there_or_refuses_completes_nothing(

@@ -95,6 +95,21 @@ def test_without_a_daemon(capsys: pytest.CaptureFixture[str]) -> None:
     assert "systemctl start litegripd@nodaemon7" in hint
 
 
+def test_without_a_channel_the_running_ones_are_named_and_none_is_guessed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "xdg" / "litegripd"
+    own.mkdir(parents=True)
+    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    with FakeDaemon(own / "sim7.sock") as daemon:
+        assert main(["enable"]) == 3
+        assert daemon.requests == []
+    hint = "there are: sim7; name one: litegripctl -c sim7 ..."
+    assert capsys.readouterr().err.splitlines()[1].strip() == hint
+    assert main(["-c", "can0", "enable"]) == 3
+    assert "sim7" not in capsys.readouterr().err
+
+
 def test_a_channel_that_was_asked_for_must_be_the_daemons(
     daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

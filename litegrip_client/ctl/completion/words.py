@@ -36,7 +36,7 @@ def _channels(_given: Mapping[str, str]) -> Words:
 
 def _trajectories(given: Mapping[str, str]) -> Words:
     rows = _asked(given, "trajectory.list").get("trajectories", ())
-    return [(str(row["name"]), f"{row.get('duration_s') or 0.0:.1f} s") for row in rows]
+    return [(str(row["name"]), f"{row.get('samples')} samples") for row in rows]
 
 
 def _own_trajectories(_given: Mapping[str, str]) -> Words:
