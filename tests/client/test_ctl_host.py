@@ -13,8 +13,9 @@ from typing import Any, TypeAlias
 import pytest
 
 from litegrip_client.stopping import stop_path
-from tests.client.ctl_terminal import start
+from tests.client.ctl_terminal import Terminal, start
 from tests.client.fake_daemon import DEADLINE_S, HELLO, STATE, FakeDaemon
+from tests.client.live_daemon import live
 
 FAKE = Path(__file__).with_name("fake_ssh.py")
 STOPPED = {"level": "hold", "generation": 4, "state": STATE}
@@ -201,3 +202,21 @@ def test_the_host_of_a_leader_is_not_that_of_the_daemon(
     assert remote("teleop", "slave", "--host", "10.0.0.2", "--detach")[0] == 0
     assert daemon.requests[-1].params["host"] == "10.0.0.2"
     assert begun()[0]["arguments"][-1] == "bob@robot"
+
+
+def test_the_live_view_begins_ssh_anew_without_asking_for_a_password(
+    daemon: FakeDaemon, begun: Begun, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    terminal = Terminal("--host", "robot", "--socket", live(daemon).path, "watch")
+    terminal.expect("besides this one")
+    os.kill(begun()[0]["pid"], signal.SIGKILL)
+    terminal.expect("can0 of robot")
+    terminal.expect("NO DAEMON")
+    daemon.wait_for("health", 2)
+    terminal.expect("degraded")
+    terminal.interrupt()
+    assert terminal.end()[0] == 130
+    first, second = begun()
+    assert "BatchMode=yes" in set(second["arguments"]) - set(first["arguments"])
+    assert has_ended(second["pid"])

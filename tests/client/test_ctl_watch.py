@@ -5,7 +5,6 @@ import json
 import signal
 from collections import deque
 from pathlib import Path
-from typing import Any
 
 import pytest
 from rich.console import Console
@@ -14,13 +13,11 @@ from litegrip_client.ctl.live.view import picture
 from litegrip_client.ctl.watching import Scene
 from litegrip_client.feeds import Event
 from tests.client.ctl_terminal import Terminal
-from tests.client.fake_daemon import HELLO, STATE, FakeDaemon, Handler, Request
-from tests.client.helpers import event
+from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
+from tests.client.live_daemon import HEALTH, OWNER, live
 
 TAKEN, GIVEN_BACK = "\x1b[?1049h", "\x1b[?1049l"
 LAST_LINE = "holding      35.25 mm   +0.2500 rad   +0.500 N·m   33 °C"
-OWNER = {"program": "pick.py", "pid": 77, "uid": 1000, "purpose": "picking\x1b[2J"}
-HEALTH = {"verdict": "degraded", "reasons": ["late ticks"]}
 
 
 @pytest.fixture(autouse=True)
@@ -28,33 +25,6 @@ def _terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "100")
     monkeypatch.setenv("LINES", "40")
-
-
-def answering(answer: dict[str, Any]) -> Handler:
-    return lambda request: answer
-
-
-def live(daemon: FakeDaemon, states: int = 5) -> FakeDaemon:
-    """Let a daemon send so many states, and answer all that the view asks for."""
-
-    def subscribe(request: Request) -> None:
-        request.reply({"subscription": 1, "state": STATE})
-        for seq in range(states - 1):
-            sample = {"subscription": 1, "seq": seq, "dropped": 0, "monotonic_s": 1.0}
-            request.notify("state.sample", {**sample, "state": STATE})
-
-    answers: dict[str, Any] = {
-        "state.unsubscribe": {"subscription": 1},
-        "events.subscribe": {"subscription": 5, "state": STATE, "events": [event(None, 980)]},
-        "events.unsubscribe": {"subscription": 5},
-        "clients.list": {"clients": [{"is_me": True}, {"is_me": False}]},
-        "lease.get": {"owner": OWNER, "mine": False, "waiting": 0},
-        "health": HEALTH,
-    }
-    for method, answer in answers.items():
-        daemon.handlers[method] = answering(answer)
-    daemon.handlers["state.subscribe"] = subscribe
-    return daemon
 
 
 def shown(scene: Scene) -> str:
@@ -134,6 +104,18 @@ def test_the_terminal_is_given_back(daemon: FakeDaemon, number: int, code: int) 
     assert ended == code
     assert "\x1b[?25h" in out  # the cursor
     assert out.endswith(f"{GIVEN_BACK}{LAST_LINE}\n")
+
+
+def test_the_terminal_is_given_back_while_ctrl_z_stops_it(daemon: FakeDaemon) -> None:
+    terminal = Terminal("--socket", live(daemon).path, "watch")
+    terminal.expect("besides this one")
+    terminal.interrupt(signal.SIGTSTP)
+    terminal.expect(GIVEN_BACK)
+    terminal.interrupt(signal.SIGCONT)
+    terminal.expect(TAKEN)
+    terminal.expect("besides this one")
+    terminal.interrupt()
+    assert terminal.end()[0] == 130
 
 
 def test_a_daemon_that_goes_is_waited_for(tmp_path: Path) -> None:
