@@ -45,6 +45,9 @@ class Terminal:
     def interrupt(self, number: int = signal.SIGINT) -> None:
         self._process.send_signal(number)
 
+    def wait_until_stopped(self) -> None:
+        os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
+
     def end(self) -> tuple[int, str]:
         """Wait for its end; give its exit code and what it still showed."""
         deadline_s = time.monotonic() + DEADLINE_S

@@ -111,6 +111,7 @@ def test_the_terminal_is_given_back_while_ctrl_z_stops_it(daemon: FakeDaemon) ->
     terminal.expect("besides this one")
     terminal.interrupt(signal.SIGTSTP)
     terminal.expect(GIVEN_BACK)
+    terminal.wait_until_stopped()
     terminal.interrupt(signal.SIGCONT)
     terminal.expect(TAKEN)
     terminal.expect("besides this one")
