@@ -6,6 +6,7 @@ of this user's alone, and go with the command, as does the ssh process.
 
 from __future__ import annotations
 
+import os
 import shlex
 import subprocess
 import tempfile
@@ -26,6 +27,8 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 _LOOK_EVERY_S = 0.02
 _END_WITHIN_S = 2.0
 _FETCH_WITHIN_S = 120.0
+_LONGEST_FOLDER = 70
+"""The path of a socket has at most 107 bytes (unix(7))."""
 
 
 class SshWay(Way):
@@ -41,7 +44,7 @@ class SshWay(Way):
     def __init__(self, options: Namespace) -> None:
         super().__init__(options)
         self._there = options.socket or f"{SYSTEM_DIRECTORY}/{options.channel}.sock"
-        self._folder = tempfile.TemporaryDirectory(prefix="litegripctl-")
+        self._folder = tempfile.TemporaryDirectory(prefix="litegripctl-", dir=_short_folder())
         self._here = f"{self._folder.name}/d.sock"
         self._complaints = Path(self._folder.name, "complaints")
         self._ssh: subprocess.Popen[bytes] | None = None
@@ -61,7 +64,12 @@ class SshWay(Way):
     def content(self, path: str) -> bytes:
         """Fetch a file of that machine; raises `OSError`."""
         command = ["ssh", *ssh.OPTIONS, "--", self.options.ssh_host, f"cat -- {shlex.quote(path)}"]
-        done = subprocess.run(command, capture_output=True, timeout=_FETCH_WITHIN_S, check=False)
+        try:
+            done = subprocess.run(
+                command, capture_output=True, timeout=_FETCH_WITHIN_S, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise TimeoutError(0, f"it did not come within {_FETCH_WITHIN_S:g} s") from error
         if done.returncode != 0:
             text = done.stderr.decode(errors="replace").strip().rpartition("\n")[2]
             raise OSError(0, f"ssh {self.options.ssh_host}: {text}")
@@ -109,3 +117,9 @@ class SshWay(Way):
         except subprocess.TimeoutExpired:
             self._ssh.kill()
             self._ssh.wait()
+
+
+def _short_folder() -> str:
+    """Return where to make the private directory: paths of sockets must be short."""
+    usual = tempfile.gettempdir()
+    return usual if len(os.fsencode(usual)) <= _LONGEST_FOLDER else "/tmp"  # noqa: S108 - see above
