@@ -6,7 +6,8 @@ import select
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+import tempfile
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -25,7 +26,7 @@ Begun: TypeAlias = Callable[[], list[dict[str, Any]]]
 
 
 @pytest.fixture
-def begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Begun:
+def begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Begun]:
     """Put a program in the place of ssh; return what tells with what it was begun."""
     programs, log = tmp_path / "bin", tmp_path / "ssh.log"
     programs.mkdir()
@@ -35,7 +36,9 @@ def begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Begun:
     log.touch()
     monkeypatch.setenv("PATH", str(programs), prepend=os.pathsep)
     monkeypatch.setenv("FAKE_SSH_LOG", str(log))
-    return lambda: [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
+    with tempfile.TemporaryDirectory() as short:  # a killed program leaves its own directory
+        monkeypatch.setenv("TMPDIR", short)
+        yield lambda: [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()]
 
 
 @pytest.fixture
