@@ -121,15 +121,15 @@ def default_file() -> str:
     for table, about in TABLES.items():
         lines += ["", *_comment(about), f"[{table}]"]
         for key in (key for key in KEYS if key.table == table):
-            mark = "" if _has_default(key) else "# "
-            lines += [*_comment(_sentence(key)), f"{mark}{key.name} = {key.shown}"]
+            mark = "" if has_default(key) else "# "
+            lines += [*_comment(sentence(key)), f"{mark}{key.name} = {key.shown}"]
     return "\n".join([*lines, ""])
 
 
 def _table(table: str) -> str:
     rows = [
         f"| `{key.name}` | {KINDS[key.kind]} | {_allowed(key)} "
-        f"| {f'`{key.shown}`' if _has_default(key) else ''} | {_escaped(key.meaning)} |"
+        f"| {f'`{key.shown}`' if has_default(key) else ''} | {_escaped(key.meaning)} |"
         for key in KEYS
         if key.table == table
     ]
@@ -137,7 +137,7 @@ def _table(table: str) -> str:
     return "\n".join([*head, *rows])
 
 
-def _has_default(key: Key) -> bool:
+def has_default(key: Key) -> bool:
     """Whether leaving the key out means a value that could be written."""
     return (key.table, key.name) != ("bus", "channel") and _default(key) not in (None, ())
 
@@ -159,7 +159,8 @@ def _number(key: Key, value: float) -> str:
     return f"0x{int(value):02X}" if is_id else f"{value:.0f}"
 
 
-def _sentence(key: Key) -> str:
+def sentence(key: Key) -> str:
+    """Return what a key means, and what it may be."""
     allowed = _allowed(key)
     return f"{key.meaning} Allowed: {allowed}." if allowed else key.meaning
 

@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from docs.configuration_page import configuration_page, default_file  # noqa: E402
+from docs.manual import client_page, daemon_page, simulator_page  # noqa: E402
 from litegripd.io.stop_listener import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.model.state import GripperState  # noqa: E402
@@ -199,6 +200,9 @@ GENERATED = (
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),
     Generated("etc/litegripd.toml", default_file),
+    Generated("man/litegripctl.1", client_page),
+    Generated("man/litegrip-sim.1", simulator_page),
+    Generated("man/litegripd.8", daemon_page),
 )
 
 
@@ -210,6 +214,7 @@ def main(arguments: list[str] | None = None) -> int:
     stale = [generated for generated in GENERATED if generated.is_stale()]
     for generated in stale:
         if not check:
+            generated.file.parent.mkdir(exist_ok=True)
             generated.file.write_text(generated.make(), encoding="utf-8")
         sys.stdout.write(f"{generated.path} {'is stale' if check else 'written'}\n")
     return 1 if check and stale else 0

@@ -90,12 +90,15 @@ def request_line(identity: int | None, method: str, params: Mapping[str, Any] | 
     return line
 
 
-def guarded(params: Mapping[str, Any], stop_generation: int | None) -> dict[str, Any]:
+def guarded(
+    params: Mapping[str, Any], stop_generation: int | None, *, has_clock: bool
+) -> dict[str, Any]:
     """Add to `params` when they were sent and of which stop their sender knew.
 
-    For what must never run after a stop that comes before the daemon reads it.
+    For what must never run after a stop that comes before the daemon reads it. The time says
+    something only where the daemon's clock can be read: `has_clock`.
     """
-    guards: dict[str, Any] = {"sent_s": time.monotonic()}
+    guards: dict[str, Any] = {"sent_s": time.monotonic()} if has_clock else {}
     if stop_generation is not None:
         guards["stop_generation"] = stop_generation
     return {**params, **guards}

@@ -52,8 +52,33 @@ def socket_paths(
     chosen = path if path is not None else environment.get(SOCKET_VARIABLE)
     if chosen:
         return [os.fspath(chosen)]
+    return [f"{directory}/{channel}.sock" for directory in _directories(environment)]
+
+
+def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
+    """List the channels whose sockets there are, as far as this user can see them.
+
+    A daemon that was killed may have left one: whether somebody answers is seen by connecting.
+    """
+    environment = os.environ if environment is None else environment
+    names = {name for directory in _directories(environment) for name in _names(directory)}
+    return sorted(
+        name.removesuffix(".sock")
+        for name in names
+        if name.endswith(".sock") and not name.endswith(".stop.sock")
+    )
+
+
+def _names(directory: str) -> list[str]:
+    try:
+        return os.listdir(directory)  # noqa: PTH208 - pathlib takes long to import
+    except OSError:
+        return []  # there is none, or it is not for this user
+
+
+def _directories(environment: Mapping[str, str]) -> tuple[str, str]:
     own = environment.get("XDG_RUNTIME_DIR") or f"/run/user/{os.getuid()}"
-    return [f"{SYSTEM_DIRECTORY}/{channel}.sock", f"{own}/litegripd/{channel}.sock"]
+    return SYSTEM_DIRECTORY, f"{own}/litegripd"
 
 
 def connect(

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import time
 from collections.abc import Callable, Mapping
 
 from litegrip_client.calls import Call, Message, Progress, generation_of, guarded, request_line
@@ -25,6 +26,10 @@ DEFAULT_TIMEOUT_S = 5.0
 FOREVER_S = math.inf
 """Time limit of a call that may take as long as a motion takes."""
 
+_CLOCKS_AGREE_S = 10.0
+"""Longer than an answer may take. Two machines that were started so close together are taken for
+one: then a motion may be refused for so long after a stop, as if it had been sent before."""
+
 Undo: TypeAlias = "Callable[[Message], tuple[str, dict[str, Any]] | None]"
 """Makes of a result the method and the parameters that take back what it began, if anything."""
 
@@ -33,7 +38,8 @@ class Exchange:
     """The base of connections. `stop_generation` is the newest that an answer told.
 
     It is None when that is not known, and so is `client`, the daemon's number for the connection;
-    and `stop_socket`, where it takes stops before everything else.
+    and `stop_socket`, where it takes stops before everything else. `has_clock` tells whether this
+    machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a forwarded socket.
     """
 
     def __init__(self, path: str, timeout_s: float) -> None:
@@ -43,6 +49,7 @@ class Exchange:
         self.stop_generation: int | None = None
         self.client: int | None = None
         self.stop_socket: str | None = None
+        self.has_clock = True
         self._router = Router(self._end_orphan)
         self._ids = itertools.count(1)
 
@@ -70,10 +77,13 @@ class Exchange:
         self, method: str, params: Mapping[str, Any], on_progress: Progress | None = None
     ) -> Call:
         """Like `prepare`, for what must never run after a stop that the sender did not know."""
-        return self.prepare(method, guarded(params, self.stop_generation), on_progress)
+        return self.prepare(method, self._guarded(params), on_progress)
 
     def _guarded_notification(self, method: str, params: Mapping[str, Any]) -> bytes:
-        return request_line(None, method, guarded(params, self.stop_generation))
+        return request_line(None, method, self._guarded(params))
+
+    def _guarded(self, params: Mapping[str, Any]) -> dict[str, Any]:
+        return guarded(params, self.stop_generation, has_clock=self.has_clock)
 
     def forget(self, call: Call) -> None:
         """Drop what still comes for `call`: for whoever set its `keep`."""
@@ -113,6 +123,10 @@ class Exchange:
         self.client = client if isinstance(client, int) else None
         stop_socket = hello.get("stop_socket")
         self.stop_socket = stop_socket if isinstance(stop_socket, str) else None
+        told_s = hello.get("monotonic_s")
+        self.has_clock = (
+            not isinstance(told_s, int | float) or abs(told_s - time.monotonic()) < _CLOCKS_AGREE_S
+        )
 
     def note_stops(self, result: Mapping[str, Any]) -> None:
         """Take note of the stops that a result tells of, wherever it came from."""

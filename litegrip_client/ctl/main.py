@@ -5,13 +5,16 @@ import os
 import sys
 from argparse import Namespace
 
-from litegrip_client.connection import Connection
 from litegrip_client.ctl.commands import find, needs_daemon
-from litegrip_client.ctl.options import parse
+from litegrip_client.ctl.options import UsageError, parse
 from litegrip_client.ctl.output import Output
-from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, OK, Run
-from litegrip_client.discovery import connect
+from litegrip_client.ctl.run import CHOOSE_MOUNT, INTERRUPTED, OK, WRONG_USAGE, Run
+from litegrip_client.ctl.way import Way, way_of
+from litegrip_client.discovery import running_channels
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
+
+COMPLETE = "__complete"
+"""What a shell's completion calls this program with, before the words so far."""
 
 PIPE_CLOSED = 141
 """As the shell reports a program that SIGPIPE (13) ended: 128 + 13."""
@@ -38,7 +41,13 @@ def main(arguments: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without "°" is no reason to fail
-    options = parse(arguments)
+    given = sys.argv[1:] if arguments is None else arguments
+    if given[:1] == [COMPLETE]:
+        return _complete(given[1:])
+    try:
+        options = parse(given)
+    except UsageError as wrong:
+        return _refuse(wrong, Output(as_json="--json" in given))
     output = Output(as_json=options.json)
     try:
         code = _run(options, output)
@@ -51,47 +60,57 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(options: Namespace, output: Output) -> int:
     try:
-        if options.command == "stop" and _stop_first(options, output):
-            return OK
-        if not needs_daemon(options):
-            return find(options.command)(Run(None, options, output))
-        with connect(options.channel, options.socket) as connection:
-            _check(connection.greet("litegripctl"), connection, options)
-            return find(options.command)(Run(connection, options, output))
+        with way_of(options) as way:
+            if options.command == "stop" and _stop_first(way, output):
+                return OK
+            command = find(options.command)
+            if not needs_daemon(options):
+                return command(Run(None, options, output, way))
+            with way.connect() as connection:
+                return command(Run(connection, options, output, way))
     except LiteGripError as error:
-        output.error(error, _hint(error, options.channel))
+        output.error(error, _hint(error, options))
         return exit_code(error)
     except (KeyError, TypeError, AttributeError) as error:
         strange = ProtocolError(f"the daemon's answer is not as expected: {error!r}")
-        output.error(strange, _hint(strange, options.channel))
+        output.error(strange, _hint(strange, options))
         return exit_code(strange)
     except KeyboardInterrupt:
         output.end_line()
         return INTERRUPTED
 
 
-def _stop_first(options: Namespace, output: Output) -> bool:
+def _stop_first(way: Way, output: Output) -> bool:
     from litegrip_client.ctl.commands.clients import stop_first  # noqa: PLC0415 - see commands
 
-    return stop_first(options, output)
+    return stop_first(way, output)
 
 
-def _check(hello: dict[str, object], connection: Connection, options: Namespace) -> None:
-    if options.channel_chosen and options.socket is None and hello["channel"] != options.channel:
-        raise CommandError(
-            f"the daemon at {connection.path} has channel {hello['channel']}, "
-            f"not {options.channel}",
-            reason="wrong_gripper",
-            data={"hint": "see the variable LITEGRIPD_SOCKET"},
-        )
+def _complete(words: list[str]) -> int:
+    from litegrip_client.ctl.completion import complete  # noqa: PLC0415 - seldom needed
+
+    print("\n".join(complete(words)))
+    return OK
 
 
-def _hint(error: LiteGripError, channel: str) -> str:
+def _refuse(wrong: UsageError, output: Output) -> int:
+    """Say what is wrong with the command line."""
+    if not output.as_json:
+        sys.stderr.write(wrong.usage)
+    output.error(CommandError(wrong.message, reason="wrong_usage"), "see: litegripctl --help")
+    return WRONG_USAGE
+
+
+def _hint(error: LiteGripError, options: Namespace) -> str:
+    if error.reason == "no_daemon" and not options.channel_chosen and options.socket is None:
+        running = running_channels()
+        if running:  # which of them is meant is not guessed: it may be the one that must not move
+            return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
     own = _HINTS.get(error.reason or "") or error.hint
     if own:
         return own
     if error.reason == "internal_error":
-        return f"see the daemon's log: journalctl -u litegripd@{channel}"
+        return f"see the daemon's log: journalctl -u litegripd@{options.channel}"
     return "try again" if error.retryable else "see: litegripctl --help"
 
 

@@ -28,8 +28,8 @@ def plain(text: object) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in str(text))
 
 
-def state(data: Data) -> str:
-    """Show a state in aligned lines."""
+def state_rows(data: Data) -> list[tuple[str, str]]:
+    """Show a state as labels and texts; the texts may hold anything."""
     rows = [
         ("mode", f"{data.get('mode')} (motor {data.get('motor')}, bus {data.get('bus')})"),
         ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {_openness(data)} open"),
@@ -51,7 +51,12 @@ def state(data: Data) -> str:
         rows.append(("job", _job(data["job"])))
     if data.get("stop"):
         rows.append(("stop", _stop(data["stop"])))
-    lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows]
+    return rows
+
+
+def state(data: Data) -> str:
+    """Show a state in aligned lines."""
+    lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in state_rows(data)]
     if data.get("stale"):
         lines.insert(0, f"{age(data)}: these are the last known figures")
     return "\n".join(lines)

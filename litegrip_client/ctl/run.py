@@ -16,6 +16,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import TypeAlias
 
+    from litegrip_client.ctl.way import Way
+
 OK = 0
 NOT_OK = 1
 WRONG_USAGE = 2
@@ -31,12 +33,15 @@ ENDING = ("cancelled", "running")
 class Run:
     """What a command works with; one that needs no daemon gets no connection."""
 
-    __slots__ = ("_connection", "options", "output")
+    __slots__ = ("_connection", "options", "output", "way")
 
-    def __init__(self, connection: Connection | None, options: Namespace, output: Output) -> None:
+    def __init__(
+        self, connection: Connection | None, options: Namespace, output: Output, way: Way
+    ) -> None:
         self._connection = connection
         self.options = options
         self.output = output
+        self.way = way
 
     @property
     def connection(self) -> Connection:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from litegrip_client.doctor.facts import SIMULATED, Facts, Link
 from litegrip_client.doctor.findings import Finding, error, ok, warning
+from litegrip_client.state import USABLE_BUS
 
 BITRATE = 1_000_000
 """bit/s; the motor's."""
@@ -176,8 +177,8 @@ def device(facts: Facts) -> Finding | None:
     if not found.is_character_device:
         advice = "name the adapter's device in the configuration: [bus] channel"
         return error(f"{found.path} is no device", "ls -l /dev/serial/by-id/", advice)
-    is_up = facts.daemon is not None and facts.daemon.health.get("bus", {}).get("state") == "up"
-    if is_up or found.is_accessible:
+    bus = {} if facts.daemon is None else facts.daemon.health.get("bus", {})
+    if found.is_accessible or bus.get("state") in USABLE_BUS:
         return ok(f"{found.path} is there and accessible")
     return warning(
         f"{found.path} is there, but not for {facts.user.name}",

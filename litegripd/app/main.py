@@ -19,6 +19,17 @@ EXIT_IN_USE = 3
 EXIT_NOT_TAKEN = 4
 """Only of a successor that has not taken over; the daemon before tells why."""
 
+EXIT_CODES = (
+    (0, "ended by SIGTERM or SIGINT with the motor off, or followed by a successor that holds"),
+    (EXIT_NOT_OFF, "ended, but the motor did not confirm that it is off"),
+    (EXIT_USAGE, "usage or configuration"),
+    (
+        EXIT_IN_USE,
+        "the channel or the socket cannot be had, mostly since it belongs to another process",
+    ),
+)
+"""What they mean, for the help and the manual page."""
+
 _CHANNEL_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-")
 _MAX_CHANNEL = 64
 
@@ -26,7 +37,7 @@ _MAX_CHANNEL = 64
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the daemon; return its exit code."""
     given = sys.argv[1:] if argv is None else list(argv)
-    arguments = _parser().parse_args(given)
+    arguments = make_parser().parse_args(given)
     logging.basicConfig(level=logging.INFO, format="litegripd: %(message)s")
     logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs, and we tell it
     if arguments.successor:
@@ -55,14 +66,12 @@ def _config(arguments: argparse.Namespace) -> Config:
     )
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="litegripd",
         description="Own one CAN channel with a LiteGrip gripper and let many processes use it.",
-        epilog="Exit codes: 0 ended by SIGTERM or SIGINT with the motor off, or followed by a"
-        " successor that holds what was held, 1 ended, but the motor"
-        " did not confirm that it is off, 2 usage or configuration, 3 the channel or the socket"
-        " cannot be had, mostly since it belongs to another process.",
+        epilog=f"Exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}.",
     )
     parser.add_argument("channel", type=_channel, help="the CAN channel, e.g. can0")
     parser.add_argument("--config", type=Path, metavar="FILE", help="this configuration file only")

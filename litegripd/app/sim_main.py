@@ -24,6 +24,12 @@ from litegripd.sim.server import BusServer, PtyServer, StopSignal
 from litegripd.sim.wire import MotorWire
 
 EXIT_OK, EXIT_BUS, EXIT_USAGE = 0, 1, 2
+EXIT_CODES = (
+    (EXIT_OK, "a signal ended it"),
+    (EXIT_BUS, "the bus or the terminal cannot be opened, or fails"),
+    (EXIT_USAGE, "wrong usage"),
+)
+"""What they mean, for the help and the manual page."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -31,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     0 after a signal, 1 when the bus or the terminal cannot be opened or fails, 2 for bad usage.
     """
-    arguments = _parser().parse_args(argv)
+    arguments = make_parser().parse_args(argv)
     try:
         gripper = build_gripper(
             mount=arguments.mount,
@@ -67,11 +73,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     return EXIT_OK
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="litegrip-sim",
         description="A simulated LiteGrip gripper on a CAN bus.",
-        epilog=f"commands, as lines on its standard input while it runs:\n{help_text()}",
+        epilog=f"commands, as lines on its standard input while it runs:\n{help_text()}\n\n"
+        f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"%(prog)s {version('litegripd')}")

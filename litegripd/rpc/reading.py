@@ -38,7 +38,7 @@ class Reading:
     def _hello(self, call: Call) -> Answer:
         call.session.name = call.params.get("client", call.session.name)
         session, generation = call.session, self._engine.stop_latch.generation
-        own = {"client": session.identity, "role": session.role}
+        own = {"client": session.identity, "role": session.role, "monotonic_s": call.now_s}
         return {**self._facts.hello(), **own, "stop_generation": generation}
 
     def _list_jobs(self, _call: Call) -> Answer:

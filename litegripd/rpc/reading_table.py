@@ -17,8 +17,10 @@ READING: tuple[Method, ...] = (
     Method(
         "hello",
         "Tell who is there: versions, channel, motor, limits, stop generation.",
-        "The daemon's description, the number of this connection (client), and where stops are"
-        " taken before everything else (stop_socket; null where there is no such socket).",
+        "The daemon's description, the number of this connection (client), where stops are taken"
+        " before everything else (stop_socket; null where there is no such socket), and the time"
+        " by the daemon's CLOCK_MONOTONIC (monotonic_s), by which a client of another machine knows"
+        " that its own clock is no use for sent_s.",
         (Param("client", "string", "The program's name, for the log and for other clients."),),
     ),
     Method("rpc.discover", "Describe the methods.", "An OpenRPC document."),

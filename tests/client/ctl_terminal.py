@@ -16,7 +16,8 @@ COMMAND = [sys.executable, "-m", "litegrip_client.ctl"]
 
 
 def start(*arguments: str, **streams: Any) -> subprocess.Popen[bytes]:
-    environment = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"}
+    path = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    environment = {**os.environ, "PYTHONPATH": path, "PYTHONIOENCODING": "utf-8"}
     return subprocess.Popen([*COMMAND, *arguments], env=environment, **streams)
 
 
@@ -41,8 +42,11 @@ class Terminal:
     def type(self, text: str) -> None:
         os.write(self._terminal, text.encode())
 
-    def interrupt(self) -> None:
-        self._process.send_signal(signal.SIGINT)
+    def interrupt(self, number: int = signal.SIGINT) -> None:
+        self._process.send_signal(number)
+
+    def wait_until_stopped(self) -> None:
+        os.waitid(os.P_PID, self._process.pid, os.WSTOPPED)
 
     def end(self) -> tuple[int, str]:
         """Wait for its end; give its exit code and what it still showed."""

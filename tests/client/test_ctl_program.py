@@ -1,5 +1,6 @@
 """litegripctl as a program: its command line, a terminal, a pipe that closes, no daemon."""
 
+import json
 import os
 import subprocess
 import time
@@ -11,6 +12,7 @@ import pytest
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE
+from tests.client.ctl_commands import ACTIONS
 from tests.client.ctl_terminal import COMMAND, ROOT, Terminal, start
 from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import processor_time_of_children_s
@@ -43,12 +45,6 @@ def test_a_motion_on_a_terminal_shows_a_bar_and_then_the_result(daemon: FakeDaem
         f"[{'#' * 24}]  12.50 mm  +0.30 N·m  travel",
     ]
     assert shown.endswith("\r\x1b[Kopen: pressed, at 35.25 mm\n")
-
-
-def test_watch_on_a_terminal_is_one_line(daemon: FakeDaemon) -> None:
-    samples(daemon, 3)
-    code, shown = Terminal("--socket", daemon.path, "watch", "--count", "4").end()
-    assert (code, shown.count("\n"), shown.count("\r")) == (0, 1, 4)
 
 
 def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
@@ -99,6 +95,21 @@ def test_without_a_daemon(capsys: pytest.CaptureFixture[str]) -> None:
     assert "systemctl start litegripd@nodaemon7" in hint
 
 
+def test_without_a_channel_the_running_ones_are_named_and_none_is_guessed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "xdg" / "litegripd"
+    own.mkdir(parents=True)
+    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    with FakeDaemon(own / "sim7.sock") as daemon:
+        assert main(["enable"]) == 3
+        assert daemon.requests == []
+    hint = "there are: sim7; name one: litegripctl -c sim7 ..."
+    assert capsys.readouterr().err.splitlines()[1].strip() == hint
+    assert main(["-c", "can0", "enable"]) == 3
+    assert "sim7" not in capsys.readouterr().err
+
+
 def test_a_channel_that_was_asked_for_must_be_the_daemons(
     daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -147,10 +158,11 @@ def test_a_channel_that_was_asked_for_must_be_the_daemons(
     ],
 )
 def test_wrong_usage_ends_with_2(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as caught:
-        main(arguments)
-    assert caught.value.code == 2
-    assert "litegripctl" in capsys.readouterr().err
+    assert main(arguments) == 2
+    assert capsys.readouterr().err.startswith("usage: litegripctl")
+    assert main(["--json", *arguments]) == 2
+    out, err = capsys.readouterr()
+    assert (json.loads(out)["error"]["data"]["reason"], err) == ("wrong_usage", "")
 
 
 def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> None:
@@ -160,15 +172,6 @@ def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> N
     listed = capsys.readouterr().out.partition("exit codes:")[2].split("\n")
     codes = {int(line.split()[0]) for line in listed if line[2:3].isdigit()}
     assert codes == {0, 1, 2, 130, 141} | {kind.exit_code for kind in ERROR_TABLE}
-
-
-ACTIONS = {
-    "calibration": ["show", "templates", "load", "save", "manual"],
-    "config": ["get", "set"],
-    "lease": ["show", "take"],
-    "trajectories": ["list", "get", "put", "delete", "export"],
-    "teleop": ["master", "slave", "status", "stop"],
-}
 
 
 def listed(help_text: str) -> list[str]:

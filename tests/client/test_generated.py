@@ -17,7 +17,7 @@ def generate(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def a_copy(tmp_path: Path) -> Path:
     skipped = shutil.ignore_patterns("__pycache__")
-    for name in ("docs", "etc", "examples", "litegripd", "litegrip_client"):
+    for name in ("docs", "etc", "examples", "man", "litegripd", "litegrip_client"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=skipped)
     return tmp_path
 
@@ -30,12 +30,17 @@ def test_nothing_generated_is_stale() -> None:
 def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> None:
     root = a_copy(tmp_path)
     (root / "docs/errors.md").unlink()
-    (root / "litegrip_client/_error_table.py").write_text("old")
+    shutil.rmtree(root / "man")
+    with (root / "litegrip_client/_error_table.py").open("a") as table:
+        table.write("# old\n")
     stale = generate(root, "--check")
     assert stale.returncode == 1
     assert stale.stdout.split("\n") == [
         "litegrip_client/_error_table.py is stale",
         "docs/errors.md is stale",
+        "man/litegripctl.1 is stale",
+        "man/litegrip-sim.1 is stale",
+        "man/litegripd.8 is stale",
         "",
     ]
     assert not (root / "docs/errors.md").exists()

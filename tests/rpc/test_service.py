@@ -337,3 +337,11 @@ def test_the_reasons_that_clients_can_meet_here_are_all_in_the_table() -> None:
         met.add(who.refusal(method, **params))
     assert met == {"stopped", "sent_before_stop", "unknown_job", "unknown_method", "invalid_params"}
     assert met <= ERRORS.keys()
+
+
+def test_hello_tells_the_time_by_the_daemons_clock() -> None:
+    world = World().start()
+    client = world.client()
+    earlier_s = client.call("hello")["result"]["monotonic_s"]
+    world.run(1.5)
+    assert client.call("hello")["result"]["monotonic_s"] - earlier_s == pytest.approx(1.5, abs=0.1)

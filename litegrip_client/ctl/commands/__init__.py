@@ -23,6 +23,8 @@ _MODULES = {
     "dump": "recorder",
     "doctor": "doctor",
     "teleop": "teleop",
+    "completion": "completion",
+    "watch": "watch",
 }
 """In which module of this room a command is; all others are in `general`."""
 
@@ -33,7 +35,7 @@ def needs_daemon(options: Namespace) -> bool:
         return is_name(options.file) and not options.local
     if options.command == "trajectories":
         return not options.local
-    return bool(options.command != "doctor")
+    return options.command not in ("doctor", "completion")
 
 
 def is_name(text: str) -> bool:

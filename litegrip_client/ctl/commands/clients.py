@@ -7,7 +7,6 @@ from contextlib import suppress
 
 from litegrip_client.ctl import render
 from litegrip_client.ctl.run import OK, Command, Run
-from litegrip_client.discovery import socket_paths
 from litegrip_client.stopping import is_taken_as_meant, stop_at
 
 TYPE_CHECKING = False
@@ -16,6 +15,7 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
 
     from litegrip_client.ctl.output import Output
+    from litegrip_client.ctl.way import Way
 
 _STOP_WITHIN_S = 2.0
 
@@ -45,15 +45,16 @@ def _take(run: Run) -> int:
     return OK
 
 
-def stop_first(options: Namespace, output: Output) -> bool:
+def stop_first(way: Way, output: Output) -> bool:
     """Stop by the socket that is served first; tell whether there was one.
 
     A daemon that serves none is stopped as by any other request, and so for too long a reason.
     """
+    options = way.options
     if not is_taken_as_meant(_params(options)):
         return False
-    for path in socket_paths(options.channel, options.socket):
-        with suppress(FileNotFoundError, ConnectionRefusedError):
+    for path in way.paths():
+        with suppress(*way.not_listening):
             data = stop_at(path, options.level, options.why, _STOP_WITHIN_S)
             output.result(data, stopped(data))
             return True

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 
 from litegrip_client.ctl.render_doctor import findings_text
@@ -14,6 +15,11 @@ from litegrip_client.doctor.table import CHECKS
 def doctor(run: Run) -> int:
     """Show what was found; the exit code tells whether there is an error."""
     options = run.options
+    if options.ssh_host is not None:
+        return run.refuse(
+            "doctor looks at the machine that it runs on, not at another one",
+            f"run it there: ssh {shlex.quote(options.ssh_host)} litegripctl doctor",
+        )
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
     findings = examine(facts, CHECKS)
     data = as_data(facts.channel, findings)

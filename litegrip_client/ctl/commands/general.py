@@ -22,22 +22,6 @@ def state(run: Run) -> int:
     return OK
 
 
-def watch(run: Run) -> int:
-    """Show states until the count is reached or Ctrl-C is pressed."""
-    seen = 0
-    with run.connection.subscribe_state(run.options.hz) as samples:
-        for sample in samples:
-            if run.output.live:
-                run.output.line(render.state_line(sample.state))
-            else:
-                run.output.result(sample.state, render.state_line(sample.state))
-            seen += 1
-            if run.options.count is not None and seen >= run.options.count:
-                break
-    run.output.end_line()
-    return OK
-
-
 def enable(run: Run) -> int:
     """Enable the motor, for longer than this program runs."""
     params: dict[str, Any] = {"detach": True}
@@ -157,7 +141,6 @@ def discover(run: Run) -> int:
 
 COMMANDS: Mapping[str, Command] = {
     "state": state,
-    "watch": watch,
     "enable": enable,
     "disable": disable,
     "clear-fault": clear_fault,

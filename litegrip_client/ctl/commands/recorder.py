@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 
 from litegrip_client.ctl import files
 from litegrip_client.ctl.render import figure, plain
@@ -21,7 +20,7 @@ def dump(run: Run) -> int:
     data = run.connection.call("recorder.dump", params, ACTION_TIMEOUT_S)
     path = data["path"]
     if target is not None:
-        files.put(target, _content(path))
+        files.put(target, _content(run, path))
         path = target
     size = figure(data["bytes"] / 1e6, ".1f", "MB")
     length = figure(data["seconds"], ".0f", "s")
@@ -29,9 +28,9 @@ def dump(run: Run) -> int:
     return OK
 
 
-def _content(path: str) -> bytes:
+def _content(run: Run, path: str) -> bytes:
     try:
-        return Path(path).read_bytes()
+        return run.way.content(path)
     except OSError as error:
         raise CommandError(
             f"the dump is {path} on the daemon's machine, but cannot be read from here: "

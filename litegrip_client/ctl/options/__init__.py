@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 
 from litegrip_client.ctl.options import (
     calibration,
@@ -22,45 +21,27 @@ from litegrip_client.ctl.options.late import (
     DEFAULT_CHANNEL,
     Fill,
     LateParser,
-    common,
+    Parser,
+    UsageError,
 )
 from litegrip_client.ctl.options.values import protect_target
 from litegrip_client.discovery import check_channel
 from litegrip_client.errors import CommandError
 
-_EPILOG = """\
-exit codes:
-  0    ok; the verdict "ok" of health
-  1    the action ended, but not as it should (something blocks the jaws, or
-       nothing is held, say), or you said no; the verdict "degraded" of health;
-       doctor has found an error
-  2    wrong usage; the verdict "down" of health
-  3    no daemon to talk to, or no longer
-  4    refused: not calibrated, a value out of its range, no such job or file
-  5    the motor or its bus does not work
-  6    busy: another motion is running, or another client has the lease
-  7    stopped: a stop is latched (see: clear)
-  8    the motion was cancelled
-  9    this user's role does not allow it
-  70   a defect, or another version of the daemon
-  130  interrupted by Ctrl-C
-  141  whoever read the output has gone
-
-A motion goes on when litegripctl is killed; Ctrl-C cancels it.
-"""
+__all__ = ["UsageError", "parse", "whole_parser"]
 
 
-def parse(arguments: list[str] | None = None) -> argparse.Namespace:
-    """Read the command line; exits with 2 when it is wrong.
+def parse(given: list[str]) -> argparse.Namespace:
+    """Read the command line; raises `UsageError` when it is wrong.
 
     `channel_chosen` tells whether a channel was asked for, by option or by environment.
     """
-    parser = _parser()
-    given = sys.argv[1:] if arguments is None else arguments
+    parser = whole_parser()
     options = parser.parse_args([protect_target(argument) for argument in given])
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
     options.socket = getattr(options, "socket", None)
+    options.ssh_host = getattr(options, "ssh_host", None)
     options.json = getattr(options, "json", False)
     if options.command == "grasp" and (options.width is None) != (options.tolerance is None):
         parser.error("grasp: --width and --tolerance go together: give both")
@@ -71,13 +52,19 @@ def parse(arguments: list[str] | None = None) -> argparse.Namespace:
     return options
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+class _WholeParser(Parser):
+    def format_help(self) -> str:
+        from litegrip_client.ctl.options.exit_codes import epilog  # noqa: PLC0415 - seldom needed
+
+        self.epilog = epilog()
+        return super().format_help()
+
+
+def whole_parser() -> Parser:
+    """Return the parser of all commands."""
+    parser = _WholeParser(
         prog="litegripctl",
         description="Look at a LiteGrip gripper and drive it, through its daemon.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        parents=[common()],
     )
     commands = parser.add_subparsers(
         dest="command", required=True, metavar="COMMAND", parser_class=LateParser
@@ -120,5 +107,6 @@ def _parser() -> argparse.ArgumentParser:
     add("metrics", "print the figures of health as OpenMetrics text, for Prometheus")
     add("restart", "restart the daemon without letting go of what is held", general.restart)
     add("info", "show what does not change: versions, motor, calibration")
+    add("completion", "print what completes command lines in a shell", general.completion)
     add("discover", "list the methods of the daemon (with --json: its OpenRPC document)")
     return parser

@@ -49,6 +49,7 @@ def _load(parser: LateParser) -> None:
         "%(prog)s [-h] [-c CHANNEL | --socket PATH] [--json]\n"
         "       [--keep] (normal | reverse | FILE | --chain)"
     )
+    parser.words["source"] = "templates files"
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "source",
@@ -70,3 +71,4 @@ def _save(parser: LateParser) -> None:
         "file", nargs="?", metavar="FILE", help="write it to this file instead, here"
     )
     parser.add_argument("--overwrite", action="store_true", help="replace a FILE that exists")
+    parser.words["file"] = "files"

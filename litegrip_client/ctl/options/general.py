@@ -8,6 +8,12 @@ Start a successor of the daemon, which reads the configuration anew and takes
 over. The motor stays enabled, with the same pose and force. For admins, while
 no motion runs."""
 
+_WATCH = """\
+Show the state again and again, until Ctrl-C. In a terminal this is a live view
+of the whole gripper, which waits for a daemon that goes; it needs the library
+rich: pip install 'litegripd[watch]'. Elsewhere, and with --plain, a line for
+each state.
+"""
 _DUMP = """\
 Have the daemon write its flight recorder: the last minute, tick by tick, with
 all events, as an MCAP file on the daemon's machine. It does so by itself when
@@ -19,12 +25,26 @@ over time, with what happened; or a trajectory. What is no file here, and has
 neither a path nor an ending, is a trajectory that the daemon keeps. Pictures
 need matplotlib and mcap: pip install 'litegripd[plot]'
 """
+_COMPLETION = """\
+Print the script by which a shell completes commands, options and their values:
+running channels, the daemon's trajectories, files.
+"""
+_COMPLETION_EXAMPLES = """\
+examples:
+  eval "$(litegripctl completion bash)"      for this shell, or in ~/.bashrc
+  eval "$(litegripctl completion zsh)"       in ~/.zshrc, behind compinit
+  litegripctl completion fish | source       in ~/.config/fish/config.fish
+"""
 
 
 def watch(parser: LateParser) -> None:
-    """Take how often, and until when."""
+    """Take how often, until when, and in which form."""
+    parser.description = _WATCH
     parser.add_argument("--hz", type=positive, default=5.0, metavar="N", help="0.1 to 200 (5)")
     parser.add_argument("--count", type=count, metavar="N", help="end after N states")
+    parser.add_argument(
+        "--plain", action="store_true", help="lines, and no live view, in a terminal as well"
+    )
 
 
 def enable(parser: LateParser) -> None:
@@ -61,12 +81,14 @@ def dump(parser: LateParser) -> None:
     parser.description = _DUMP
     parser.add_argument("--note", metavar="TEXT", help="kept in the file: why it was asked for")
     parser.add_argument("-o", "--output", metavar="FILE", help="copy it to this file, here")
+    parser.words["output"] = "files"
 
 
 def plot(parser: LateParser) -> None:
     """Take what to draw, and how."""
     parser.description = _PLOT
     parser.add_argument("file", metavar="FILE|NAME", help="a dump, or a trajectory")
+    parser.words |= {"file": "trajectories files", "output": "files"}
     parser.add_argument("--local", action="store_true", help="a trajectory of this user's")
     how = parser.add_mutually_exclusive_group()
     how.add_argument(
@@ -87,3 +109,10 @@ def restart(parser: LateParser) -> None:
 def cancel(parser: LateParser) -> None:
     """Take the job."""
     parser.add_argument("job", type=int, metavar="JOB", help="the number that 'jobs' shows")
+    parser.words["job"] = "jobs"
+
+
+def completion(parser: LateParser) -> None:
+    """Take which shell."""
+    parser.description, parser.epilog = _COMPLETION, _COMPLETION_EXAMPLES
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")

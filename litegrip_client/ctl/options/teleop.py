@@ -5,6 +5,10 @@ from __future__ import annotations
 from litegrip_client.ctl.options.late import LateParser
 from litegrip_client.ctl.options.values import count, positive
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
 _TELEOP = """\
 Let one gripper follow another one. Enable both before.
 
@@ -26,8 +30,10 @@ def teleop(parser: LateParser) -> None:
     add = parser.add_subparsers(
         dest="action", required=True, metavar="ACTION", parser_class=LateParser
     ).add_parser
-    add("master", help="lead: the jaws go slack, and are moved by hand", fill=_master)
-    add("slave", help="follow a leader", fill=_slave)
+    # Behind these, --host is the other end of the link: so its machine is named in front.
+    own: dict[str, Any] = {"conflict_handler": "resolve"}
+    add("master", help="lead: the jaws go slack, and are moved by hand", fill=_master, **own)
+    add("slave", help="follow a leader", fill=_slave, **own)
     add("status", help="show how it goes")
     add("stop", help="end it")
 

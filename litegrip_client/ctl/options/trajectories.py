@@ -43,7 +43,7 @@ def record(parser: LateParser) -> None:
 def play(parser: LateParser) -> None:
     """Take what, how often and how fast."""
     parser.description = _PLAY
-    parser.add_argument("name", metavar="NAME", help=_NAME)
+    _kept(parser)
     parser.add_argument("--repeat", type=count, default=1, metavar="N", help="so many passes (1)")
     parser.add_argument(
         "--speed", type=positive, metavar="X", help="a multiple of the taught one, 0.1 to 4 (1)"
@@ -81,24 +81,33 @@ def _list(parser: LateParser) -> None:
 
 def _get(parser: LateParser) -> None:
     parser.description = "Copy a trajectory of the daemon to this user's directory."
-    parser.add_argument("name", metavar="NAME", help=_NAME)
+    _kept(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="to this name or path instead")
+    parser.words["output"] = "files"
     parser.add_argument("--overwrite", action="store_true", help="replace a file that exists")
 
 
 def _put(parser: LateParser) -> None:
     parser.description = "Copy a trajectory of this side to the daemon."
     parser.add_argument("file", metavar="NAME|FILE", help="a name of this user's, or a path")
+    parser.words["file"] = "own_trajectories files"
     parser.add_argument("--as", dest="name", metavar="NAME", help="the daemon's name of it")
     parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
 
 def _delete(parser: LateParser) -> None:
     parser.description = "Remove a trajectory that the daemon keeps."
-    parser.add_argument("name", metavar="NAME", help=_NAME)
+    _kept(parser)
 
 
 def _export(parser: LateParser) -> None:
     parser.description = "Show the samples of a trajectory of the daemon as CSV."
-    parser.add_argument("name", metavar="NAME", help=_NAME)
+    _kept(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="write it to this file")
+    parser.words["output"] = "files"
+
+
+def _kept(parser: LateParser) -> None:
+    """Take which of the daemon's."""
+    parser.add_argument("name", metavar="NAME", help=_NAME)
+    parser.words["name"] = "trajectories"

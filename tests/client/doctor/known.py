@@ -108,6 +108,11 @@ def facts(link_name: str | None = "healthy", **changes: Any) -> Facts:
     return replace(whole, **changes)
 
 
+def with_daemon(**changes: object) -> Facts:
+    """Return facts with which all is well but for `changes` of the daemon."""
+    return facts(daemon=daemon(**changes))
+
+
 def system(**changes: Any) -> System:
     """Return a system with a healthy link but for `changes`."""
     return replace(facts().system, **changes)

@@ -1,0 +1,75 @@
+"""The command that shows the state again and again: as a live view, as lines, or as JSON."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import islice
+
+from litegrip_client.ctl import render
+from litegrip_client.ctl.run import OK, Command, Run
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import TypeAlias
+
+    from litegrip_client.ctl.watching import Scene
+
+Show: TypeAlias = "Callable[[Iterable[Scene], str], None]"
+
+_INSTALL = "pip install 'litegripd[watch]'"
+
+
+def watch(run: Run) -> int:
+    """Show states until the count is reached or Ctrl-C is pressed."""
+    show = _live_view(run)
+    if show is None:
+        return _lines(run)
+    last: list[Scene] = []
+    name = str(run.connection.call("hello")["channel"])
+    if run.options.ssh_host is not None:
+        name = f"{name} of {run.options.ssh_host}"
+    try:
+        show(_counted(run, last), name)
+    finally:
+        for scene in last:
+            if scene.state is not None:  # the view itself leaves nothing in the terminal
+                run.output.result(scene.state, render.state_line(scene.state))
+    return OK
+
+
+def _live_view(run: Run) -> Show | None:
+    """Return what shows scenes; None where lines are wanted, or nothing else can be done."""
+    if run.options.plain or not run.output.live or os.environ.get("TERM", "dumb") == "dumb":
+        return None
+    try:
+        from litegrip_client.ctl.live.screen import show  # noqa: PLC0415 - needs the extra
+    except ModuleNotFoundError as error:
+        text = f"lines only: the live view needs the library {error.name}: {_INSTALL}"
+        run.output.note(text)
+        return None
+    return show
+
+
+def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
+    """Give scenes, as many as are wanted; `last` holds the newest."""
+    from litegrip_client.ctl.watching import scenes  # noqa: PLC0415 - only the view needs it
+
+    for scene in islice(scenes(run.way, run.connection, run.options.hz), run.options.count):
+        last[:] = [scene]
+        yield scene
+
+
+def _lines(run: Run) -> int:
+    """Show a line for each state; on a terminal each takes the place of the one before."""
+    with run.connection.subscribe_state(run.options.hz) as samples:
+        for sample in islice(samples, run.options.count):
+            if run.output.live:
+                run.output.line(render.state_line(sample.state))
+            else:
+                run.output.result(sample.state, render.state_line(sample.state))
+    run.output.end_line()
+    return OK
+
+
+COMMANDS: Mapping[str, Command] = {"watch": watch}

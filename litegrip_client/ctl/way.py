@@ -1,0 +1,84 @@
+"""The way to the daemon: the sockets of this machine, or by ssh those of another (see `remote`).
+
+It must not know single commands.
+"""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from pathlib import Path
+
+from litegrip_client.connection import Connection
+from litegrip_client.discovery import connect, socket_paths
+from litegrip_client.errors import CommandError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from collections.abc import Mapping
+    from types import TracebackType
+    from typing import Any
+
+
+class Way:
+    """To a daemon of this machine, as the command line names it."""
+
+    not_listening: tuple[type[Exception], ...] = (FileNotFoundError, ConnectionRefusedError)
+    """What a stop raises where nobody listens for stops."""
+
+    def __init__(self, options: Namespace) -> None:
+        self.options = options
+
+    def connect(self) -> Connection:
+        """Connect, and make sure that it is the daemon that is meant; raises `LiteGripError`."""
+        connection = self._connected()
+        try:
+            self._check(connection.greet("litegripctl"), connection.path)
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+    def paths(self) -> list[str]:
+        """List the sockets where the daemon may be found, here."""
+        return socket_paths(self.options.channel, self.options.socket)
+
+    def content(self, path: str) -> bytes:
+        """Read a file of the daemon's machine; raises `OSError`."""
+        return Path(path).read_bytes()
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+
+    def __enter__(self) -> Way:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _connected(self) -> Connection:
+        return connect(self.options.channel, self.options.socket)
+
+    def _check(self, hello: Mapping[str, Any], path: str) -> None:
+        options = self.options
+        if options.channel_chosen and options.socket is None:
+            if hello["channel"] == options.channel:
+                return
+            raise CommandError(
+                f"the daemon at {path} has channel {hello['channel']}, not {options.channel}",
+                reason="wrong_gripper",
+                data={"hint": "see the variable LITEGRIPD_SOCKET"},
+            )
+
+
+def way_of(options: Namespace) -> Way:
+    """Give the way that the command line asks for."""
+    if options.ssh_host is None:
+        return Way(options)
+    from litegrip_client.ctl.remote import SshWay  # noqa: PLC0415 - seldom needed
+
+    return SshWay(options)

@@ -1,0 +1,90 @@
+"""All commands of litegripctl: their parsers, their actions, and a command line for each."""
+
+from collections.abc import Iterator, Mapping
+
+from litegrip_client.ctl.options import whole_parser
+from litegrip_client.ctl.options.late import Parser
+
+ACTIONS = {
+    "calibration": ["show", "templates", "load", "save", "manual"],
+    "config": ["get", "set"],
+    "lease": ["show", "take"],
+    "trajectories": ["list", "get", "put", "delete", "export"],
+    "teleop": ["master", "slave", "status", "stop"],
+}
+
+LINES: tuple[str, ...] = (
+    "state",
+    "watch --count 2",
+    "disable",
+    "clear-fault",
+    "enable",
+    "open --speed 100",
+    "close --speed 100",
+    "cancel 1",
+    "grasp --force 10",
+    "release",
+    "move 50%",
+    "force 12",
+    "slack",
+    "hold",
+    "teleop slave --fake-leader --detach",
+    "teleop status",
+    "teleop stop",
+    "teleop master --link udp --host 127.0.0.1 --port 9 --detach",
+    "stop --level relax --why x",
+    "clear",
+    "clients",
+    "lease show",
+    "lease take because",
+    "jobs",
+    "enable --retries 3",
+    "zero --yes",
+    "calibration show",
+    "calibration templates",
+    "calibration load normal",
+    "calibration save",
+    "calibration manual",
+    "config get",
+    "config set force_n=11",
+    "register PMAX",
+    "record taught --seconds 0.2",
+    "play taught",
+    "trajectories list",
+    "trajectories get taught --overwrite",
+    "trajectories put taught --as copied",
+    "trajectories delete copied",
+    "trajectories export taught",
+    "dump",
+    "plot taught --text",
+    "health",
+    "metrics",
+    "restart --hold",
+    "info",
+    "discover",
+    "doctor",
+    "completion bash",
+)
+"""A command line for each command, and for each action of one; a daemon can be led through them."""
+
+WITHOUT_DAEMON = ("doctor", "completion")
+
+
+def every_parser() -> Iterator[Parser]:
+    """Give the whole parser, and those of all commands and of their actions."""
+    open_ones: list[Parser] = [whole_parser()]
+    while open_ones:
+        parser = open_ones.pop()
+        yield parser
+        for action in parser.arguments():
+            if isinstance(action.choices, Mapping):
+                for inner in action.choices.values():
+                    inner.become()
+                    open_ones.append(inner)
+
+
+def every_command() -> set[str]:
+    """Give the names of all commands, with their actions where they have some."""
+    (commands,) = (one.choices for one in whole_parser().arguments() if one.dest == "command")
+    assert commands is not None
+    return {f"{name} {action}".strip() for name in commands for action in ACTIONS.get(name) or [""]}

@@ -1,0 +1,140 @@
+"""The cases of the checks of the daemon: whether it runs, who may use it, what it was granted."""
+
+from dataclasses import replace
+
+from litegrip_client.doctor.facts import Socket, User
+from tests.client.doctor.case import Case
+from tests.client.doctor.known import SOCKETS, facts, with_daemon
+
+JOIN = "sudo usermod --append --groups litegrip alice"
+MAKE = "sudo groupadd --system litegrip"
+RESTART = "sudo systemctl restart litegripd@can0"
+LOGIN = "groups count from the next login on"
+CLOSED = (replace(SOCKETS[0], is_accessible=False), SOCKETS[1])
+ALICE = User("alice", 1000, "litegrip")
+OUTSIDE = replace(ALICE, is_member=False, has_group=False)
+NO_GROUP = replace(OUTSIDE, group_exists=False)
+ROOT = User("root", 0, "litegrip", is_member=False, has_group=False)
+
+DAEMON_CASES = [
+    Case("daemon", facts(), "ok", "runs for 12 s, pid 77, /run/litegripd/can0.sock"),
+    Case(
+        "daemon",
+        facts(daemon=None, failure="no daemon can be reached", sockets=()),
+        "error",
+        "no daemon can be reached",
+        "sudo systemctl start litegripd@can0",
+        "without hardware: litegripd can0 --simulate",
+    ),
+    Case(
+        "daemon",
+        facts(daemon=None, failure="no daemon can be reached", sockets=CLOSED),
+        "warning",
+        "not known whether it runs",
+        "systemctl status litegripd@can0",
+    ),
+    Case(
+        "daemon",
+        facts(asked_channel="can1"),
+        "error",
+        "the daemon at /run/litegripd/can0.sock has channel can0, not can1",
+        "unset LITEGRIPD_SOCKET",
+    ),
+    Case("version", facts(), "ok", "1.2.3, as this program"),
+    Case("version", facts(daemon=None), None),
+    Case(
+        "version",
+        with_daemon(hello_version="1.2.2"),
+        "warning",
+        "the daemon is 1.2.2, this program 1.2.3",
+        "sudo systemctl restart litegripd@can0",
+        "install one version",
+    ),
+    Case("sockets", facts(sockets=()), None),
+    Case(
+        "sockets",
+        facts(),
+        "ok",
+        "alice may open /run/litegripd/can0.sock and /run/litegripd/can0.stop.sock",
+    ),
+    Case("sockets", facts(sockets=CLOSED), "error", "alice may not open /run", RESTART, LOGIN),
+    Case(
+        "sockets", facts(sockets=CLOSED, user=OUTSIDE), "error", "alice may not open", JOIN, LOGIN
+    ),
+    Case(
+        "sockets",
+        facts(sockets=CLOSED, user=NO_GROUP),
+        "error",
+        "alice may not open",
+        f"{MAKE} && {JOIN} && {RESTART}",
+        LOGIN,
+    ),
+    Case("group", facts(), "ok", "alice is in group litegrip"),
+    Case("group", facts(user=ROOT), "ok", "root needs no group litegrip"),
+    Case(
+        "group",
+        facts(user=OUTSIDE, sockets=(Socket("/run/user/1000/x.sock", True, 1000),)),
+        "ok",
+        "alice needs no group",
+    ),
+    Case("group", facts(user=OUTSIDE), "warning", "alice is not in group", JOIN, LOGIN),
+    Case(
+        "group",
+        facts(user=replace(ALICE, has_group=False)),
+        "warning",
+        "alice is in group litegrip, but not yet in this session",
+        "newgrp litegrip",
+        LOGIN,
+    ),
+    Case(
+        "group",
+        facts(user=NO_GROUP),
+        "warning",
+        "there is no group litegrip",
+        f"{MAKE} && {JOIN} && {RESTART}",
+        LOGIN,
+    ),
+    Case(
+        "group",
+        facts(user=replace(ROOT, group_exists=False)),
+        "warning",
+        "there is no group litegrip",
+        f"{MAKE} && {RESTART}",
+        LOGIN,
+    ),
+    Case("real-time", facts(), "ok", "SCHED_FIFO 50, memory locked"),
+    Case("real-time", facts(daemon=None), None),
+    Case(
+        "real-time",
+        with_daemon(health_control__fifo_priority=0, info_configuration__control={"priority": 0}),
+        "ok",
+        "ordinary priority, as configured, memory locked",
+    ),
+    Case(
+        "real-time",
+        with_daemon(health_control={"fifo_priority": 0, "memory_locked": False}),
+        "warning",
+        "not granted: SCHED_FIFO 50 and locked memory",
+        "sudo mkdir -p /etc/systemd/system/litegripd@.service.d && printf"
+        " '[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n'"
+        " | sudo tee /etc/systemd/system/litegripd@.service.d/realtime.conf"
+        " && sudo systemctl daemon-reload && sudo systemctl restart litegripd@can0",
+        "CAP_SYS_NICE",
+    ),
+    Case("health", facts(), "ok", "verdict on itself is ok"),
+    Case("health", facts(daemon=None), None),
+    Case(
+        "health",
+        with_daemon(health_verdict="degraded", health_reasons=["a", "b"]),
+        "warning",
+        "degraded: a; b",
+        "litegripctl -c can0 health",
+    ),
+    Case(
+        "health",
+        with_daemon(health_verdict="down", health_reasons=["c"]),
+        "error",
+        "down: c",
+        "litegripctl -c can0 health",
+    ),
+]

@@ -1,0 +1,219 @@
+"""The cases of the checks of the bus: the network interface, its controller, other adapters."""
+
+from dataclasses import replace
+
+from litegrip_client.doctor.facts import Device, Facts
+from tests.client.doctor.case import Case
+from tests.client.doctor.known import daemon, facts, link, system, with_daemon
+
+UP = "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100"
+ANEW = f"sudo ip link set can0 down && {UP}"
+SERIAL = Device("/dev/ttyACM0", True, True, True, "dialout")
+CLOSED = replace(SERIAL, is_accessible=False)
+ONLY_FILES = replace(link("healthy"), kind=None, bitrate=None, sample_point=None, state=None)
+WIRING = "wiring"
+
+
+def serial(device: Device | None, **changes: object) -> Facts:
+    """Return facts of a gripper on a serial-line adapter."""
+    return facts(
+        None,
+        interface="slcan",
+        bus_channel="/dev/ttyACM0",
+        system=replace(system(), link=None, device=device),
+        daemon=daemon(**changes),
+    )
+
+
+LINK_CASES = [
+    Case("iproute2", facts(), None),
+    Case(
+        "iproute2",
+        facts(system=system(link=ONLY_FILES, ip_problem="ip (iproute2) is not installed")),
+        "warning",
+        "error counters are not known: ip (iproute2) is not installed",
+        "sudo apt install iproute2",
+    ),
+    Case("link", facts(), "ok", "can0 is up"),
+    Case(
+        "link", facts("vcan", bus_channel="vcan0"), "ok", "vcan0 is up, virtual: without bit rate"
+    ),
+    Case("link", facts("down"), "error", "can0 is down", UP),
+    Case("link", facts("unset"), "error", "can0 is down", UP),
+    Case(
+        "link",
+        facts("vcan_down", bus_channel="vcan0"),
+        "error",
+        "vcan0 is down, virtual",
+        "sudo ip link set vcan0 up",
+    ),
+    Case(
+        "link",
+        facts("dummy", bus_channel="can8"),
+        "error",
+        "can8 is no CAN interface",
+        advises="there are: can0, can1",
+    ),
+    Case(
+        "link",
+        facts(None, bus_channel="can9"),
+        "error",
+        "there is no network interface can9; there are: can0, can1",
+        advises="plug the adapter in",
+    ),
+    Case(
+        "link",
+        facts(system=system(link=None, can_links=())),
+        "error",
+        "there is no network interface can0, and no other one for CAN",
+        advises="etc/slcan.toml",
+    ),
+    Case(
+        "link",
+        facts(None, bus_channel="vcan0"),
+        "error",
+        "there is no network interface vcan0",
+        "sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up",
+    ),
+    Case("link", serial(SERIAL), None),
+    Case("device", facts(), None),
+    Case("device", facts(interface="litegrip_sim"), "ok", "no adapter to check"),
+    Case("device", serial(SERIAL), "ok", "/dev/ttyACM0 is there and accessible"),
+    Case("device", serial(None), "ok", "channel /dev/ttyACM0: python-can opens it"),
+    Case(
+        "device",
+        serial(Device("/dev/ttyACM0", False)),
+        "error",
+        "/dev/ttyACM0 is not there",
+        "ls -l /dev/serial/by-id/",
+        "plug the adapter in",
+    ),
+    Case(
+        "device",
+        serial(Device("/dev/ttyACM0", True)),
+        "error",
+        "/dev/ttyACM0 is no device",
+        "ls -l /dev/serial/by-id/",
+        "[bus] channel",
+    ),
+    Case(
+        "device",
+        serial(CLOSED, health_bus__state="down"),
+        "warning",
+        "/dev/ttyACM0 is there, but not for alice",
+        "sudo usermod --append --groups dialout alice",
+        "log in anew",
+    ),
+    Case("device", serial(CLOSED), "ok", "is there and accessible"),
+    Case(
+        "device", serial(CLOSED, health_bus__state="motor_silent"), "ok", "is there and accessible"
+    ),
+    Case("adapter", facts(), "ok", "driver gs_usb, candleLight USB to CAN adapter"),
+    Case("adapter", facts(system=system(adapter=None)), "ok", "driver gs_usb"),
+    Case("adapter", facts("vcan"), None),
+    Case(
+        "adapter",
+        facts(system=system(driver=None)),
+        "warning",
+        "no driver is known",
+        advises='interface = "slcan"',
+    ),
+    Case("bit-rate", facts(), "ok", "1 Mbit/s"),
+    Case(
+        "bit-rate",
+        facts("wrong_bitrate"),
+        "error",
+        "0.5 Mbit/s, but the motor speaks at 1 Mbit/s",
+        ANEW,
+    ),
+    Case(
+        "bit-rate",
+        facts("wrong_bitrate", daemon=daemon(state_enabled=True)),
+        "error",
+        "0.5 Mbit/s",
+        f"litegripctl -c can0 disable && {ANEW}",
+    ),
+    Case("bit-rate", facts("unset"), "error", "no bit rate is set", UP),
+    Case("bit-rate", facts("vcan"), None),
+    Case("bit-rate", facts(system=system(link=ONLY_FILES)), None),
+    Case("bit-rate", serial(SERIAL), "ok", "1 Mbit/s, by the configuration"),
+    Case(
+        "bit-rate",
+        serial(SERIAL, info_configuration__bus={"bitrate": 500_000}),
+        "error",
+        "0.5 Mbit/s by the configuration",
+        advises="set [bus] bitrate = 1000000",
+    ),
+    Case("sample-point", facts(), "ok", "at 75.0% of a bit"),
+    Case("sample-point", facts("wrong_bitrate"), "ok", "at 87.5% of a bit"),
+    Case("sample-point", facts("unset"), None),
+    Case(
+        "sample-point",
+        facts("sample_point"),
+        "warning",
+        "at 50.0% of a bit; 70% to 90% are usual",
+        "sudo ip link set can0 down && sudo ip link set can0 up"
+        " type can bitrate 1000000 sample-point 0.75",
+    ),
+    Case("restart", facts(), "ok", "by itself, 100 ms after bus-off"),
+    Case(
+        "restart",
+        facts("no_restart"),
+        "warning",
+        "restart-ms is not set: after bus-off the bus stays off",
+        "sudo ip link set can0 down && sudo ip link set can0 up type can restart-ms 100",
+    ),
+    Case("restart", facts("unset"), "warning", "restart-ms is not set", UP),
+    Case("restart", facts("vcan"), None),
+    Case("queue", facts(), "ok", "10 frames, 50 ms of commands at 200 Hz"),
+    Case("queue", with_daemon(hello_limits__rate_hz=100), "ok", "10 frames, 100 ms of commands"),
+    Case("queue", facts(daemon=None), "ok", "10 frames, 50 ms of commands at 200 Hz"),
+    Case(
+        "queue",
+        facts("long_queue"),
+        "warning",
+        "1000 frames, 5000 ms of commands at 200 Hz: a dead bus that comes back gets old commands",
+        "sudo ip link set can0 txqueuelen 10",
+    ),
+    Case("queue", facts("vcan"), None),
+    Case("bus-state", facts(), "ok", "error-active, tx errors 0, rx errors 0"),
+    Case("bus-state", facts("down"), None),
+    Case(
+        "bus-state",
+        facts("error_passive"),
+        "error",
+        "error-passive, tx errors 128, rx errors 0",
+        advises=WIRING,
+    ),
+    Case(
+        "bus-state",
+        facts(system=system(link=replace(link("healthy"), state="ERROR-WARNING", tx_errors=None))),
+        "warning",
+        "error-warning, tx errors unknown, rx errors 0",
+        advises=WIRING,
+    ),
+    Case(
+        "bus-state",
+        facts("bus_off"),
+        "error",
+        "bus-off, tx errors 248",
+        "sudo ip link set can1 type can restart",
+        WIRING,
+    ),
+    Case(
+        "bus-state",
+        facts(system=system(link=replace(link("bus_off"), restart_ms=100))),
+        "error",
+        "bus-off",
+        advises=WIRING,
+    ),
+    Case("bus-errors", facts(), "ok", "none since the driver was loaded"),
+    Case(
+        "bus-errors",
+        facts("bus_off"),
+        "warning",
+        "since the driver was loaded: 31 bus error, 1 error warning, 1 error passive, 1 bus off",
+        advises=WIRING,
+    ),
+    Case("bus-errors", facts("vcan"), None),
+]

@@ -1,0 +1,90 @@
+"""--json and the exit codes, which are alike for all commands."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from litegrip_client.ctl.main import main
+from litegrip_client.ctl.options.exit_codes import EXIT_CODES
+from litegrip_client.trajectory_files import write
+from litegripd.model.errors import ERROR_TABLE
+from tests.client.ctl_commands import LINES, WITHOUT_DAEMON, every_command
+from tests.client.fake_daemon import HELLO, FakeDaemon, Handler, Request
+from tests.trajectories import lgt
+
+REFUSALS = {row.reason: row for row in ERROR_TABLE}
+ASKING = [line for line in LINES if line.partition(" ")[0] not in WITHOUT_DAEMON]
+NEEDS_TERMINAL = "calibration manual"
+
+
+class Refusing(dict[str, Handler]):
+    """Handlers of a daemon that greets, and refuses everything else for one reason."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(hello=lambda request: HELLO)
+        self._row = REFUSALS[reason]
+
+    def get(self, method: str, default: Any = None) -> Any:
+        return super().get(method) or self._refuse
+
+    def _refuse(self, request: Request) -> None:
+        request.fail(self._row.reason, self._row.code, "what\nelse")
+
+
+@pytest.fixture(autouse=True)
+def _own_trajectory(home: Path) -> None:
+    write("taught", lgt([(0.0, 0.2), (1.0, 0.3)]))
+
+
+def error_of(out: str) -> dict[str, Any]:
+    (line,) = out.splitlines()
+    error: dict[str, Any] = json.loads(line)["error"]
+    assert error.keys() == {"code", "message", "data"}
+    return error
+
+
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+    code = main([*arguments, "--json"])
+    return code, capsys.readouterr().out
+
+
+def test_there_is_a_line_for_every_command() -> None:
+    names = {" ".join(line.split()[:2]) for line in LINES} | {line.split()[0] for line in LINES}
+    assert every_command() <= names
+
+
+@pytest.mark.parametrize("reason", ["busy", "stopped", "not_permitted", "motor_silent"])
+@pytest.mark.parametrize("line", ASKING)
+def test_a_refusal_is_one_line_of_json_and_has_the_code_of_its_reason(
+    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str], line: str, reason: str
+) -> None:
+    daemon.handlers = Refusing(reason)
+    code, out = run(capsys, "--socket", daemon.path, *line.split())
+    if line == NEEDS_TERMINAL:
+        assert (code, error_of(out)["data"]["reason"]) == (2, "wrong_usage")
+        return
+    assert (code, error_of(out)["data"]["reason"]) == (REFUSALS[reason].exit_code, reason)
+    assert error_of(out)["code"] == REFUSALS[reason].code
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str) -> None:
+    code, out = run(capsys, "--socket", str(tmp_path / "none.sock"), *line.split())
+    if line in ASKING:
+        assert (code, error_of(out)["data"]["reason"]) == (3, "no_daemon")
+    else:
+        assert (code, isinstance(json.loads(out), dict)) == (1 if line == "doctor" else 0, True)
+
+
+@pytest.mark.parametrize("line", LINES)
+def test_a_wrong_command_line(capsys: pytest.CaptureFixture[str], line: str) -> None:
+    code, out = run(capsys, *line.split(), "--no-such-option")
+    assert (code, error_of(out)["data"]["reason"]) == (2, "wrong_usage")
+
+
+def test_every_exit_code_of_an_error_has_a_meaning() -> None:
+    codes = [code for code, _ in EXIT_CODES]
+    assert codes == sorted(set(codes))
+    assert {row.exit_code for row in ERROR_TABLE} <= set(codes)

@@ -1,0 +1,167 @@
+"""litegripctl watch: the live view, what takes its place, and the terminal afterwards."""
+
+import io
+import json
+import signal
+from collections import deque
+from pathlib import Path
+
+import pytest
+from rich.console import Console
+
+from litegrip_client.ctl.live.view import picture
+from litegrip_client.ctl.watching import Scene
+from litegrip_client.feeds import Event
+from tests.client.ctl_terminal import Terminal
+from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
+from tests.client.live_daemon import HEALTH, OWNER, live
+
+TAKEN, GIVEN_BACK = "\x1b[?1049h", "\x1b[?1049l"
+LAST_LINE = "holding      35.25 mm   +0.2500 rad   +0.500 N·m   33 °C"
+
+
+@pytest.fixture(autouse=True)
+def _terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
+    monkeypatch.setenv("LINES", "40")
+
+
+def shown(scene: Scene) -> str:
+    console = Console(file=io.StringIO(), width=80, force_terminal=False)
+    console.print(picture(scene, "can0"))
+    assert isinstance(console.file, io.StringIO)
+    return console.file.getvalue()
+
+
+def whole_scene() -> Scene:
+    scene = Scene()
+    job = {"job": 4, "kind": "grasp", "phase": "approach", "owner": OWNER}
+    stop = {"level": "hold", "by": OWNER, "why": "smoke\x1b[2J"}
+    scene.state = {**STATE, "job": job, "stop": stop, "limited": ["heat"], "monotonic_s": 100.0}
+    scene.others = 2
+    scene.lease = {"owner": OWNER, "mine": False, "waiting": 1}
+    scene.health = HEALTH
+    scene.events = deque([Event(1, 88.0, "stop", "a stop\x1b[2J " + "x" * 99, {})])
+    return scene
+
+
+def test_the_view_shows_all_of_it() -> None:
+    text = shown(whole_scene())
+    for part in (
+        "can0  degraded",
+        "closed ━━━━━━━━━━━━━━━━━━━━",
+        "35.25 mm, 50% open",
+        "+0.500 N·m, force about +5.0 N",
+        "driver 31 °C, coil 33 °C",
+        "holding (motor enabled, bus up)",
+        "4 grasp, approach, by pick.py (pid 77)",
+        "hold, by pick.py (pid 77): smoke?[2J",
+        "limited      heat",
+        "pick.py (pid 77), uid 1000, has it for picking?[2J; 1 waiting",
+        "2 besides this one",
+        "- late ticks",
+        "12 s ago  a stop?[2J xxx",
+    ):
+        assert part in text
+    assert "\x1b[2J" not in text
+    assert max(map(len, text.splitlines())) <= 80
+
+
+def test_the_view_of_a_daemon_that_has_gone_says_so_first() -> None:
+    scene = whole_scene()
+    scene.trouble = "the daemon ended the connection"
+    head = shown(scene).splitlines()[0]
+    assert head == "can0  NO DAEMON, trying again: the daemon ended the connection"
+    assert "NO DAEMON" in shown_before_anything_is_known()
+
+
+def shown_before_anything_is_known() -> str:
+    scene = Scene()
+    assert "can0  --" in shown(scene)
+    scene.trouble = "x"
+    return shown(scene)
+
+
+def test_on_a_terminal_it_is_a_view_and_leaves_the_last_line(daemon: FakeDaemon) -> None:
+    live(daemon)
+    code, out = Terminal("--socket", daemon.path, "watch", "--count", "3").end()
+    assert code == 0
+    before, _, after = out.partition(GIVEN_BACK)
+    assert before.startswith(TAKEN)
+    assert "35.25 mm, 50% open" in before
+    assert "1 besides this one" in before
+    assert "the job ended" in before
+    assert after == f"{LAST_LINE}\n"
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_the_terminal_is_given_back(daemon: FakeDaemon, number: int, code: int) -> None:
+    terminal = Terminal("--socket", live(daemon).path, "watch")
+    terminal.expect("besides this one")
+    terminal.interrupt(number)
+    ended, out = terminal.end()
+    assert ended == code
+    assert "\x1b[?25h" in out  # the cursor
+    assert out.endswith(f"{GIVEN_BACK}{LAST_LINE}\n")
+
+
+def test_the_terminal_is_given_back_while_ctrl_z_stops_it(daemon: FakeDaemon) -> None:
+    terminal = Terminal("--socket", live(daemon).path, "watch")
+    terminal.expect("besides this one")
+    terminal.interrupt(signal.SIGTSTP)
+    terminal.expect(GIVEN_BACK)
+    terminal.wait_until_stopped()
+    terminal.interrupt(signal.SIGCONT)
+    terminal.expect(TAKEN)
+    terminal.expect("besides this one")
+    terminal.interrupt()
+    assert terminal.end()[0] == 130
+
+
+def test_a_daemon_that_goes_is_waited_for(tmp_path: Path) -> None:
+    path = tmp_path / "can0.sock"
+    with FakeDaemon(path) as first:
+        terminal = Terminal("--socket", live(first).path, "watch")
+        terminal.expect("besides this one")
+    terminal.expect("NO DAEMON, trying again")
+    path.unlink()
+    with FakeDaemon(path) as second:
+        second.handlers["hello"] = lambda request: {**HELLO, "pid": 2}
+        live(second).wait_for("health")
+        terminal.expect("degraded")
+        terminal.interrupt()
+        assert terminal.end()[0] == 130
+
+
+@pytest.mark.parametrize("plain", [True, False])
+def test_without_the_view_it_is_one_line(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, *, plain: bool
+) -> None:
+    if not plain:
+        monkeypatch.setenv("TERM", "dumb")
+    options = ["--plain"] if plain else []
+    command = ["--socket", live(daemon).path, "watch", "--count", "4", *options]
+    code, out = Terminal(*command).end()
+    assert (code, out.count("\n"), out.count("\r")) == (0, 1, 4)
+    assert daemon.methods() == ["hello", "state.subscribe", "state.unsubscribe"]
+
+
+def test_without_rich_it_says_so_once_and_shows_lines(
+    daemon: FakeDaemon, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hidden = "raise ModuleNotFoundError('no rich', name='rich')"
+    (tmp_path / "rich.py").write_text(hidden, encoding="utf-8")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    code, out = Terminal("--socket", live(daemon).path, "watch", "--count", "3").end()
+    assert code == 0
+    word = "litegripctl: lines only: the live view needs the library rich: "
+    assert out.startswith(f"{word}pip install 'litegripd[watch]'\n\r")
+    assert out.count("rich") == 1
+    assert (TAKEN not in out, LAST_LINE in out) == (True, True)
+
+
+def test_json_on_a_terminal_is_lines(daemon: FakeDaemon) -> None:
+    command = ["--socket", live(daemon).path, "watch", "--count", "3", "--json"]
+    code, out = Terminal(*command).end()
+    assert (code, [json.loads(line)["mode"] for line in out.splitlines()]) == (0, ["holding"] * 3)
