@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.control.actions.replay import FASTEST_MM_S, Replay, ReplayRequest
+from litegripd.control.actions.replay import Replay
+from litegripd.control.actions.replay_request import FASTEST_MM_S, ReplayRequest
 from litegripd.control.filter import torque_bound_nm
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.rest import Relax
