@@ -35,10 +35,10 @@ def block_chart(
         label = {0: labels[0], height // 2: labels[1], height - 1: labels[2]}.get(row, "")
         blocks = "".join(_EIGHTHS[min(max(level - below, 0), 8)] for level in levels)
         lines.append(f"{label:>{margin}} ┤{blocks}".rstrip())
-    if spans:
-        lines.append(f"{span_label:>{margin}}  {_marks(points, spans, width)}".rstrip())
     first, last = (f"{points[end][0]:.2f} s" for end in (0, -1))
     lines.append(f"{'':>{margin}} └{'─' * width}")
+    if spans:
+        lines.append(f"{span_label:>{margin}}  {_marks(points, spans, width)}".rstrip())
     lines.append(f"{'':>{margin}}  {first}{last:>{max(width - len(first), len(last) + 1)}}")
     return lines
 
