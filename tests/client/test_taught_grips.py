@@ -8,7 +8,14 @@ from typing import Any
 
 import pytest
 
-from litegrip_client import CommandError, LiteGrip, TaughtGrip, Trajectory, list_trajectories
+from litegrip_client import (
+    CommandError,
+    LiteGrip,
+    TaughtGrip,
+    Trajectory,
+    list_trajectories,
+    taught_grips,
+)
 from litegrip_client.ctl.block_chart import block_chart
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.render_trajectories import played, recorded
@@ -19,6 +26,7 @@ from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories
 from tests.client.helpers import Ctl
 from tests.client.taught import BESIDE, GRIPS, TAUGHT, with_grips
+from tests.mutations import MUTATIONS, mutated
 from tests.trajectories import lgt
 
 NOWHERE = ["--socket", "/nowhere"]
@@ -122,6 +130,33 @@ def test_each_field_is_checked_here_and_by_the_daemon(changes: dict[str, Any], w
         TAUGHT.with_grips(CONTENT, content)
     with pytest.raises(TrajectoryError, match=why):
         daemons.read(content, plain["lgt_sha256"])
+
+
+def read_here(content: bytes, digest: str) -> str | None:
+    try:
+        return str(taught_grips.read(content, digest))
+    except CommandError:
+        return None
+
+
+def read_there(content: bytes, digest: str) -> str | None:
+    try:
+        return str(daemons.read(content, digest))
+    except TrajectoryError:
+        return None
+
+
+def test_damaged_files_are_the_same_to_both_sides() -> None:
+    """Each is read whole, and alike, or refused by both; never a crash."""
+    digest = json.loads(BESIDE)["lgt_sha256"]
+    for length in range(len(BESIDE) - 1):
+        assert read_here(BESIDE[:length], digest) is None
+    passed = 0
+    for content in mutated(BESIDE):
+        here = read_here(content, digest)
+        assert here == read_there(content, digest)
+        passed += here is not None
+    assert 0.01 * MUTATIONS < passed < 0.9 * MUTATIONS
 
 
 def test_both_sides_write_the_same_file() -> None:
