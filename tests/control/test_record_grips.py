@@ -12,8 +12,8 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.grips import MOST_GRIPS
 from litegripd.model.jobs import Owner
 from litegripd.model.motion_config import MotionConfig
-from tests.control.grips import beside, gripper, grips, picked
-from tests.trajectories import fetched, points_of
+from tests.control.grips import beside, both, gripper, grips, picked
+from tests.trajectories import fetched, points_of, send
 
 
 def test_a_grip_is_noted_with_its_contact_its_force_and_who_commanded_it() -> None:
@@ -108,6 +108,31 @@ def test_of_a_hand_nothing_is_claimed_whatever_it_pushes_on() -> None:
     answer = client.result("trajectory.record_stop")
     assert answer["grips"] == 0
     assert fetched(client, recording=answer["recording"], format="grip") == b""
+
+
+def test_a_way_by_hand_and_a_grip_by_command_are_one_recording() -> None:
+    """As the documentation says how a grip is taught with a force."""
+    world, client = gripper()
+    world.gripper.put_object(width_mm=40.0)
+    client.result("trajectory.record_start", zero_gravity=False)
+    client.result("motion.zero_gravity")
+    sign = world.gripper.parameters.close_sign
+    world.gripper.push(0.3 * sign)
+    world.run_until(lambda: world.gripper.opening_mm < 70.0)
+    world.gripper.push(0.0)
+    world.run(0.3)
+    client.result("motion.grasp", until="verdict", force_n=8)
+    world.run(0.5)
+    client.result("motion.move", opening_mm=90)
+    content, grip_bytes = both(
+        client, recording=client.result("trajectory.record_stop")["recording"]
+    )
+    other, others_client = gripper("reverse", 80.0)
+    other.gripper.put_object(width_mm=48.0, stiffness_nm_rad=80.0)
+    send(others_client, content, name="pick", grip_bytes=grip_bytes)
+    result = others_client.result("trajectory.play", name="pick", force="replay")
+    assert (result["ok"], result["grips"]) == (True, 1)
+    assert result["width_difference_mm"] == pytest.approx(8.0, abs=2.0)
 
 
 def test_a_squeeze_that_has_met_nothing_is_no_grip() -> None:
