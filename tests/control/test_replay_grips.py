@@ -158,6 +158,19 @@ def test_a_cancel_in_the_grip_keeps_the_hold() -> None:
     assert world.longest_gap_s(since_s) < 2 * PERIOD_S
 
 
+def test_a_cancel_on_the_way_to_the_contact_holds_there() -> None:
+    world, client = on_another(50.0)
+    number = started(world, client, "approach")
+    world.run(0.4)
+    client.result("job.cancel", job=client.result("trajectory.status")["job"])
+    assert reason_of(client, number) == "cancelled"
+    here_mm = world.gripper.opening_mm
+    assert here_mm < 85.0
+    world.run(1.0)
+    assert world.gripper.opening_mm == pytest.approx(here_mm, abs=1.0)
+    assert (world.state.mode, world.state.is_grasped) == ("holding", False)
+
+
 @pytest.mark.parametrize("phase", ["align", "play", "approach", "hold", "settle"])
 @pytest.mark.parametrize("level", ["hold", "relax", "disable"])
 def test_a_stop_ends_every_phase(phase: str, level: str) -> None:
