@@ -4,12 +4,21 @@ It claims what the daemon has commanded and judged by itself, which is a grip th
 a hand pushes slack jaws the motor applies no force, and measures none: of that nothing is noted.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from litegripd.control.grip import Grip
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
 from litegripd.model.grips import MAX_SOURCE, MOST_GRIPS, TaughtGrip
+from litegripd.model.jobs import JobKind
+
+_METHODS: Mapping[JobKind, str] = {
+    "grasp": "motion.grasp",
+    "set_force": "motion.set_force",
+    "play": "trajectory.play",
+}
+"""What makes grips or changes them: whatever holds something comes from the latest of these."""
 
 
 @dataclass(slots=True)
@@ -46,12 +55,12 @@ class GripNotes:
         if grip is None or not grip.is_holding or grip.force_n <= 0.0:
             self._held = None
         elif before is None or grip is not before.grip or grip.force_n != before.force_n:
-            job = jobs.latest("grasp", "set_force")
+            job = jobs.latest(*_METHODS)
             closing_s = t_s
             if before is None and job is not None and job.kind == "grasp":
                 last_s = self._notes[-1].end_s if self._notes else 0.0
                 closing_s = min(max(job.started_s - began_s, last_s), t_s)
-            source = "unknown" if job is None else f"motion.{job.kind} by {job.owner.program}"
+            source = "unknown" if job is None else f"{_METHODS[job.kind]} by {job.owner.program}"
             note = _Note(grip, grip.force_n, closing_s, t_s, t_s, position_rad, source)
             self._held = note
             if len(self._notes) < MOST_GRIPS:

@@ -40,7 +40,10 @@ class Grips:
         return {"grips": len(self.grips), "grip_problem": self.problem}
 
     def rows(self, lgt: bytes) -> list[tuple[Any, ...]]:
-        """Return the fields of each, the times counted from the first sample of `lgt`."""
+        """Return what a replay needs of each, the times counted from the first sample of `lgt`.
+
+        Their sources are left out: the most grips fit into a packet then, whatever is in the file.
+        """
         if not self.grips:
             return []
         first_s, _ = _span(lgt)
@@ -50,6 +53,7 @@ class Grips:
                 closing_s=grip.closing_s - first_s,
                 start_s=grip.start_s - first_s,
                 end_s=grip.end_s - first_s,
+                source="-",
             )
             for grip in self.grips
         )

@@ -69,6 +69,20 @@ def test_one_that_is_held_already_begins_with_the_recording() -> None:
     assert grip["source"] == "motion.grasp by program101"
 
 
+def test_one_that_a_replay_has_left_is_its() -> None:
+    world, client, number = picked(release=False)
+    content, grip_bytes = both(client, recording=number)
+    client.result("motion.move", opening_mm=100)
+    send(client, content, name="pick", grip_bytes=grip_bytes)
+    other = world.client()
+    assert other.result("trajectory.play", name="pick", force="replay")["ok"]
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.run(0.3)
+    number = client.result("trajectory.record_stop")["recording"]
+    (grip,) = grips(client, recording=number)
+    assert grip["source"] == "trajectory.play by program102"
+
+
 def test_a_force_that_is_changed_makes_another_grip_without_a_gap() -> None:
     world, client = gripper()
     world.gripper.put_object(width_mm=50.0)

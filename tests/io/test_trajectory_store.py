@@ -396,7 +396,9 @@ def test_grips_lie_beside_their_trajectory(rig: Rig, content: bytes) -> None:
     assert rig.read({"name": "pick"}, "grip") == grips
     (entry,) = rig.do("list", after=None)["trajectories"]
     assert (entry["grips"], entry["grip_problem"]) == (1, None)
-    assert rig.do("open", source={"name": "pick"})["grip_rows"] == [list(GRIP.values())]
+    assert rig.do("open", source={"name": "pick"})["grip_rows"] == [
+        list({**GRIP, "source": "-"}.values())
+    ]
 
 
 def test_without_a_name_they_are_kept_with_it(rig: Rig) -> None:
@@ -499,8 +501,8 @@ def test_a_list_of_the_most_grips_fits_into_a_packet(rig: Rig) -> None:
     for number in range(200):
         at_s = (number + third) / 70.0
         times = {"closing_s": at_s, "start_s": at_s, "end_s": at_s + third / 100.0}
-        source = {"source": '"' * 80}
-        grips.append({**GRIP, **times, **source, "openness": third, "width_mm": 100 * third})
+        others = dict.fromkeys(("openness", "width_mm", "force_n"), third * 1e-300)
+        grips.append({**GRIP, **times, **others, "source": '"' * 80})
     put_with(rig, LONG, beside(LONG, *grips))
     assert rig.do("open", source={"name": "pick"})["grips"] == 200  # which Rig.do measures
 
