@@ -5,8 +5,10 @@ from typing import Any
 
 from litegripd.control.actions.replay import Replay
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
-from tests.trajectories import fetched
+from tests.trajectories import fetched, send
 from tests.world import Client, World
+
+FORCE_CODE_N = 0.5
 
 
 def gripper(mount: str = "normal", opening_mm: float = 100.0) -> tuple[World, Client]:
@@ -75,3 +77,27 @@ def replaying(world: World) -> Replay:
 def in_phase(world: World, phase: str) -> bool:
     action = world.engine.action
     return isinstance(action, Replay) and action.phase == phase
+
+
+def on_another(
+    width_mm: float | None,
+    mount: str = "reverse",
+    force_n: float = 8.0,
+    release: bool = True,
+    **item: float,
+) -> tuple[World, Client]:
+    """Teach a pick on one gripper, and bring it to another one with another object."""
+    _, teacher, number = picked(50.0, force_n, release=release)
+    content, grip_bytes = both(teacher, recording=number)
+    world, client = gripper(mount)
+    if width_mm is not None:
+        world.gripper.put_object(width_mm=width_mm, **item)
+    send(client, content, name="pick", grip_bytes=grip_bytes)
+    return world, client
+
+
+def started(world: World, client: Client, phase: str = "hold", **params: Any) -> int:
+    number = client.send("trajectory.play", name="pick", force="replay", **params)
+    world.run_until(lambda: in_phase(world, phase) or client.has_answer(number))
+    assert not client.has_answer(number), client.answers[number]
+    return number
