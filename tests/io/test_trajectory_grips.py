@@ -1,4 +1,4 @@
-"""What the store keeps beside trajectories: their grips, files that are wrong, a disk that fails."""
+"""What the store keeps beside trajectories: their grips, wrong files, a disk that fails."""
 
 import base64
 import errno
