@@ -13,7 +13,7 @@ help:
 	@echo "make demo    that daemon, and two processes that use it; ends by itself"
 	@echo "make test    the tests"
 	@echo "make check   format, lint, types, import layers, generated files, tests"
-	@echo "make nightly a million hostile lines, other ones every day (about 4 minutes)"
+	@echo "make nightly a million hostile lines and damaged files, other ones every day (about 9 minutes)"
 	@echo "make format  put all sources into the project's format"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
 	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
@@ -49,6 +49,8 @@ check: $(STAMP)
 
 nightly: $(STAMP)
 	LITEGRIPD_FUZZ_LINES=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 tests/rpc/test_fuzz.py
+	LITEGRIPD_FUZZ_MUTATIONS=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 \
+		tests/model/test_grips.py tests/model/test_trajectory.py tests/client/test_trajectory.py tests/client/test_taught_grips.py
 
 format: $(STAMP)
 	$(BIN)/ruff format .

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         SetZeroResult,
     )
     from litegrip_client.setpoints import SetpointStream
+    from litegrip_client.taught_grips import TaughtGrip
     from litegrip_client.trajectory import Trajectory, TrajectorySample
     from litegrip_client.trajectory_files import TrajectoryFile, list_trajectories
 
@@ -85,6 +86,7 @@ __all__ = [
     "SetZeroResult",
     "SetpointStream",
     "StoppedError",
+    "TaughtGrip",
     "TeleopBusyError",
     "TeleopNotReady",
     "Trajectory",
@@ -112,6 +114,7 @@ _LATER = {
     "PlayResult": "results",
     "SetZeroResult": "results",
     "SetpointStream": "setpoints",
+    "TaughtGrip": "taught_grips",
     "Trajectory": "trajectory",
     "TrajectoryFile": "trajectory_files",
     "TrajectorySample": "trajectory",

@@ -117,6 +117,11 @@ class PlayResult:
     `outcome` is completed, blocked (something keeps the jaws from the end of the path) or
     not_aligned (they could not get to its start). `loops` counts the whole passes, `frames` the
     commands; `largest_lag_mm` is how far the jaws were behind the path at most.
+
+    With `force` "replay" `outcome` may also be no_object, object_lost or timed_out, as a grasp's.
+    `grips` counts those that held something; `width_mm` is the latest one's, and
+    `width_difference_mm` by how much the object that differed most was wider (above 0) than the
+    taught one.
     """
 
     ok: bool
@@ -126,6 +131,9 @@ class PlayResult:
     frames: int
     largest_lag_mm: float
     final_cmd_rad: float
+    grips: int = 0
+    width_mm: float | None = None
+    width_difference_mm: float | None = None
 
     def __bool__(self) -> bool:
         return self.ok
@@ -135,7 +143,13 @@ class PlayResult:
         """Read the wire's form; raises `ProtocolError`."""
         same = ("ok", "outcome", "loops", "frames", "largest_lag_mm")
         values = _with_state(data, (*same, "final_command_rad"), "play result")
-        return cls(final_cmd_rad=values.pop("final_command_rad"), **values)
+        return cls(
+            final_cmd_rad=values.pop("final_command_rad"),
+            grips=data.get("grips", 0),
+            width_mm=data.get("width_mm"),
+            width_difference_mm=data.get("width_difference_mm"),
+            **values,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,15 +6,19 @@ replays on another. This module must not know the daemon, nor where files lie: `
 
 from __future__ import annotations
 
+import hashlib
 import itertools
 import math
 import os
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from litegrip_client import taught_grips
 from litegrip_client.errors import CommandError
+from litegrip_client.taught_grips import TaughtGrip
+from litegrip_client.warn import warn
 
 MAGIC = b"LGRTRJ01"
 VERSION = 1
@@ -47,9 +51,10 @@ class Trajectory:
     """A motion of the jaws, and the gripper that it was recorded on.
 
     `sample_hz` is how often it was sampled, `created` when, as unix time; `mount` is "normal",
-    "reverse" or None. Raises `CommandError`, with the reason in its message, for what no daemon
-    would take: a sample that is not finite, an openness outside 0 to 1, time that runs backwards,
-    a travel or scale of nothing, more than 360 000 samples.
+    "reverse" or None; `grips` are those that are known, in their order. Raises `CommandError`, with
+    the reason in its message, for what no daemon would take: a sample that is not finite, an
+    openness outside 0 to 1, time that runs backwards, a travel or scale of nothing, more than
+    360 000 samples, a grip outside their time.
     """
 
     samples: Sequence[TrajectorySample]
@@ -60,6 +65,7 @@ class Trajectory:
     rad_to_mm: float
     can_id: int = 0x08
     mount: str | None = None
+    grips: Sequence[TaughtGrip] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "samples", _checked(self.samples))
@@ -74,6 +80,8 @@ class Trajectory:
             raise unusable(f"unknown mount {self.mount!r:.40}; there are normal, reverse, and none")
         if not isinstance(self.can_id, int) or not 0 <= self.can_id < 2**32:
             raise unusable(f"can_id is {self.can_id!r:.40}, it must fit into 32 bits")
+        span_s = (self.samples[0].t, self.samples[-1].t) if self.samples else (0.0, -math.inf)
+        object.__setattr__(self, "grips", taught_grips.checked(self.grips, *span_s))
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -83,7 +91,8 @@ class Trajectory:
 
     def __repr__(self) -> str:
         mount = f", mount {self.mount}" if self.mount else ""
-        return f"<Trajectory: {len(self)} samples, {self.duration_s:.2f} s{mount}>"
+        grips = f", {len(self.grips)} grips" if self.grips else ""
+        return f"<Trajectory: {len(self)} samples, {self.duration_s:.2f} s{mount}{grips}>"
 
     @property
     def duration_s(self) -> float:
@@ -104,25 +113,48 @@ class Trajectory:
         """Write it to `~/.litegrip/trajectories/NAME.lgt`, at once or not at all; return the path.
 
         LITEGRIP_TRAJ_DIR names another directory; a name with a path separator in it is used as
-        written. A file that is there is replaced. Raises `CommandError`.
+        written. Grips go into NAME.grip.json beside it. Files that are there are replaced. Raises
+        `CommandError`.
         """
         from litegrip_client import trajectory_files  # noqa: PLC0415 - which imports this module
 
-        return trajectory_files.write(name, self.to_bytes())
+        return trajectory_files.write(name, self.to_bytes(), self.grip_bytes())
 
     @classmethod
     def load(cls, name: str | os.PathLike[str]) -> Trajectory:
-        """Read what `save` wrote under this name; raises `CommandError` that says what is wrong."""
+        """Read what `save` wrote under this name; raises `CommandError` that says what is wrong.
+
+        Grips beside it that cannot be used, or belong to another file, are none, with a warning.
+        """
         from litegrip_client import trajectory_files  # noqa: PLC0415 - which imports this module
 
         content = trajectory_files.read(name)
         try:
-            return cls.from_bytes(content)
+            trajectory = cls.from_bytes(content)
         except CommandError as error:
             raise unusable(f"{trajectory_files.path_of(name)}: {error.message}") from error
+        try:
+            return trajectory.with_grips(content, trajectory_files.read_grips(name))
+        except CommandError as error:
+            beside = trajectory_files.path_beside(name)
+            warn(f"the grips in {beside} are left out: {error.message}")
+            return trajectory
+
+    def with_grips(self, content: bytes, beside: bytes) -> Trajectory:
+        """Return it with the grips of the file beside its own `content`, none if that is empty.
+
+        Raises `CommandError` for a file of grips that cannot be used, or belongs to another one.
+        """
+        if not beside:
+            return self
+        return replace(self, grips=taught_grips.read(beside, _digest(content)))
+
+    def grip_bytes(self) -> bytes:
+        """Return the content of the file of its grips, nothing without any."""
+        return taught_grips.pack(self.grips, _digest(self.to_bytes())) if self.grips else b""
 
     def to_bytes(self) -> bytes:
-        """Return the file's content."""
+        """Return the file's content, which knows of no grips."""
         mount = (self.mount or "").encode()
         figures = [getattr(self, name) for name in _FIGURES]
         head = HEADER.pack(MAGIC, VERSION, len(self), *figures, self.can_id, mount)
@@ -172,6 +204,10 @@ def check_length(length: int, count: int) -> None:
 def unusable(text: str) -> CommandError:
     """Return the error for a trajectory that cannot be used."""
     return CommandError(text, reason="trajectory_unreadable")
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
 
 
 def _check_count(count: int) -> None:

@@ -70,6 +70,7 @@ class TrajectoryActions(ActionBase):
         loop: bool = False,
         repeat: int = 1,
         torque_nm: float | None = None,
+        force: str = "path",
         progress: ProgressCallback | None = None,
     ) -> PlayResult:
         """Replay a trajectory to its end; the jaws then hold there, until told otherwise.
@@ -80,6 +81,11 @@ class TrajectoryActions(ActionBase):
         `torque_nm` is what the jaws press with on what is in the way, at most (0.3 to 3, 2 by
         default). With `align` they first go to where it begins, at `motion_config.speed_mm_s`;
         without, they must be there, within `motion_config.max_lead_mm`. `repeat` is how often.
+
+        With `force` "replay" the jaws do each of `trajectory.grips` again, as `grasp` does, with
+        the taught force and for as long as it lasted, at `motion_config.grasp_speed_mm_s`; what is
+        not gripped, or lost, ends the replay with `ok` False and outcome no_object or object_lost.
+        A trajectory without grips is then refused (`CommandError`).
 
         `loop` is for `play_start`. An interrupt, or an error of `progress`, cancels the replay
         before it is raised. A path that something blocks gives `ok` False.
@@ -94,6 +100,7 @@ class TrajectoryActions(ActionBase):
                 loop=loop,
                 repeat=repeat,
                 torque_nm=torque_nm,
+                force=force,
                 progress=progress,
             )
         )
@@ -108,6 +115,7 @@ class TrajectoryActions(ActionBase):
         align: bool = True,
         *,
         torque_nm: float | None = None,
+        force: str = "path",
     ) -> dict[str, Any]:
         """Begin to replay in the background, as `play` does; return `trajectory_status()`.
 
@@ -115,7 +123,9 @@ class TrajectoryActions(ActionBase):
         held then. What goes wrong later is told by `error` of `trajectory_status`.
         """
         return wait(
-            self._core.play_start(trajectory, speed, kp, kd, loop, align, torque_nm=torque_nm)
+            self._core.play_start(
+                trajectory, speed, kp, kd, loop, align, torque_nm=torque_nm, force=force
+            )
         )
 
     def play_stop(self, timeout: float = 2.0) -> dict[str, Any]:
@@ -131,6 +141,6 @@ class TrajectoryActions(ActionBase):
 
         `active`, `kind` ("record", "play" or None), `samples` and `error` are always there; of a
         recording also `rate_hz`, `zero_gravity`, `loop_hz`, `missed` and `duration_s`, of a replay
-        `frames`, `speed`, `openness`, `completed`, `loops` and `phase`.
+        `frames`, `speed`, `openness`, `completed`, `loops`, `phase` and `grips`.
         """
         return wait(self._core.trajectory_status())

@@ -14,6 +14,7 @@ from typing import BinaryIO
 
 from litegrip_client import atomic_file
 from litegrip_client.errors import CommandError
+from litegrip_client.taught_grips import MAX_GRIP_BYTES
 from litegrip_client.trajectory import (
     HEADER,
     MAX_SAMPLES,
@@ -26,6 +27,7 @@ from litegrip_client.trajectory import (
 
 DIRECTORY_VARIABLE = "LITEGRIP_TRAJ_DIR"
 ENDING = ".lgt"
+GRIP_ENDING = ".grip.json"
 _MAX_BYTES = HEADER.size + MAX_SAMPLES * SAMPLE.size
 
 
@@ -34,7 +36,8 @@ class TrajectoryFile:
     """A file of the directory, as its header tells; as a string it is one line.
 
     `error` says why it cannot be used, if so; then the figures are 0. The samples themselves are
-    not looked at before `Trajectory.load`.
+    not looked at before `Trajectory.load`. `grips` counts those that are kept beside it;
+    `grip_problem` says why these cannot be used, if so.
     """
 
     name: str
@@ -44,13 +47,16 @@ class TrajectoryFile:
     created: float = 0.0
     mount: str | None = None
     error: str | None = None
+    grips: int = 0
+    grip_problem: str | None = None
 
     def __str__(self) -> str:
         if self.error is not None:
             return f"{self.name}: {self.error}"
         seconds = max(self.samples - 1, 0) / self.sample_hz
         mount = f", mount {self.mount}" if self.mount else ""
-        return f"{self.name}: {seconds:.2f} s, {self.samples} samples{mount}"
+        grips = f", {self.grips} grips" if self.grips else ""
+        return f"{self.name}: {seconds:.2f} s, {self.samples} samples{mount}{grips}"
 
 
 def directory() -> Path:
@@ -87,11 +93,37 @@ def read(name: str | os.PathLike[str]) -> bytes:
     return content
 
 
-def write(name: str | os.PathLike[str], content: bytes) -> str:
-    """Write a file at once or not at all, with its directory; return its path."""
+def read_grips(name: str | os.PathLike[str]) -> bytes:
+    """Return the content of the file of grips, nothing where there is none."""
+    path = path_beside(name)
+    try:
+        with _open(path) as file:
+            return file.read(MAX_GRIP_BYTES + 1)
+    except FileNotFoundError:
+        return b""
+    except OSError as error:
+        raise unusable(f"it cannot be read: {error.strerror or error}") from error
+
+
+def path_beside(name: str | os.PathLike[str]) -> Path:
+    """Return the file of grips that goes with what `name` means."""
+    path = path_of(name)
+    return path.with_name(path.name.removesuffix(ENDING) + GRIP_ENDING)
+
+
+def write(name: str | os.PathLike[str], content: bytes, grips: bytes = b"") -> str:
+    """Write a file at once or not at all, with its directory; return its path.
+
+    Then what is beside it is written, or removed without `grips`. Between the two no grips go with
+    the new file, by its digest.
+    """
     path = path_of(name)
     try:
         atomic_file.write(path, content)
+        if grips:
+            atomic_file.write(path_beside(name), grips)
+        else:
+            path_beside(name).unlink(missing_ok=True)
     except OSError as error:
         raise CommandError(
             f"the trajectory cannot be written to {path}: {error.strerror or error}",
@@ -128,7 +160,22 @@ def _entry(path: Path) -> TrajectoryFile:
     except CommandError as error:
         return TrajectoryFile(name, str(path), error=error.message)
     figures = {key: header[key] for key in ("sample_hz", "created", "mount")}
-    return TrajectoryFile(name, str(path), samples=count, **figures)
+    grips, problem = _grips_beside(path)
+    return TrajectoryFile(
+        name, str(path), samples=count, grips=grips, grip_problem=problem, **figures
+    )
+
+
+def _grips_beside(path: Path) -> tuple[int, str | None]:
+    """Return how many grips go with a file, and why they cannot be used, if so."""
+    try:
+        beside = read_grips(path)
+        if not beside:
+            return 0, None
+        content = read(path)
+        return len(Trajectory.from_bytes(content).with_grips(content, beside).grips), None
+    except CommandError as error:
+        return 0, error.message
 
 
 def _open(path: Path) -> BinaryIO:

@@ -79,6 +79,7 @@ class TrajectoryActions(ActionBase):
         loop: bool = False,
         repeat: int = 1,
         torque_nm: float | None = None,
+        force: str = "path",
         progress: ProgressCallback | None = None,
     ) -> PlayResult:
         """Replay to the end; the jaws then hold there."""
@@ -90,7 +91,7 @@ class TrajectoryActions(ActionBase):
                 reason="invalid_params",
                 data={"parameter": "loop", "hint": "use play_start(trajectory, loop=True)"},
             )
-        params = _play_params(speed, kp, kd, align, torque_nm)
+        params = _play_params(speed, kp, kd, align, torque_nm, force)
         params["repeat"] = integer("repeat", repeat)
         params["upload"] = await self._uploaded(trajectory)
         result = await self._run("trajectory.play", self._configured(params), progress)
@@ -106,9 +107,10 @@ class TrajectoryActions(ActionBase):
         align: bool = True,
         *,
         torque_nm: float | None = None,
+        force: str = "path",
     ) -> dict[str, Any]:
         """Begin to replay in the background; return the status."""
-        params = _play_params(speed, kp, kd, align, torque_nm)
+        params = _play_params(speed, kp, kd, align, torque_nm, force)
         # It shall end with the connection, which a motion for which nobody waits does not.
         params |= {"loop": bool(loop), "wait": False, "detach": False}
         params["upload"] = await self._uploaded(trajectory)
@@ -139,11 +141,19 @@ class TrajectoryActions(ActionBase):
         return status
 
     async def _fetched(self, wire: Wire, kept: dict[str, Any]) -> Trajectory:
-        from litegrip_client.core.trajectory_transfer import fetch  # noqa: PLC0415 - see above
+        from litegrip_client.core.trajectory_transfer import (  # noqa: PLC0415 - see above
+            fetch,
+            fetch_grips,
+        )
         from litegrip_client.trajectory import Trajectory  # noqa: PLC0415
 
-        content = await fetch(wire, {"recording": kept["recording"]})
-        return await self._link.aside(Trajectory.from_bytes, content)
+        source = {"recording": kept["recording"]}
+        content = await fetch(wire, source)
+        trajectory = await self._link.aside(Trajectory.from_bytes, content)
+        if not kept.get("grips"):
+            return trajectory
+        beside = await fetch_grips(wire, source)
+        return await self._link.aside(trajectory.with_grips, content, beside)
 
     async def _uploaded(self, trajectory: Trajectory) -> int:
         """Send a trajectory, unless the daemon has it from this connection; return its number."""
@@ -157,22 +167,30 @@ class TrajectoryActions(ActionBase):
             raise CommandError(text, reason="invalid_params", data=hint)
         wire = self._link.wire
         content = await self._link.aside(trajectory.to_bytes)
+        grips = await self._link.aside(trajectory.grip_bytes)
         self._uploads = [upload for upload in self._uploads if upload[0] is wire]
         for _, known, upload in self._uploads:
-            if known == content:
+            if known == content + grips:
                 return upload
-        sent = await send(wire, content)
-        self._uploads.append((wire, content, sent["upload"]))
+        sent = await send(wire, content, grips=grips)
+        self._uploads.append((wire, content + grips, sent["upload"]))
         if len(self._uploads) > _KEPT_UPLOADS:
             await wire.call("trajectory.delete", {"upload": self._uploads.pop(0)[2]})
         return int(sent["upload"])
 
 
-def _play_params(
-    speed: float, kp: float | None, kd: float | None, align: bool, torque_nm: float | None
+def _play_params(  # noqa: PLR0917 - those of `play`, in its order
+    speed: float,
+    kp: float | None,
+    kd: float | None,
+    align: bool,
+    torque_nm: float | None,
+    force: str,
 ) -> dict[str, Any]:
-    figures = given_numbers(kp=kp, kd=kd, torque_nm=torque_nm)
-    return {"speed": number("speed", speed), "align": bool(align), **figures}
+    params: dict[str, Any] = {"speed": number("speed", speed), "align": bool(align)}
+    if force != "path":
+        params["force"] = force
+    return params | given_numbers(kp=kp, kd=kd, torque_nm=torque_nm)
 
 
 def _is_playing(status: dict[str, Any]) -> bool:

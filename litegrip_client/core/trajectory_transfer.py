@@ -51,17 +51,26 @@ async def fetch(
     return content
 
 
+async def fetch_grips(wire: Wire, source: Mapping[str, Any]) -> bytes:
+    """Return the file of grips of what `source` says, nothing where there is none."""
+    return await fetch(wire, {**source, "format": "grip"})
+
+
 async def send(
     wire: Wire,
     content: bytes,
     more: Mapping[str, Any] | None = None,
     on_share: _Share = lambda _share: None,
+    grips: bytes = b"",
 ) -> dict[str, Any]:
-    """Send a whole content; return the answer to its last piece.
+    """Send a whole content, and the file of its grips; return the answer to the last piece.
 
     `more` are further parameters of `trajectory.put`: under which name to keep it, say.
     """
+    content += grips
     common = {"total": len(content), "sha256": hashlib.sha256(content).hexdigest(), **(more or {})}
+    if grips:
+        common["grip_bytes"] = len(grips)
     answer: dict[str, Any] = {}
     for offset in range(0, max(len(content), 1), PIECE_BYTES):
         data = base64.b64encode(content[offset : offset + PIECE_BYTES]).decode()

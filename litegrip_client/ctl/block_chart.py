@@ -17,11 +17,14 @@ def block_chart(
     unit: str,
     width: int = 72,
     height: int = 10,
+    spans: Sequence[tuple[float, float]] = (),
+    span_label: str = "",
 ) -> list[str]:
     """Return the lines of a chart, `width` columns wide besides its labels.
 
     `points` are times in s, which never run backwards, and values of 0 to `top`; what is outside
     is drawn at the edge. A column shows the value at its middle, on the line between the points.
+    `spans`, from when to when, are marked below, each in one column at least.
     """
     labels = [f"{share * top:.0f} {unit}" for share in (1.0, 0.5, 0.0)]
     margin = max(map(len, labels))
@@ -34,12 +37,28 @@ def block_chart(
         lines.append(f"{label:>{margin}} ┤{blocks}".rstrip())
     first, last = (f"{points[end][0]:.2f} s" for end in (0, -1))
     lines.append(f"{'':>{margin}} └{'─' * width}")
+    if spans:
+        lines.append(f"{span_label:>{margin}}  {_marks(points, spans, width)}".rstrip())
     lines.append(f"{'':>{margin}}  {first}{last:>{max(width - len(first), len(last) + 1)}}")
     return lines
 
 
 def _share(value: float, top: float) -> float:
     return min(max(value / top, 0.0), 1.0)
+
+
+def _marks(
+    points: Sequence[tuple[float, float]], spans: Sequence[tuple[float, float]], width: int
+) -> str:
+    begin_s, span_s = points[0][0], points[-1][0] - points[0][0]
+    marks = [" "] * width
+    for from_s, to_s in spans:
+        first, last = (
+            min(int(width * (at_s - begin_s) / span_s), width - 1) if span_s > 0.0 else 0
+            for at_s in (from_s, to_s)
+        )
+        marks[first : last + 1] = "━" * (last + 1 - first)
+    return "".join(marks)
 
 
 def _resampled(points: Sequence[tuple[float, float]], width: int) -> list[float]:

@@ -11,6 +11,10 @@ from time import localtime, strftime
 from litegrip_client.ctl.render import Data, aligned, figure, plain
 from litegrip_client.ctl.render_results import bar, opening_of, verdict
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: dataclasses take long to import
+    from litegrip_client.taught_grips import TaughtGrip
+
 
 def recording(data: Data, samples: int) -> str:
     """Show how far a recording is, in one line."""
@@ -24,7 +28,8 @@ def recorded(data: Data) -> str:
     missed = f", {data['missed']} missed" if data.get("missed") else ""
     length = figure(data.get("duration_s"), ".2f", "s")
     name = plain(data.get("name"))
-    text = f"record: {data.get('samples')} samples in {length}{missed}, kept as {name}"
+    grips = f", {_count(data['grips'])}" if data.get("grips") else ""
+    text = f"record: {data.get('samples')} samples in {length}{missed}{grips}, kept as {name}"
     return f"{text}; replay it with: litegripctl play {name}"
 
 
@@ -33,12 +38,25 @@ def played(data: Data) -> str:
     loops = data.get("loops")
     passes = f"{loops} pass" if loops == 1 else f"{loops} passes"
     behind = figure(data.get("largest_lag_mm"), ".1f", "mm")
-    return f"play: {verdict(data)}, {passes}, at {opening_of(data)}, at most {behind} behind"
+    text = f"play: {verdict(data)}, {passes}, at {opening_of(data)}, at most {behind} behind"
+    if data.get("grips"):
+        width = figure(data.get("width_mm"), ".1f", "mm")
+        differs = figure(data.get("width_difference_mm"), "+.1f", "mm")
+        text += f"; {_count(data['grips'])}, the last one {width} wide, at most {differs} to taught"
+    return text
+
+
+def grip_line(grip: TaughtGrip) -> str:
+    """Show a grip that is kept with a trajectory."""
+    span = f"{grip.start_s:.2f} to {grip.end_s:.2f} s"
+    return f"grip: {span}, {grip.force_n:g} N, {grip.width_mm:.1f} mm wide, {plain(grip.source)}"
 
 
 def listed(rows: Iterable[Data]) -> str:
     """Show trajectories as a table; of one that cannot be used, why."""
-    table: list[tuple[str, ...]] = [("NAME", "SAMPLES", "LENGTH", "RATE", "MOUNT", "CREATED")]
+    table: list[tuple[str, ...]] = [
+        ("NAME", "SAMPLES", "LENGTH", "RATE", "MOUNT", "GRIPS", "CREATED")
+    ]
     broken = []
     for row in rows:
         name = plain(row.get("name"))
@@ -46,7 +64,13 @@ def listed(rows: Iterable[Data]) -> str:
             broken.append(f"{name}: NOT usable: {plain(row['error'])}")
         else:
             table.append((name, *_figures(row)))
+            if row.get("grip_problem") is not None:
+                broken.append(f"{name}: its grips are NOT usable: {plain(row['grip_problem'])}")
     return "\n".join([aligned(table), *broken])
+
+
+def _count(grips: object) -> str:
+    return f"{grips} grip" if grips == 1 else f"{grips} grips"
 
 
 def _figures(row: Data) -> tuple[str, ...]:
@@ -57,6 +81,7 @@ def _figures(row: Data) -> tuple[str, ...]:
         figure(length_s, ".2f", "s"),
         figure(hz, "g", "Hz"),
         plain(row.get("mount") or "-"),
+        str(row.get("grips") or "-"),
         date(row.get("created_s")),
     )
 

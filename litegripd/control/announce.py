@@ -12,7 +12,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Job, OnLost, Owner, StopLevel
 from litegripd.model.motor import MotorPhase
-from litegripd.model.results import GraspResult, Result
+from litegripd.model.results import GraspResult, ReplayResult, Result
 
 _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
 
@@ -26,13 +26,13 @@ def job_started(job: Job) -> Event:
 
 
 def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
-    """Tell how a job ended, and, of a grasp, that its object is lost."""
+    """Tell how a job ended, and, of a grip, that its object is lost."""
     how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome)
     text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
     reason = outcome.reason if isinstance(outcome, Refusal) else None
     data = {"job": job.number, "state": job.state.value, "reason": reason}
     ended = Event("job_ended", text, data)
-    lost = isinstance(outcome, GraspResult) and outcome.outcome == "object_lost"
+    lost = isinstance(outcome, GraspResult | ReplayResult) and outcome.outcome == "object_lost"
     return [object_lost(job.number), ended] if lost else [ended]
 
 

@@ -8,7 +8,11 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
+from litegripd.control.grip import Grip
+from litegripd.control.grip_notes import GripNotes
+from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
+from litegripd.model.grips import TaughtGrip
 from litegripd.model.jobs import Job
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.model.path import PIECE_BYTES
@@ -47,6 +51,7 @@ class Capture:
     is_over: bool = False
     is_taken: bool = False
     pieces: list[bytearray] = field(default_factory=list)
+    notes: GripNotes = field(default_factory=GripNotes)
     _first_s: float | None = None
     _sampled_s: float = 0.0
     _measured_s: float = -math.inf
@@ -80,8 +85,15 @@ class Capture:
         self.is_taken = True
         self.pieces.clear()
 
-    def step(self, now_s: float, motor: MotorView, geometry: Geometry | None) -> None:
-        """Take this tick's measurement, where one is due."""
+    def step(
+        self,
+        now_s: float,
+        motor: MotorView,
+        geometry: Geometry | None,
+        grip: Grip | None,
+        jobs: JobBook,
+    ) -> None:
+        """Take this tick's measurement, where one is due, and note what the jaws hold."""
         if self.is_over:
             return
         job = self.job
@@ -92,18 +104,21 @@ class Capture:
         elif geometry != self.geometry:
             self.fail("another calibration was taken")
         else:
-            self._watch(now_s, motor.feedback)
+            self._watch(now_s, motor.feedback, grip, jobs)
 
-    def _watch(self, now_s: float, feedback: Feedback | None) -> None:
+    def _watch(
+        self, now_s: float, feedback: Feedback | None, grip: Grip | None, jobs: JobBook
+    ) -> None:
         if feedback is not None and feedback.at_s > max(self._measured_s, self.began_s):
-            self._take(feedback)
+            self._take(feedback, grip, jobs)
         if now_s - max(self._measured_s, self.began_s) > LONGEST_GAP_S + self.period_s:
             self.fail(f"nothing was measured for more than {LONGEST_GAP_S:g} s")
 
-    def _take(self, feedback: Feedback) -> None:
+    def _take(self, feedback: Feedback, grip: Grip | None, jobs: JobBook) -> None:
         if self._first_s is None:
             self._first_s = feedback.at_s
         t_s = feedback.at_s - self._first_s
+        self.notes.see(t_s, self._first_s, feedback.position_rad, grip, jobs)
         due = self.samples + self.missed
         if t_s >= due / self.rate_hz - _EARLY_PERIODS * self.period_s:
             passed = math.floor(self.rate_hz * (t_s + _ROUNDING_PERIODS * self.period_s))
@@ -140,6 +155,10 @@ class Capture:
         """Return a piece of the samples, as far as there are any."""
         left = self.size - number * PIECE_BYTES
         return memoryview(self.pieces[number])[:left]
+
+    def grips(self) -> tuple[TaughtGrip, ...]:
+        """Return what the jaws held meanwhile."""
+        return self.notes.grips(self.geometry, self.duration_s)
 
     def header(self, can_id: int) -> dict[str, Any]:
         """Return what the file's header says, but for what only the end brings."""

@@ -118,7 +118,7 @@ class Engine(Arbiter):
         self._step_authority(now_s)
         self._note_second_master(now_s, motor.foreign_commands)
         if self.capture is not None:
-            self.capture.step(now_s, motor, self.geometry)
+            self.capture.step(now_s, motor, self.geometry, self.grip, self.jobs)
         inquiry = self.inquiries.step(motor.register)
         if self.must_disable:
             self.must_disable = False

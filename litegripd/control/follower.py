@@ -29,6 +29,10 @@ class Follower:
         """Where the latest command was, None before the first one."""
         return None if self._was_s is None else self._was_rad
 
+    def reset(self) -> None:
+        """Begin anew from where the jaws are, whenever the next step is."""
+        self.rest, self._was_s = None, None
+
     def step(
         self, now_s: float, feedback: Feedback, target_rad: float, speed_rad_s: float
     ) -> MitCommand:

@@ -34,6 +34,11 @@ class JobBook:
         """Return a job that is still kept."""
         return self._jobs.get(number)
 
+    def latest(self, *kinds: JobKind) -> Job | None:
+        """Return the job of these kinds that began last, of those that are still kept."""
+        begun = (job for job in self if job.kind in kinds and job.state is not JobState.QUEUED)
+        return max(begun, key=lambda job: (job.started_s, job.number), default=None)
+
     def find(self, uid: int, key: str) -> Job | None:
         """Return the kept job that a user has given this key."""
         jobs = (job for job in self._jobs.values() if job.key == key and job.owner.uid == uid)

@@ -1,7 +1,9 @@
 """Takes a recording to the helper process, piece after piece, which makes the file of it."""
 
 import base64
+import json
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from typing import Any
 
 from litegripd.control.capture import Capture
@@ -36,6 +38,7 @@ class Keeping:
         self._number = number
         self._name = name
         self._on_kept = on_kept
+        self._grips = json.dumps([asdict(grip) for grip in capture.grips()]).encode()
         self._sent = 0
 
     def begin(self) -> None:
@@ -45,18 +48,24 @@ class Keeping:
         self._send()
 
     def _send(self) -> None:
+        """Send the next piece: of the samples, then of what is known of the grips."""
         capture = self._capture
-        data = capture.piece(self._sent) if capture.size else memoryview(b"")
+        offset = self._sent
+        if offset < capture.size:
+            data = capture.piece(offset // PIECE_BYTES)
+        else:
+            data = memoryview(self._grips)[offset - capture.size :][:PIECE_BYTES]
         parameters = {
             "key": recording_key(self._number),
-            "offset": self._sent * PIECE_BYTES,
-            "total": capture.size,
+            "offset": offset,
+            "total": capture.size + len(self._grips),
+            "grip_bytes": len(self._grips),
             "sha256": None,
             "data": base64.b64encode(data).decode("ascii"),
             "name": self._name,
             "header": capture.header(self._engine.unit.can_id),
         }
-        self._sent += 1
+        self._sent += len(data)
         self._engine.errands.append(Errand("trajectory.put", parameters, self._answered))
 
     def _answered(self, result: ErrandResult) -> None:

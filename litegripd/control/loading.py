@@ -6,6 +6,7 @@ from typing import Any
 
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
+from litegripd.model.grips import TaughtGrip
 from litegripd.model.path import PIECE_BYTES, Path
 from litegripd.model.trajectory import SAMPLE
 
@@ -28,13 +29,16 @@ def outcome_of(result: ErrandResult, failed: str) -> Mapping[str, Any] | Refusal
 class Loading:
     """One trajectory on its way here; `step` gives the errands, one a tick.
 
-    In the end there is a `path`, or `failure` says why not. One without samples has no path.
+    In the end there is a `path`, or `failure` says why not. One without samples has no path. The
+    times of its `grips` count from the first sample; `grip_problem` says why they cannot be used.
     """
 
     def __init__(self, source: Mapping[str, object]) -> None:
         self.path: Path | None = None
         self.failure: Refusal | None = None
         self.max_rate_s = 0.0
+        self.grips: tuple[TaughtGrip, ...] = ()
+        self.grip_problem: str | None = None
         self._source = source
         self._facts: Mapping[str, Any] | None = None
         self._pieces: dict[int, bytes] = {}
@@ -80,6 +84,8 @@ class Loading:
             self.failure = Refusal("trajectory_unreadable", "the trajectory has no samples")
         else:
             self.max_rate_s = facts["max_rate_s"]
+            self.grips = tuple(TaughtGrip(*row) for row in facts["grip_rows"])
+            self.grip_problem = facts["grip_problem"]
             self._facts = facts
 
     def _taker(self, number: int) -> Callable[[ErrandResult], None]:

@@ -7,11 +7,13 @@ to the helper process, or the next one begins.
 from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
-from litegripd.control.actions.replay import Replay, ReplayRequest
+from litegripd.control.actions.replay import Replay
+from litegripd.control.actions.replay_request import ReplayRequest
 from litegripd.control.actions.teach import Teach, result_of
 from litegripd.control.admission import (
     NO_FEEDBACK,
     busy_with,
+    conflict_refusal,
     motor_refusal,
     position_refusal,
 )
@@ -23,6 +25,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motion_limits import slow_conflict
 from litegripd.model.trajectory import MAX_SAMPLES
 
 OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
@@ -152,6 +155,11 @@ class Trajectories:
         refusal, geometry = self.refusal() or engine.unfree(), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
+        if request.force == "replay":
+            speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
+            refusal = conflict_refusal(slow_conflict(config, speed, geometry, field))
+            if refusal is not None:
+                return refusal
         kp = engine.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad
         kd = engine.gains.kd_nm_s_rad if kd_nm_s_rad is None else kd_nm_s_rad
         action = Replay(

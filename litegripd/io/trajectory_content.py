@@ -26,6 +26,8 @@ from litegripd.model.trajectory import (
     read,
 )
 
+ENDING = ".lgt"
+
 
 class StoreError(ValueError):
     """Why something cannot be done: a reason of the error table, and a sentence."""

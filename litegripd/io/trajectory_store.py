@@ -12,10 +12,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from litegripd.io import atomic_file
+from litegripd.io import atomic_file, trajectory_grips
 from litegripd.io.atomic_file import REAL, FileSystem
 from litegripd.io.calibration_files import state_directory
 from litegripd.io.trajectory_content import (
+    ENDING,
     Content,
     StoreError,
     content_of,
@@ -26,10 +27,10 @@ from litegripd.io.trajectory_content import (
     unknown,
     unopened,
 )
+from litegripd.io.trajectory_grips import Grips
 from litegripd.model.path import PIECE_BYTES
 from litegripd.model.trajectory import HEADER, MAX_BYTES, SAMPLE, Header, name_problem
 
-ENDING = ".lgt"
 LISTED_BYTES = 40_000
 """So much of a list in one answer, which must fit into a packet."""
 
@@ -52,7 +53,7 @@ class TrajectoryStore:
         self._file_system = file_system
         self._clock = clock
         self._coming: dict[str, bytearray] = {}
-        self._kept: dict[str, Content] = {}
+        self._kept: dict[str, tuple[Content, Grips]] = {}
         self._cached: dict[tuple[str, int, int, int], Content] = {}
         self._csv: tuple[str, bytes] | None = None
 
@@ -83,7 +84,10 @@ class TrajectoryStore:
         entries: list[dict[str, Any]] = []
         size = 0
         for name in usable:
-            entries.append(entry_of(name, self._path(name)))
+            entry, path = entry_of(name, self._path(name)), self._path(name)
+            if entry["error"] is None:
+                entry |= trajectory_grips.facts_beside(path)
+            entries.append(entry)
             size += len(json.dumps(entries[-1]))
             if size > LISTED_BYTES:
                 break
@@ -91,7 +95,8 @@ class TrajectoryStore:
 
     def open(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Judge a whole trajectory and tell what is known of it."""
-        return self._content(parameters["source"]).facts()
+        content, grips = self._both(parameters["source"])
+        return {**content.facts(), **grips.facts(), "grip_rows": grips.rows(content.whole)}
 
     def samples(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Return `PIECE_BYTES` of samples, from the byte `offset` of them on."""
@@ -102,10 +107,17 @@ class TrajectoryStore:
         return {"data": encoded(content.whole[begins : begins + PIECE_BYTES])}
 
     def read(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a piece of a whole trajectory, as the file or as CSV."""
-        content = self._content(parameters["source"])
-        whole, sha256 = content.whole, content.sha256
-        if parameters["format"] == "csv":
+        """Return a piece of a whole trajectory: the file, CSV, or the file of its grips."""
+        source, file_format = parameters["source"], parameters["format"]
+        if file_format == "grip":
+            _, grips = self._both(source)
+            if grips.problem is not None:
+                raise StoreError("trajectory_unreadable", grips.problem)
+            whole, sha256 = grips.whole, hashlib.sha256(grips.whole).hexdigest()
+        else:
+            content = self._content(source)
+            whole, sha256 = content.whole, content.sha256
+        if file_format == "csv":
             whole = self._as_csv(content)
             sha256 = hashlib.sha256(whole).hexdigest()
         offset, length = int(parameters["offset"]), int(parameters["length"])
@@ -120,8 +132,9 @@ class TrajectoryStore:
     def put(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Take a piece of what shall be kept under `key`; the last one makes it whole.
 
-        Whole it is judged, and written under `name`, if there is one. With `header` the pieces are
-        samples only, and the file is made here. Whatever is wrong, nothing of it stays.
+        Whole it is judged, and written under `name`, if there is one. Its last `grip_bytes` are the
+        file of its grips. With `header` the pieces are samples, and of each grip what was noted:
+        the files are made here. Whatever is wrong, nothing of it stays.
         """
         key, offset, total = parameters["key"], int(parameters["offset"]), int(parameters["total"])
         before = self._coming.pop(key, None)
@@ -138,13 +151,13 @@ class TrajectoryStore:
         if len(coming) < total:
             self._coming[key] = coming
             return {"received": len(coming), "complete": False}
-        content = self._finished(bytes(coming), parameters)
+        content, grips = self._finished(bytes(coming), parameters)
         name, path = parameters["name"], None
         if name is None:
-            self._kept[key] = content
+            self._kept[key] = content, grips
         else:
-            path = self._write(name, content)
-        facts = content.facts()
+            path = self._write(name, content, grips)
+        facts = {**content.facts(), **grips.facts()}
         return {"received": total, "complete": True, "name": name, "path": path, **facts}
 
     def delete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -152,6 +165,7 @@ class TrajectoryStore:
         path = self._path(parameters["name"])
         try:
             self._file_system.remove(path)
+            trajectory_grips.remove(path, self._file_system)
             self._file_system.sync_directory(path.parent)
         except FileNotFoundError:
             raise unknown(parameters["name"]) from None
@@ -168,22 +182,32 @@ class TrajectoryStore:
 
     # Inside
 
-    def _finished(self, whole: bytes, parameters: Mapping[str, Any]) -> Content:
+    def _finished(self, whole: bytes, parameters: Mapping[str, Any]) -> tuple[Content, Grips]:
         sha256, header = parameters["sha256"], parameters["header"]
         if sha256 is not None and hashlib.sha256(whole).hexdigest() != sha256:
             text = "what arrived does not have the SHA-256 that was announced: send it again"
             raise StoreError("trajectory_unreadable", text)
-        if header is None:
-            return Content.of(whole)
-        samples = len(whole) // SAMPLE.size
-        return Content.of(Header(samples, created_s=self._clock(), **header).pack() + whole)
+        grip_bytes = int(parameters.get("grip_bytes", 0))
+        if grip_bytes > len(whole):
+            text = f"grip_bytes is {grip_bytes}, but there are {len(whole)} bytes in all"
+            raise StoreError("out_of_limits", text)
+        lgt, beside = whole[: len(whole) - grip_bytes], whole[len(whole) - grip_bytes :]
+        make: Callable[[bytes, bytes, str], Grips] = trajectory_grips.sent
+        if header is not None:
+            samples = len(lgt) // SAMPLE.size
+            lgt = Header(samples, created_s=self._clock(), **header).pack() + lgt
+            make = trajectory_grips.recorded
+        content = Content.of(lgt)
+        return content, make(beside, lgt, content.sha256) if beside else Grips()
 
-    def _write(self, name: str, content: Content) -> str:
+    def _write(self, name: str, content: Content, grips: Grips) -> str:
+        """Write both files; between the two no grips go with the new one, by its digest."""
         path = self._path(name)
         try:
             atomic_file.write(path, content.whole, file_system=self._file_system)
+            trajectory_grips.save(path, grips, self._file_system)
         except OSError as error:
-            text = f"{path}: cannot be written: {error.strerror}"
+            text = f"{path}, or its grips beside it: cannot be written: {error.strerror}"
             raise StoreError("not_saved", text) from None
         return str(path)
 
@@ -194,14 +218,25 @@ class TrajectoryStore:
             raise StoreError("out_of_limits", text)
         return self._directory() / f"{name}{ENDING}"
 
+    def _both(self, source: Mapping[str, Any]) -> tuple[Content, Grips]:
+        """Return a trajectory that was judged, and its grips."""
+        if "kept" in source:
+            return self._in_memory(source["kept"])
+        content = self._content(source)
+        path = self._path(source["name"])
+        return content, trajectory_grips.load(path, content.whole, content.sha256)
+
+    def _in_memory(self, key: str) -> tuple[Content, Grips]:
+        kept = self._kept.get(key)
+        if kept is None:
+            text = "this upload or recording is no longer kept: send or record it again"
+            raise StoreError("unknown_trajectory", text)
+        return kept
+
     def _content(self, source: Mapping[str, Any]) -> Content:
         """Return a trajectory that was judged; a file again only when it has changed."""
         if "kept" in source:
-            kept = self._kept.get(source["kept"])
-            if kept is None:
-                text = "this upload or recording is no longer kept: send or record it again"
-                raise StoreError("unknown_trajectory", text)
-            return kept
+            return self._in_memory(source["kept"])[0]
         path = self._path(source["name"])
         try:
             with open_file(path) as file:

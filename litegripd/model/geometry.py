@@ -80,6 +80,10 @@ class Geometry:
             raise ValueError(f"the position is {position_rad}")
         return min(max(self.opening_mm(position_rad) / self.travel_mm, 0.0), 1.0)
 
+    def position_rad(self, openness: float) -> float:
+        """Return the motor's position for a share of the travel that is open."""
+        return self.closed_rad - self.close_sign * openness * self.travel_rad
+
     def force_n(self, torque_nm: float) -> float:
         """Return the approximate force at the jaws; squeezing is positive."""
         return self.close_sign * torque_nm * FORCE_PER_TORQUE_N_NM

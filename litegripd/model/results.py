@@ -30,9 +30,12 @@ ZeroOutcome: TypeAlias = Literal["measured", "implausible_travel", "not_found", 
 RecordOutcome: TypeAlias = Literal["stopped", "full", "failed"]
 """`stopped`: ended as asked for. `full`: as long as it could or should be. `failed`: broken off."""
 
-ReplayOutcome: TypeAlias = Literal["completed", "blocked", "not_aligned"]
+ReplayOutcome: TypeAlias = Literal[
+    "completed", "blocked", "not_aligned", "no_object", "object_lost", "timed_out"
+]
 """`completed`: the path was gone to its end. `blocked`: so it was, but the jaws did not get there.
-`not_aligned`: they did not get to its start."""
+`not_aligned`: they did not get to its start. Of a grip that was repeated, as of a grasp:
+`no_object`, `object_lost`, `timed_out`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +171,9 @@ class ReplayResult:
     """How a replay ended: after `loops` whole passes and `frames` commands.
 
     `largest_lag_mm` is how far the jaws were from the path at most, what they travel while a
-    measurement is on its way included.
+    measurement is on its way included. Of repeated grips `grips` counts those that held something,
+    `width_mm` is the latest one's, and `width_difference_mm` by how much the object that differed
+    most was wider (above 0) or narrower than the taught one.
     """
 
     ok: bool
@@ -177,6 +182,9 @@ class ReplayResult:
     frames: int
     largest_lag_mm: float
     final_command_rad: float
+    grips: int = 0
+    width_mm: float | None = None
+    width_difference_mm: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -223,9 +231,14 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class ReplayProgress(Progress):
-    """Where a replay is; `openness` is what the path has now, `loops` counts whole passes."""
+    """Where a replay is; `openness` is what the path has now, `loops` counts whole passes.
+
+    `grips` and `width_mm` are those of `ReplayResult`, so far.
+    """
 
     frames: int
     speed: float
     openness: float
     loops: int
+    grips: int
+    width_mm: float | None

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from litegripd.control.actions.replay import ReplayRequest
+from litegripd.control.actions.replay_request import ReplayRequest
 from litegripd.control.capture import Capture
 from litegripd.control.engine import Engine
 from litegripd.control.trajectories import Trajectories
@@ -59,7 +59,8 @@ class TrajectoryMethods:
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
             missed = 0 if capture is None else capture.missed
             partial = None if capture is None else capture.error
-            own = {"missed": missed, "error": partial}
+            left_out = 0 if capture is None else capture.notes.left_out
+            own = {"missed": missed, "error": partial, "grips_left_out": left_out}
             deferred.resolve(answer if isinstance(answer, Refusal) else {**answer, **own})
 
         refusal = name_refusal(name) or self._trajectories.stop_recording(
@@ -87,6 +88,7 @@ class TrajectoryMethods:
             torque_nm=params.get("torque_nm", DEFAULT_TORQUE_NM),
             repeat=0 if params.get("loop") else params.get("repeat", 1),
             align=params.get("align", True),
+            force=params.get("force", "path"),
         )
         return later(
             self._trajectories.play(
@@ -140,6 +142,7 @@ class TrajectoryMethods:
             "openness": replay.openness,
             "completed": completed,
             "loops": replay.loops,
+            "grips": replay.grips.done,
             "phase": "paused" if replay.is_paused else replay.phase,
         }
 

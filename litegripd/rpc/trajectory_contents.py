@@ -75,6 +75,7 @@ class TrajectoryContents:
             "key": upload.key,
             "offset": offset,
             "total": total,
+            "grip_bytes": params.get("grip_bytes", 0),
             "sha256": sha256,
             "data": params["data"],
             "name": name,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from litegripd.model.grips import MAX_GRIP_BYTES
 from litegripd.model.trajectory import MAX_BYTES, MAX_NAME, MAX_SAMPLES
 from litegripd.rpc.method import DETACH, JOB, LEASE, RUN_PARAMS, Method
 from litegripd.rpc.schema import Param
@@ -64,8 +65,10 @@ _RECORD = Method(
 _PLAY = Method(
     "trajectory.play",
     "Replay a trajectory: go to its start, then along its path, then hold. It commands positions;"
-    " the torques that were recorded are not repeated.",
-    "ok, outcome, loops, frames, largest_lag_mm, final_command_rad, and the state.",
+    " the torques that were recorded are not repeated, but with force replay the taught grips are.",
+    "ok, outcome, loops, frames, largest_lag_mm, final_command_rad, grips (that held something),"
+    " width_mm (of the latest, else null), width_difference_mm (the largest to the taught width),"
+    " and the state.",
     (
         _NAME,
         _UPLOAD,
@@ -88,6 +91,14 @@ _PLAY = Method(
             "Go to its start first, at speed_mm_s of the configuration (default true). With false"
             " the jaws must be there already, within max_lead_mm.",
         ),
+        Param(
+            "force",
+            "string",
+            "path (the default): positions only. replay: do each grip that is kept with it as a"
+            " grasp, with its force, as long as it was held; grasp_speed_mm_s and force_rate_n_s"
+            " are the configuration's.",
+            choices=("path", "replay"),
+        ),
         *RUN_PARAMS,
     ),
     role="operator",
@@ -102,8 +113,8 @@ TRAJECTORIES: tuple[Method, ...] = (
         "trajectory.record_stop",
         "End the recording and keep it: under a name, or as the latest recording.",
         "recording (its number; null with a name), name, path, samples, duration_s, max_rate_s,"
-        " total (bytes), sha256, missed (samples that were due but not measured), and what the"
-        " file's header says.",
+        " total (bytes), sha256, missed (samples that were due but not measured), grips (how many"
+        " are kept with it), grips_left_out (those beyond 200), and what the file's header says.",
         (
             _NAME,
             Param("allow_empty", "boolean", "One without samples is fine, too (default false)."),
@@ -142,12 +153,13 @@ TRAJECTORIES: tuple[Method, ...] = (
         "Tell of the recording or replay that runs, else of the latest one.",
         "active, kind (record, play or null), samples, error; of a recording also rate_hz,"
         " zero_gravity, loop_hz, missed, duration_s; of a replay frames, speed, openness,"
-        " completed, loops, phase. And job.",
+        " completed, loops, phase, grips. And job.",
     ),
     Method(
         "trajectory.list",
         "List the trajectories that the daemon keeps, by name.",
-        "trajectories: of each name, bytes, samples, sample_hz, created_s (unix time), mount, and"
+        "trajectories: of each name, bytes, samples, sample_hz, created_s (unix time), mount, grips"
+        " (how many are kept with it), grip_problem (why its grips cannot be used, else null), and"
         " error, which says why it cannot be used, if so; more: whether others follow.",
         (replace(_NAME, name="after", description="Only those after this name."),),
         waits=True,
@@ -171,8 +183,9 @@ TRAJECTORIES: tuple[Method, ...] = (
             Param(
                 "format",
                 "string",
-                "The file itself (lgt, the default), or its samples as CSV.",
-                choices=("lgt", "csv"),
+                "The file itself (lgt, the default), its samples as CSV, or the file of its grips"
+                " (grip), which is empty where there are none.",
+                choices=("lgt", "csv", "grip"),
             ),
         ),
         waits=True,
@@ -183,7 +196,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         " kept: under a name, in place of any before, or until this connection ends, to be played"
         " from there. What is wrong leaves nothing behind.",
         "received (bytes) and complete; with the last piece also upload (its number; null with a"
-        " name), name, path, samples, duration_s, max_rate_s, and what its header says.",
+        " name), name, path, samples, duration_s, max_rate_s, grips, and what its header says.",
         (
             _NAME,
             replace(_OFFSET, required=True),
@@ -193,7 +206,14 @@ TRAJECTORIES: tuple[Method, ...] = (
                 "The size of the whole.",
                 required=True,
                 minimum=1,
-                maximum=MAX_BYTES,
+                maximum=MAX_BYTES + MAX_GRIP_BYTES,
+            ),
+            Param(
+                "grip_bytes",
+                "integer",
+                "So many bytes at the end of the whole are the file of its grips (default 0).",
+                minimum=0,
+                maximum=MAX_GRIP_BYTES,
             ),
             Param("sha256", "string", "Of the whole, as hexadecimal digits.", required=True),
             Param(

@@ -31,6 +31,7 @@ class FakeTrajectories:
         """A recording is over after `looks` looks at its status."""
         self.kept: dict[str, bytes] = {}
         self.recorded = CONTENT
+        self.grips: dict[str | None, bytes] = {}
         self.uploads: dict[int, bytes] = {}
         self.missed = 0
         self.error: str | None = None
@@ -89,6 +90,8 @@ class FakeTrajectories:
         if name is not None:
             self.kept[name] = self.recorded
         facts = {"samples": self._wanted, "duration_s": 2.99, "missed": self.missed}
+        if None in self.grips:
+            facts["grips"] = 1
         return {"recording": None if name else 1, "name": name, **facts}
 
     def _list(self, request: Request) -> dict[str, Any]:
@@ -102,6 +105,7 @@ class FakeTrajectories:
                 "sample_hz": 100.0,
                 "created_s": 1.7e9,
                 "mount": "normal",
+                "grips": int(name in self.grips),
                 "error": None if self.kept[name] == CONTENT else "sample 1 is odd",
             }
             for name in names[:1]
@@ -116,6 +120,8 @@ class FakeTrajectories:
         whole = self.kept[params["name"]] if "name" in params else self.recorded
         if params.get("format") == "csv":
             whole = b"t_s,openness\n0.0,0.5\n"
+        elif params.get("format") == "grip":
+            whole = self.grips.get(params.get("name"), b"")
         at = params["offset"]
         data = base64.b64encode(whole[at : at + PIECE_BYTES]).decode()
         sha256 = hashlib.sha256(whole).hexdigest()
@@ -131,6 +137,10 @@ class FakeTrajectories:
             return {"received": len(self._coming), "complete": False}
         assert hashlib.sha256(self._coming).hexdigest() == params["sha256"]
         name, number = params.get("name"), None
+        beside = params.get("grip_bytes", 0)
+        if beside:
+            self.grips[name] = self._coming[-beside:]
+            self._coming = self._coming[:-beside]
         if name is None:
             number = len(self.uploads) + 1
             self.uploads[number] = self._coming

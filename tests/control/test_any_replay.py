@@ -1,13 +1,17 @@
 """The replay by itself, with made-up jaws: by the clock, and whatever the path is."""
 
+import hashlib
 import json
+import math
 from pathlib import Path
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.control.actions.replay import FASTEST_MM_S, Replay, ReplayRequest
+from litegripd.control.actions.replay import Replay
+from litegripd.control.actions.replay_request import FASTEST_MM_S, ReplayRequest
+from litegripd.control.approach import BUDGET_NM
 from litegripd.control.filter import torque_bound_nm
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.rest import Relax
@@ -15,6 +19,7 @@ from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
+from litegripd.model.grips import TaughtGrip, pack
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
 from litegripd.model.results import ReplayResult, Result
@@ -27,11 +32,21 @@ GEOMETRY = Geometry(0.114, -1.491, 74.8)
 class Jaws:
     """Jaws that follow the command in the next tick, as far as `follows`, and a helper at hand."""
 
-    def __init__(self, points: list[Point], follows: float = 1.0, **request: object) -> None:
+    def __init__(
+        self,
+        points: list[Point],
+        follows: float = 1.0,
+        grips: tuple[TaughtGrip, ...] = (),
+        obstacle_rad: float = math.inf,
+        **request: object,
+    ) -> None:
         self.store = TrajectoryStore(lambda: Path("/nowhere"))
         operations = self.store.operations()
-        for piece in pieces(lgt(points)):
-            operations["trajectory.put"]({"key": "it", "name": None, "header": None, **piece})
+        content = lgt(points)
+        beside = pack(grips, hashlib.sha256(content).hexdigest()) if grips else b""
+        common = {"key": "it", "name": None, "header": None, "grip_bytes": len(beside)}
+        for piece in pieces(content + beside, **common):
+            operations["trajectory.put"](piece)
         wanted = ReplayRequest({"kept": "it"}, **request)  # type: ignore[arg-type]
         self.replay = Replay(
             wanted,
@@ -42,6 +57,8 @@ class Jaws:
             resting=Relax,
         )
         self.follows = follows
+        self.obstacle_rad = obstacle_rad
+        self.torque_nm = 0.0
         self.now_s = 100.0
         self.position_rad = -0.7
         self.velocity_rad_s = 0.0
@@ -55,7 +72,13 @@ class Jaws:
         """Let time pass, and the replay make its step."""
         self.now_s += after_s
         feedback = Feedback(
-            1, self.position_rad, self.velocity_rad_s, 0.0, 30, 30, self.now_s - PERIOD_S
+            1,
+            self.position_rad,
+            self.velocity_rad_s,
+            self.torque_nm,
+            30,
+            30,
+            self.now_s - PERIOD_S,
         )
         step = self.replay.step(self.now_s, MotorView(MotorPhase.ENABLED, feedback))
         self.outcome = step.outcome
@@ -63,7 +86,11 @@ class Jaws:
             answer = self.store.operations()[step.errand.operation](step.errand.parameters)
             step.errand.on_result(ErrandResult(json.loads(json.dumps(answer))))
         if step.command is not None:
-            moved_rad = self.follows * (step.command.position_rad - self.position_rad)
+            command, here_rad = step.command, self.position_rad
+            self.torque_nm = command.kp_nm_rad * (command.position_rad - here_rad)
+            self.torque_nm += command.kd_nm_s_rad * command.velocity_rad_s + command.torque_nm
+            moved_rad = self.follows * (command.position_rad - here_rad)
+            moved_rad = min(moved_rad, self.obstacle_rad - here_rad)
             self.position_rad += moved_rad
             self.velocity_rad_s = moved_rad / PERIOD_S
         return step.command
@@ -140,3 +167,58 @@ def test_whatever_the_path_no_command_leaves_its_bounds(
         if jaws.outcome is not None:
             break
     assert (jaws.outcome is None) <= (repeat == 0)
+
+
+@st.composite
+def taught(draw: st.DrawFn) -> tuple[list[Point], tuple[TaughtGrip, ...]]:
+    """Slow paths with grips: short ones, one after the other at once, at the begin and the end."""
+    times = sorted(
+        draw(st.lists(st.sampled_from([0.0, 0.3, 0.31, 1.0, 2.0, 3.0]), min_size=3, max_size=9))
+    )
+    grips = tuple(
+        TaughtGrip(*triple, 0.5, 60.0, draw(st.sampled_from([0.5, 8.0, 30.0])), "anybody")
+        for triple in zip(times[::3], times[1::3], times[2::3], strict=False)
+    )
+    middle, size = draw(st.floats(0.3, 0.7)), draw(st.sampled_from([0.0, 0.05, 0.3]))
+    return sampled(swing(middle, size, draw(st.sampled_from([3.0, 4.0]))), 3.0), grips
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    path=taught(),
+    obstacle=st.sampled_from([None, 0.1, 0.4, 0.6]),
+    gone_s=st.sampled_from([None, 2.0, 5.0]),
+    torque_nm=st.floats(0.3, 3.0),
+    repeat=st.integers(1, 2),
+)
+def test_whatever_the_grips_no_command_is_stronger_than_its_phase_allows(
+    path: tuple[list[Point], tuple[TaughtGrip, ...]],
+    obstacle: float | None,
+    gone_s: float | None,
+    torque_nm: float,
+    repeat: int,
+) -> None:
+    """On the path by its torque, to a contact by the budget, in the hold by the force; it ends."""
+    points, grips = path
+    obstacle_rad = math.inf if obstacle is None else GEOMETRY.position_rad(obstacle)
+    jaws = Jaws(
+        points, 1.0, grips, obstacle_rad, force="replay", torque_nm=torque_nm, repeat=repeat
+    )
+    jaws.position_rad = GEOMETRY.position_rad(0.9)
+    began_s = jaws.now_s
+    held_nm = max(grip.force_n for grip in grips) / 10.0
+    for _ in range(round(repeat * (20.0 + 8.0 * len(grips)) / PERIOD_S)):
+        if gone_s is not None and jaws.now_s - began_s > gone_s:
+            jaws.obstacle_rad = math.inf
+        at_rad, was_held = jaws.position_rad, jaws.replay.grips.held is not None
+        command = jaws.tick()
+        is_held = jaws.replay.grips.held is not None
+        if command is not None:
+            assert GEOMETRY.open_rad - 1e-9 <= command.position_rad <= GEOMETRY.closed_rad + 1e-9
+            most_nm = max(torque_nm, BUDGET_NM, held_nm if was_held or is_held else 0.0)
+            speed_rad_s = command.velocity_rad_s if was_held or is_held else 0.0
+            standing = Feedback(1, at_rad, speed_rad_s, 0.0, 30, 30, 0.0)
+            assert torque_bound_nm(command, standing) <= most_nm * (1.0 + 1e-9)
+        if jaws.outcome is not None:
+            break
+    assert isinstance(jaws.outcome, ReplayResult)

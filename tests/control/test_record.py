@@ -6,6 +6,7 @@ from itertools import pairwise
 import pytest
 
 from litegripd.control.capture import Capture
+from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.model.trajectory import read
@@ -118,7 +119,7 @@ def test_ticks_that_are_early_and_late_make_no_misses(first: float, jitter: floa
     for tick in range(400):
         at_s = PERIOD_S * (tick + 1 + offsets[tick])
         view = MotorView(MotorPhase.ENABLED, Feedback(1, -0.5, 0.0, 0.0, 30, 30, at_s))
-        capture.step(PERIOD_S * (tick + 2), view, capture.geometry)
+        capture.step(PERIOD_S * (tick + 2), view, capture.geometry, None, JobBook())
     assert capture.missed == 0
     assert capture.samples >= 398
 

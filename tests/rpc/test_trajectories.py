@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from litegripd.model.grips import MAX_GRIP_BYTES
 from litegripd.model.trajectory import MAX_BYTES
 from litegripd.rpc.session import Peer
 from litegripd.rpc.uploads import MOST_BYTES, MOST_PER_CONNECTION, MOST_PIECES
@@ -150,7 +151,8 @@ def test_pieces_may_follow_each_other_without_waiting_but_not_without_end() -> N
         ({"offset": 40}, "invalid_params"),
         ({"offset": -1}, "invalid_params"),
         ({"total": 0}, "invalid_params"),
-        ({"total": MAX_BYTES + 1}, "invalid_params"),
+        ({"total": MAX_BYTES + MAX_GRIP_BYTES + 1}, "invalid_params"),
+        ({"grip_bytes": MAX_GRIP_BYTES + 1}, "invalid_params"),
         ({"total": 100}, "out_of_limits"),
         ({"data": "%%%"}, "out_of_limits"),
         ({"data": ""}, "out_of_limits"),

@@ -1,12 +1,14 @@
 """The SDK's section "Trajectory record and replay": its sentences about replay."""
 
 import itertools
+from pathlib import Path
 
 import pytest
 
 from litegrip_client import (
     CommandError,
     LiteGrip,
+    Trajectory,
 )
 from litegripd.model.motor import MotorPhase
 from tests.drop_in import Daemon, Site
@@ -135,3 +137,34 @@ def test_looping_a_single_pose_holds_that_opening(
     gripper.play_stop()
     site.run(1.0)
     assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=1.5)
+
+
+def test_the_force_of_a_squeeze_is_repeated_where_that_is_asked_for(
+    site: Site,
+    daemon: Daemon,
+    gripper: LiteGrip,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Beyond the SDK: also from a file, and on an object of another width."""
+    monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(tmp_path))
+    gripper.goto_openness(0.7)
+    daemon.gripper.put_object(width_mm=50.0)
+    gripper.record_start(zero_gravity=False)
+    assert gripper.grasp(8.0, hold_s=1.0)
+    assert gripper.goto_openness(0.7)
+    taught = gripper.record_stop()
+    (grip,) = taught.grips
+    assert grip.force_n == 8.0
+    assert grip.width_mm == pytest.approx(50.0, abs=1.0)
+    taught.save("squeeze")
+    daemon.gripper.put_object(width_mm=62.0)
+    with site.recorded(daemon) as moments:
+        result = gripper.play(Trajectory.load("squeeze"), force="replay")
+    assert (result.ok, result.grips) == (True, 1)
+    assert result.width_difference_mm == pytest.approx(12.0, abs=1.0)
+    squeezes = [abs(m.command.torque_nm) for m in moments if m.command is not None]
+    assert sum(abs(squeeze - 0.8) < 0.01 for squeeze in squeezes) > 100
+    assert max(squeezes) < 1.1
+    daemon.gripper.remove_object()
+    assert gripper.play(taught, force="replay").outcome == "no_object"

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from litegrip_client.ctl import files
 from litegrip_client.ctl.block_chart import block_chart
 from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.render import plain
+from litegrip_client.ctl.render_trajectories import grip_line
 from litegrip_client.ctl.run import OK, Command, Run
 from litegrip_client.errors import CommandError
 from litegrip_client.trajectory import MAGIC, Trajectory
@@ -49,9 +50,9 @@ def _trajectory(run: Run) -> Trajectory | None:
     if run.options.local:
         trajectory = Trajectory.load(name)
     elif is_name(name):
-        from litegrip_client.ctl.commands.trajectory_store import fetched  # noqa: PLC0415
+        from litegrip_client.ctl.commands.trajectory_store import fetched_whole  # noqa: PLC0415
 
-        trajectory = Trajectory.from_bytes(fetched(run, {"name": name}))
+        trajectory = fetched_whole(run, {"name": name})[0]
     elif Path(name).suffix == ".lgt" or _begins_as_one(name):
         trajectory = Trajectory.load(Path(name).absolute())
     else:
@@ -61,7 +62,19 @@ def _trajectory(run: Run) -> Trajectory | None:
     if last_s is None:
         return trajectory
     begin_s = trajectory.samples[-1].t - last_s
-    return replace(trajectory, samples=[one for one in trajectory.samples if one.t >= begin_s])
+    return _since(trajectory, begin_s)
+
+
+def _since(trajectory: Trajectory, begin_s: float) -> Trajectory:
+    """Return the later part; of a grip under way then what is left of it."""
+    samples = [one for one in trajectory.samples if one.t >= begin_s]
+    first_s = samples[0].t
+    grips = [
+        replace(grip, closing_s=max(grip.closing_s, first_s), start_s=max(grip.start_s, first_s))
+        for grip in trajectory.grips
+        if grip.end_s >= first_s
+    ]
+    return replace(trajectory, samples=samples, grips=grips)
 
 
 def _begins_as_one(path: str) -> bool:
@@ -86,6 +99,8 @@ def _show(run: Run, trajectory: Trajectory | None) -> int:
         top=travel_mm,
         unit="mm",
         width=max(20, min(_WIDEST, shutil.get_terminal_size().columns) - _LABELS),
+        spans=[(grip.start_s, grip.end_s) for grip in trajectory.grips],
+        span_label="grip",
     )
     mount = f", mount {trajectory.mount}" if trajectory.mount else ""
     head = f"{len(trajectory)} samples, {trajectory.duration_s:.2f} s{mount}"
@@ -94,9 +109,10 @@ def _show(run: Run, trajectory: Trajectory | None) -> int:
         "duration_s": trajectory.duration_s,
         "mount": trajectory.mount,
         "travel_mm": travel_mm,
+        "grips": [asdict(grip) for grip in trajectory.grips],
         "lines": lines,
     }
-    run.output.result(data, "\n".join([head, *lines]))
+    run.output.result(data, "\n".join([head, *lines, *map(grip_line, trajectory.grips)]))
     return OK
 
 

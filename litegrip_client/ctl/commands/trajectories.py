@@ -58,6 +58,8 @@ def play(run: Run) -> int:
     params: dict[str, Any] = {"repeat": options.repeat, "align": not options.no_align}
     if options.speed is not None:
         params["speed"] = options.speed
+    if options.force != "path":
+        params["force"] = options.force
     if options.local:
         params["upload"] = _uploaded(run)
     else:
@@ -67,11 +69,12 @@ def play(run: Run) -> int:
 
 def _uploaded(run: Run) -> int:
     from litegrip_client.core.trajectory_transfer import send  # noqa: PLC0415 - seldom needed
-    from litegrip_client.trajectory_files import read  # noqa: PLC0415
+    from litegrip_client.trajectory_files import read, read_grips  # noqa: PLC0415
 
-    wire = BlockingWire(run.connection)
+    wire, content = BlockingWire(run.connection), read(run.options.name)
+    grips = b"" if run.options.force == "path" else read_grips(run.options.name)
     with showing(run) as share:
-        return int(wait(send(wire, read(run.options.name), None, share))["upload"])
+        return int(wait(send(wire, content, None, share, grips))["upload"])
 
 
 COMMANDS: Mapping[str, Command] = {"record": record, "play": play}

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 
 from litegrip_client.blocking import BlockingWire, wait
-from litegrip_client.core.trajectory_transfer import fetch, send
-from litegrip_client.ctl import files
+from litegrip_client.core.trajectory_transfer import fetch, fetch_grips, send
+from litegrip_client.ctl import files, terminal
 from litegrip_client.ctl import render_trajectories as render
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.render_results import bar
@@ -16,7 +16,14 @@ from litegrip_client.ctl.run import OK, Command, Run
 from litegrip_client.errors import CommandError
 from litegrip_client.link import ACTION_TIMEOUT_S
 from litegrip_client.trajectory import Trajectory
-from litegrip_client.trajectory_files import directory, list_trajectories, path_of, read, write
+from litegrip_client.trajectory_files import (
+    directory,
+    list_trajectories,
+    path_of,
+    read,
+    read_grips,
+    write,
+)
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -53,9 +60,8 @@ def get(run: Run) -> int:
     path = path_of(target)
     if not options.overwrite:
         files.refuse_existing(str(path), _REPLACE)
-    content = fetched(run, {"name": options.name})
-    Trajectory.from_bytes(content)  # nothing is written that could not be loaded
-    write(target, content)
+    trajectory, content = fetched_whole(run, {"name": options.name})
+    write(target, content, trajectory.grip_bytes())
     run.output.result({"name": options.name, "path": str(path)}, f"written to {plain(path)}")
     return OK
 
@@ -67,8 +73,9 @@ def put(run: Run) -> int:
     name = options.name or path_of(options.file).stem
     if not options.overwrite:
         refuse_kept(run, name)
+    grips = grips_beside(options.file, content)
     with showing(run) as share:
-        data = wait(send(BlockingWire(run.connection), content, {"name": name}, share))
+        data = wait(send(BlockingWire(run.connection), content, {"name": name}, share, grips))
     run.output.result(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
     return OK
 
@@ -119,6 +126,30 @@ def fetched(run: Run, source: Mapping[str, Any]) -> bytes:
     """Fetch one of the daemon's, with a bar where it can be seen."""
     with showing(run) as share:
         return wait(fetch(BlockingWire(run.connection), source, share))
+
+
+def fetched_whole(run: Run, source: Mapping[str, Any]) -> tuple[Trajectory, bytes]:
+    """Fetch one of the daemon's with its grips; return it, and the content of its `.lgt`."""
+    content = fetched(run, source)
+    trajectory = Trajectory.from_bytes(content)
+    try:
+        beside = wait(fetch_grips(BlockingWire(run.connection), source))
+        return trajectory.with_grips(content, beside), content
+    except CommandError as error:  # also an older daemon, which knows of no grips
+        terminal.say(f"the grips are left out: {error.message}")
+        return trajectory, content
+
+
+def grips_beside(name: str, content: bytes) -> bytes:
+    """Return the file of grips beside one of this side; nothing where it cannot be used."""
+    try:
+        beside = read_grips(name)
+        if beside:
+            Trajectory.from_bytes(content).with_grips(content, beside)
+        return beside
+    except CommandError as error:
+        terminal.say(f"the grips are left out: {error.message}")
+        return b""
 
 
 @contextlib.contextmanager

@@ -12,7 +12,8 @@ keeps nothing; the jaws hold at the end in any case.
 """
 _PLAY = """\
 Replay a recorded motion: go to its start, then along its path, then hold. It
-repeats positions, not forces. Ctrl-C cancels it.
+repeats positions; with --force replay also what was gripped, with its force.
+Ctrl-C cancels it.
 """
 _TRAJECTORIES = """\
 What was recorded: the daemon keeps it by name. Without an action it is listed;
@@ -50,6 +51,12 @@ def play(parser: LateParser) -> None:
     )
     parser.add_argument(
         "--no-align", action="store_true", help="do not go to its start first: be there already"
+    )
+    parser.add_argument(
+        "--force",
+        choices=("path", "replay"),
+        default="path",
+        help="go along the path alone (path), or do its grips again with their force (replay)",
     )
     parser.add_argument(
         "--local", action="store_true", help="NAME is a file of this side: a name, or a path"

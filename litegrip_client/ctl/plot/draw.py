@@ -12,6 +12,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from litegrip_client.ctl.plot.axes import finish
 from litegrip_client.ctl.plot.dump import Dump, Happening
 from litegrip_client.ctl.plot.labels import Label, labels
 
@@ -97,14 +98,14 @@ def _draw_position(axes: Axes, dump: Dump, times: list[float]) -> None:
     names = ("opening_mm", "command_mm") if is_calibrated else ("position_rad", "command_rad")
     _line(axes, times, dump.column(names[1]), "command", _COMMAND)
     _line(axes, times, dump.measured(names[0]), "measured", _MEASURED)
-    _finish(axes, "opening [mm]" if is_calibrated else "position [rad]")
+    finish(axes, "opening [mm]" if is_calibrated else "position [rad]")
 
 
 def _draw_torque(axes: Axes, dump: Dump, times: list[float]) -> None:
     axes.axhline(0.0, color="#d0d4d8", lw=0.8)
     _line(axes, times, dump.column("command_torque_nm"), "feed-forward", _COMMAND)
     _line(axes, times, dump.measured("torque_nm"), "measured", _MEASURED)
-    _finish(axes, "torque [N·m]")
+    finish(axes, "torque [N·m]")
 
 
 def _draw_temperature(axes: Axes, dump: Dump, times: list[float]) -> None:
@@ -115,7 +116,7 @@ def _draw_temperature(axes: Axes, dump: Dump, times: list[float]) -> None:
     known = [value for value in coil + driver if not math.isnan(value)]
     if known:
         axes.set_ylim(min(known) - 3.0, max(known) + 3.0)
-    _finish(axes, "temperature [°C]")
+    finish(axes, "temperature [°C]")
 
 
 def _draw_lateness(axes: Axes, dump: Dump, times: list[float]) -> None:
@@ -127,7 +128,7 @@ def _draw_lateness(axes: Axes, dump: Dump, times: list[float]) -> None:
     lost = dump.column("lost_ticks")
     _mark(axes, times, late_us, lambda n: n > 0 and lost[n] > lost[n - 1], "ticks lost before")
     _mark(axes, times, late_us, lambda n: bool(dump.ticks[n]["failed"]), "tick failed")
-    _finish(axes, "lateness [µs]")
+    finish(axes, "lateness [µs]")
 
 
 def _mark(
@@ -161,23 +162,6 @@ def _broken(times: list[float], values: list[float]) -> tuple[list[float], list[
         broken_times.append(time)
         broken_values.append(value)
     return broken_times, broken_values
-
-
-def _finish(axes: Axes, label: str) -> None:
-    axes.set_ylabel(label, fontsize=9)
-    axes.grid(axis="y", color="#eceff1", lw=0.8)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.tick_params(labelsize=8)
-    if axes.get_legend_handles_labels()[0]:
-        axes.legend(
-            loc="upper left",
-            bbox_to_anchor=(1.0, 1.02),
-            fontsize=8,
-            frameon=False,
-            handlelength=1.2,
-        )
 
 
 def _draw_events(

@@ -1,4 +1,4 @@
-"""Draws a trajectory: opening, velocity and torque over time; missing samples are gaps."""
+"""Draws a trajectory: opening, velocity and torque over time, its grips shaded; gaps are gaps."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ import math
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from litegrip_client.ctl.plot.axes import finish
 from litegrip_client.ctl.render_trajectories import date
+from litegrip_client.taught_grips import TaughtGrip
 from litegrip_client.trajectory import Trajectory
 
-_LINE = "#1f4e79"
+_LINE, _GRIP, _FORCE = "#1f4e79", "#fdebd0", "#a04000"
 _LONG_GAP = 2.5
 """Samples further apart than so many periods are not joined."""
 
@@ -26,6 +28,8 @@ def draw_trajectory(trajectory: Trajectory, name: str) -> bytes:
     _row(opening, trajectory, [one.openness * travel_mm for one in samples], "opening [mm]")
     _row(velocity, trajectory, [one.velocity_rad_s for one in samples], "velocity [rad/s]")
     _row(torque, trajectory, [one.torque_nm for one in samples], "torque [N·m]")
+    for grip in trajectory.grips:
+        _grip((opening, velocity, torque), grip)
     opening.set_ylim(-0.04 * travel_mm, 1.04 * travel_mm)
     torque.set_xlabel("time [s]")
     figure.suptitle(_title(trajectory, name), x=0.075, ha="left", fontsize=11, y=0.975)
@@ -55,9 +59,22 @@ def _row(axes: Axes, trajectory: Trajectory, values: list[float], label: str) ->
         times.append(sample.t)
         drawn.append(value)
     axes.plot(times, drawn, color=_LINE, lw=1.2, marker="." if len(times) == 1 else None)
-    axes.set_ylabel(label, fontsize=9)
-    axes.grid(axis="y", color="#eceff1", lw=0.8)
-    axes.set_axisbelow(True)
-    for side in ("top", "right"):
-        axes.spines[side].set_visible(False)
-    axes.tick_params(labelsize=8)
+    finish(axes, label)
+
+
+def _grip(rows: tuple[Axes, ...], grip: TaughtGrip) -> None:
+    """Shade the time of a grip in all rows, and write its force at the top of the first."""
+    for axes in rows:
+        axes.axvspan(grip.start_s, grip.end_s, color=_GRIP, lw=0.8, zorder=0.4)
+    rows[0].annotate(
+        f"{grip.force_n:g} N",
+        ((grip.start_s + grip.end_s) / 2, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(0, -3),
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize=8,
+        color=_FORCE,
+        annotation_clip=True,
+    )

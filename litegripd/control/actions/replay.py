@@ -1,50 +1,39 @@
 """Replaying a trajectory: to its start first, then along its path by the clock, then a hold.
 
-It commands positions, not forces: recorded torques are never fed forward. The path is one of
-openness, gone by the calibration in use now, whatever it was taught on.
+It commands positions: recorded torques are never fed forward. The path is one of openness, gone by
+the calibration in use now, whatever it was taught on. With `force` "replay" the jaws leave the path
+for each grip that is kept with it, hold by its force, and come back.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.actions.replay_grips import ReplayGrips
+from litegripd.control.actions.replay_request import (
+    FASTEST_MM_S,
+    ReplayRequest,
+    grips_refusal,
+    speed_refusal,
+    unfit,
+)
 from litegripd.control.follower import Follower
 from litegripd.control.gains import Gains
 from litegripd.control.loading import Loading
 from litegripd.control.rest import Rest
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.motion_config import RANGES, MotionConfig
-from litegripd.model.motor import Feedback, MotorView
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.path import Path
 from litegripd.model.results import Progress, ReplayOutcome, ReplayProgress, ReplayResult
 
-Phase: TypeAlias = Literal["load", "align", "play", "settle"]
-
-FASTEST_MM_S = RANGES["speed_mm_s"][1]
-"""No path is replayed faster than any other motion may be."""
-
-LONGEST_S = 86_400.0
+Phase: TypeAlias = Literal["load", "align", "play", "approach", "hold", "settle"]
 CATCH_UP = 1.2
 """Jaws that were held up go so much faster than the path's fastest part, to reach it again."""
 
 _GIVE_UP_S = 2.0
 _ROUNDING_RAD = 1e-9
-
-
-@dataclass(frozen=True, slots=True)
-class ReplayRequest:
-    """What a caller wants of a replay: `repeat` passes, 0 for ever.
-
-    `source` is the trajectory as the helper process knows it; `torque_nm` the most to press with.
-    """
-
-    source: Mapping[str, object]
-    speed: float = 1.0
-    torque_nm: float = 2.0
-    repeat: int = 1
-    align: bool = True
 
 
 class Replay(PlainAction):
@@ -72,6 +61,7 @@ class Replay(PlainAction):
         self._period_s = period_s
         self._resting = resting
         self._follower = Follower(gains, request.torque_nm, period_s)
+        self.grips = ReplayGrips(geometry, config, gains, period_s)
         self._loading = Loading(request.source)
         self._path: Path | None = None
         self._last_s: float | None = None
@@ -86,7 +76,7 @@ class Replay(PlainAction):
 
     def change_speed(self, speed: float) -> Refusal | None:
         """Go on at another speed, a multiple of the one that was taught."""
-        refusal = None if self._path is None else self._speed_refusal(speed)
+        refusal = None if self._path is None else self._speed_refusal(speed, self._path)
         if refusal is None:
             self.speed = speed
         return refusal
@@ -101,13 +91,15 @@ class Replay(PlainAction):
             refused = self._load(now_s, feedback)
             if self._path is None:
                 return refused
-        elapsed_s = 0.0 if self._last_s is None or self.is_paused else now_s - self._last_s
-        self._last_s = now_s
-        return self._go(now_s, max(elapsed_s, 0.0), feedback, self._path)
+        before_s = now_s if self._last_s is None or self.is_paused else self._last_s
+        self._last_s, elapsed_s = now_s, max(now_s - before_s, 0.0)
+        if self.phase in ("approach", "hold"):
+            return self._grip(now_s, elapsed_s, motor, feedback, self._path)
+        return self._go(now_s, elapsed_s, feedback, self._path)
 
     def rest(self) -> Rest | None:
-        """Go on pressing as in the latest tick; before the first one, as before."""
-        return self._resting() if self._path is None else self._follower.rest
+        """Go on holding or pressing as in the latest tick; before the first one, as before."""
+        return self._resting() if self._path is None else self.grips.held or self._follower.rest
 
     def progress(self) -> Progress | None:
         """Tell where it is on its path."""
@@ -115,24 +107,22 @@ class Replay(PlainAction):
         if feedback is None:
             return None
         duration_s = 0.0 if path is None else path.duration_s
-        at_s = self._at_s if self.phase == "play" else 0.0
-        reference_rad = self._follower.reference_rad
+        here = self._geometry.openness(feedback.position_rad)
+        at_s = self._at_s if self.phase in ("play", "approach", "hold") else 0.0
         return ReplayProgress(
             phase="paused" if self.is_paused else self.phase,
             step=round(min(at_s, duration_s) / self._period_s),
             total_steps=round(duration_s / self._period_s),
-            command_rad=feedback.position_rad if reference_rad is None else reference_rad,
+            command_rad=self._command_rad(),
             position_rad=feedback.position_rad,
             torque_nm=feedback.torque_nm,
             frames=self.frames,
             speed=self.speed,
-            openness=self._geometry.openness(feedback.position_rad)
-            if self.openness is None
-            else self.openness,
+            openness=here if self.openness is None else self.openness,
             loops=self.loops,
+            grips=self.grips.done,
+            width_mm=self.grips.width_mm,
         )
-
-    # Loading
 
     def _load(self, now_s: float, feedback: Feedback) -> Step:
         loading = self._loading
@@ -141,45 +131,22 @@ class Replay(PlainAction):
             return Step(outcome=loading.failure)
         if loading.path is None:
             return Step(errand=errand)
-        refusal = self._unfit(loading.path, feedback)
+        refusal = unfit(
+            self._request, loading.path, self._geometry, self._config, feedback.position_rad
+        )
+        refusal = refusal or self._speed_refusal(self.speed, loading.path)
+        refusal = refusal or grips_refusal(self._request.force, loading)
         if refusal is not None:
             return Step(outcome=refusal)
         self._path = loading.path
+        if self._request.force == "replay":
+            self.grips.take(loading.grips)
         self.phase = "align" if self._request.align else "play"
         return Step()
 
-    def _unfit(self, path: Path, feedback: Feedback) -> Refusal | None:
-        """Say why this path cannot be gone, if so."""
-        if not path.duration_s <= LONGEST_S:
-            text = f"the trajectory takes {path.duration_s:g} s, at most {LONGEST_S:g} s are played"
-            return Refusal("out_of_limits", text)
-        distance_mm = abs(self._rad(path.openness_at(0.0)) - feedback.position_rad)
-        distance_mm *= self._geometry.rad_to_mm
-        most_mm = self._config.max_lead_mm
-        if not self._request.align and distance_mm > most_mm:
-            text = (
-                f"the trajectory begins {distance_mm:.1f} mm from where the jaws are, without align"
-                f" at most {most_mm:g} mm (max_lead_mm): leave align on, or move there first"
-            )
-            data = {"field": "align", "requested": distance_mm, "limit": most_mm}
-            return Refusal("out_of_limits", text, data)
-        return self._speed_refusal(self.speed, path)
-
-    def _speed_refusal(self, speed: float, path: Path | None = None) -> Refusal | None:
-        path = path or self._path
-        if path is None or self._is_pose(path):
-            return None
-        rate_mm_s = self._loading.max_rate_s * self._geometry.travel_mm
-        if rate_mm_s * speed <= FASTEST_MM_S:
-            return None
-        most = FASTEST_MM_S / rate_mm_s
-        text = (
-            f"speed is {speed:g}, with which the fastest part of the trajectory has"
-            f" {rate_mm_s * speed:.4g} mm/s; at most {most:.3g} goes, {FASTEST_MM_S:g} mm/s"
-        )
-        return Refusal("out_of_limits", text, {"field": "speed", "requested": speed, "limit": most})
-
-    # On the way
+    def _speed_refusal(self, speed: float, path: Path) -> Refusal | None:
+        refusal = speed_refusal(speed, self._loading.max_rate_s, self._geometry)
+        return None if self._is_pose(path) else refusal
 
     def _go(self, now_s: float, elapsed_s: float, feedback: Feedback, path: Path) -> Step:
         if self.phase == "align":
@@ -187,15 +154,18 @@ class Replay(PlainAction):
         if self.phase == "play":
             self._at_s += elapsed_s * self.speed
             self.openness = path.openness_at(self._at_s)
-            step = self._lead(now_s, feedback, self.openness, self._fastest_rad_s())
-            lag_rad = abs(self._rad(self.openness) - feedback.position_rad)
+            wanted = self.grips.beside(self.openness)
+            step = self._lead(now_s, feedback, wanted, self._fastest_rad_s())
+            lag_rad = abs(self._geometry.position_rad(wanted) - feedback.position_rad)
             self._largest_lag_rad = max(self._largest_lag_rad, lag_rad)
-            if self._at_s >= path.duration_s:
+            if self.grips.is_due(self._at_s):
+                self.phase = "approach"
+            elif self._at_s >= path.duration_s:
                 self._pass_over(path)
             return step
         self._at_s += elapsed_s
         end = path.openness_at(path.duration_s)
-        step = self._lead(now_s, feedback, end, self._fastest_rad_s())
+        step = self._lead(now_s, feedback, self.grips.beside(end), self._fastest_rad_s())
         if self._is_at(end, feedback):
             return Step(step.command, outcome=self._result("completed"))
         if self._at_s < _GIVE_UP_S:
@@ -205,11 +175,18 @@ class Replay(PlainAction):
     def _align(self, now_s: float, elapsed_s: float, feedback: Feedback, path: Path) -> Step:
         """Go to the start of the path, at the speed of a move."""
         first = self.openness = path.openness_at(0.0)
+        is_open = self._geometry.openness(feedback.position_rad) >= first
+        if is_open and self.grips.is_due(0.0) and not self.is_paused:
+            # It begins with a grip: close as a grasp does, and do not press onto its position.
+            self.phase, self._at_s = "approach", 0.0
         speed_rad_s = self._geometry.to_rad(self._config.speed_mm_s)
         step = self._lead(now_s, feedback, first, speed_rad_s)
         self._at_s += elapsed_s
         reference_rad = self._follower.reference_rad
-        is_led = reference_rad is not None and abs(reference_rad - self._rad(first)) < _ROUNDING_RAD
+        is_led = (
+            reference_rad is not None
+            and abs(reference_rad - self._geometry.position_rad(first)) < _ROUNDING_RAD
+        )
         if is_led and self._is_at(first, feedback):
             self.phase, self._at_s = "play", 0.0
         elif self._at_s > self._geometry.travel_rad / speed_rad_s + _GIVE_UP_S:
@@ -218,27 +195,73 @@ class Replay(PlainAction):
 
     def _pass_over(self, path: Path) -> None:
         """Begin the next pass, or settle; a pose that shall be repeated for ever is held."""
-        repeat = self._request.repeat
-        if self._is_pose(path) and repeat == 0:
+        if self._is_endless_pose(path):
             self._at_s = path.duration_s
             return
         self.loops += 1
-        if self.loops == repeat:
+        if self.loops == self._request.repeat:
             self.phase, self._at_s = "settle", 0.0
             return
         self._at_s -= path.duration_s
-        jump_rad = self._rad(path.openness_at(path.duration_s)) - self._rad(path.openness_at(0.0))
+        self.grips.rewind()
+        jump_rad = self._geometry.position_rad(
+            path.openness_at(path.duration_s)
+        ) - self._geometry.position_rad(path.openness_at(0.0))
         if abs(jump_rad) > self._config.reach_tol or self._is_pose(path):
             self.phase, self._at_s = "align", 0.0
+            self.grips.let_go()
+
+    def _grip(
+        self, now_s: float, elapsed_s: float, motor: MotorView, feedback: Feedback, path: Path
+    ) -> Step:
+        """Close until something is gripped, then hold it as long as it was taught.
+
+        The path's time stands still while they close.
+        """
+        grips = self.grips
+        if self.phase == "approach" and self.is_paused:
+            grips.let_go()
+            return self._lead(now_s, feedback, 0.0, self._fastest_rad_s())
+        self._follower.reset()
+        self.frames += 1
+        command, missed = grips.step(now_s, motor)
+        if missed is not None:
+            return Step(command, outcome=self._result(missed))
+        if self.phase == "hold":
+            self._at_s += elapsed_s * self.speed
+        elif grips.held is not None:
+            self.phase, self._at_s = "hold", grips.present.start_s
+        self.openness = path.openness_at(self._at_s)
+        if self.phase == "approach" or self._at_s < grips.present.end_s:
+            return Step(command)
+        return self._end_grip(command, feedback, path)
+
+    def _end_grip(self, command: MitCommand | None, feedback: Feedback, path: Path) -> Step:
+        """Go on along the path, or in the next grip; at the end of the path the hold lasts."""
+        if self._is_endless_pose(path):
+            return Step(command)
+        self.grips.end()
+        if self._at_s >= path.duration_s and not self.grips.is_due(self._at_s):
+            self._pass_over(path)
+            if self.phase == "settle":
+                return Step(command, outcome=self._result("completed"))
+        if self.phase == "hold" and not self.grips.keep(self._at_s):
+            self.phase = "play"
+            self.grips.let_go(self._geometry.openness(feedback.position_rad))
+        return Step(command)
 
     def _lead(self, now_s: float, feedback: Feedback, openness: float, speed_rad_s: float) -> Step:
         """Lead the jaws towards an openness; while paused, nowhere."""
         self.frames += 1
-        target_rad = self._rad(openness)
-        if self.is_paused:
-            reference_rad = self._follower.reference_rad
-            target_rad = feedback.position_rad if reference_rad is None else reference_rad
+        wanted_rad = self._geometry.position_rad(openness)
+        target_rad = self._command_rad() if self.is_paused else wanted_rad
         return Step(self._follower.step(now_s, feedback, target_rad, speed_rad_s))
+
+    def _command_rad(self) -> float:
+        """Return where the latest command was; where the jaws are, if it was none to a position."""
+        here_rad = 0.0 if self._feedback is None else self._feedback.position_rad
+        reference_rad = self._follower.reference_rad
+        return here_rad if reference_rad is None else reference_rad
 
     def _fastest_rad_s(self) -> float:
         """Return how fast the command may move: enough for the path, and to catch up with it."""
@@ -251,12 +274,14 @@ class Replay(PlainAction):
         """Whether the path is over before a tick has passed."""
         return path.duration_s < self._period_s
 
-    def _is_at(self, openness: float, feedback: Feedback) -> bool:
-        return abs(self._rad(openness) - feedback.position_rad) <= self._config.reach_tol
+    def _is_endless_pose(self, path: Path) -> bool:
+        return self._is_pose(path) and self._request.repeat == 0
 
-    def _rad(self, openness: float) -> float:
-        geometry = self._geometry
-        return geometry.closed_rad - geometry.close_sign * openness * geometry.travel_rad
+    def _is_at(self, openness: float, feedback: Feedback) -> bool:
+        return (
+            abs(self._geometry.position_rad(openness) - feedback.position_rad)
+            <= self._config.reach_tol
+        )
 
     def _result(self, outcome: ReplayOutcome) -> ReplayResult:
         return ReplayResult(
@@ -265,5 +290,8 @@ class Replay(PlainAction):
             loops=self.loops,
             frames=self.frames,
             largest_lag_mm=self._largest_lag_rad * self._geometry.rad_to_mm,
-            final_command_rad=self._follower.reference_rad or 0.0,
+            final_command_rad=self._command_rad(),
+            grips=self.grips.done,
+            width_mm=self.grips.width_mm,
+            width_difference_mm=self.grips.width_difference_mm,
         )

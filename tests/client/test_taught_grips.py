@@ -1,0 +1,351 @@
+"""Grips of trajectories on the client's side: files, copies to and from the daemon, pictures."""
+
+import json
+import logging
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from litegrip_client import (
+    CommandError,
+    LiteGrip,
+    TaughtGrip,
+    Trajectory,
+    list_trajectories,
+    taught_grips,
+)
+from litegrip_client.ctl.block_chart import block_chart
+from litegrip_client.ctl.main import main
+from litegrip_client.ctl.render_trajectories import played, recorded
+from litegripd.model import grips as daemons
+from litegripd.model.trajectory import TrajectoryError
+from tests.client.aio_helpers import with_gripper
+from tests.client.fake_daemon import FakeDaemon
+from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories
+from tests.client.helpers import Ctl
+from tests.client.taught import BESIDE, GRIPS, TAUGHT, with_grips
+from tests.mutations import MUTATIONS, mutated
+from tests.trajectories import lgt
+
+NOWHERE = ["--socket", "/nowhere"]
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+@pytest.fixture
+def there(daemon: FakeDaemon) -> FakeTrajectories:
+    return FakeTrajectories(daemon)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    path = tmp_path / "mine"
+    path.mkdir()
+    monkeypatch.setenv("LITEGRIP_TRAJ_DIR", str(path))
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.chdir(tmp_path)
+    return path
+
+
+# Files
+
+
+def test_grips_lie_beside_the_file_which_stays_the_vendors(folder: Path) -> None:
+    TAUGHT.save("pick")
+    assert (folder / "pick.lgt").read_bytes() == CONTENT
+    assert sorted(path.name for path in folder.iterdir()) == ["pick.grip.json", "pick.lgt"]
+    assert Trajectory.load("pick") == TAUGHT
+    assert Trajectory.load("pick").grips == GRIPS
+    (file,) = list_trajectories()
+    assert (file.grips, file.grip_problem) == (2, None)
+    assert str(file) == "pick: 2.99 s, 300 samples, mount normal, 2 grips"
+    assert "2 grips" in repr(TAUGHT)
+
+
+def test_a_path_that_is_used_as_written_has_them_beside_it(tmp_path: Path) -> None:
+    path = tmp_path / "sub" / "x.bin"
+    TAUGHT.save(str(path))
+    assert (tmp_path / "sub" / "x.bin.grip.json").read_bytes() == BESIDE
+    assert Trajectory.load(path).grips == GRIPS
+
+
+def test_one_that_is_saved_without_grips_leaves_no_old_ones(folder: Path) -> None:
+    TAUGHT.save("pick")
+    replace(TAUGHT, grips=()).save("pick")
+    assert [path.name for path in folder.iterdir()] == ["pick.lgt"]
+    assert Trajectory.load("pick").grips == ()
+
+
+@pytest.mark.parametrize(
+    ("content", "beside", "why"),
+    [
+        (lgt([(0.0, 0.1), (9.0, 0.2)]), BESIDE, "another .lgt file"),
+        (CONTENT, BESIDE[:-20], "no JSON"),
+        (CONTENT, b"[" * 100_000, "no JSON"),
+        (CONTENT, b"\xff", "no JSON"),
+        (CONTENT, b" " * 200_000, "at most 131072"),
+        (CONTENT, b"[]", "no file of grips"),
+    ],
+)
+def test_grips_that_cannot_be_used_are_none_with_a_warning(
+    folder: Path, caplog: pytest.LogCaptureFixture, content: bytes, beside: bytes, why: str
+) -> None:
+    (folder / "pick.lgt").write_bytes(content)
+    (folder / "pick.grip.json").write_bytes(beside)
+    with caplog.at_level(logging.WARNING, "litegrip_client"):
+        assert Trajectory.load("pick").grips == ()
+    assert f"{folder}/pick.grip.json are left out" in caplog.text
+    assert why in caplog.text
+    (file,) = list_trajectories()
+    assert (file.error, file.grips) == (None, 0)
+    assert why in (file.grip_problem or "")
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        ({"force_n": 0.0}, "force_n is 0.0"),
+        ({"force_n": 30.5}, "at most 30"),
+        ({"force_n": float("nan")}, "NaN is not JSON"),
+        ({"force_n": True}, "force_n is True"),
+        ({"force_n": 10**400}, "force_n is 1000"),
+        ({"openness": 1.5}, "openness"),
+        ({"width_mm": -0.1}, "width_mm"),
+        ({"start_s": 0.1}, "one after the other"),
+        ({"end_s": 0.1}, "one after the other"),
+        ({"end_s": "1"}, "end_s is '1'"),
+        ({"source": ""}, "printable ASCII"),
+        ({"source": "x" * 81}, "printable ASCII"),
+        ({"source": "é"}, "printable ASCII"),
+        ({"source": None}, "printable ASCII"),
+        ({"more": 1}, "is no object with"),
+    ],
+)
+def test_each_field_is_checked_here_and_by_the_daemon(changes: dict[str, Any], why: str) -> None:
+    plain = json.loads(BESIDE)
+    plain["grips"][0] |= changes
+    content = json.dumps(plain).encode()
+    with pytest.raises(CommandError, match=why):
+        TAUGHT.with_grips(CONTENT, content)
+    with pytest.raises(TrajectoryError, match=why):
+        daemons.read(content, plain["lgt_sha256"])
+
+
+def read_here(content: bytes, digest: str) -> str | None:
+    try:
+        return str(taught_grips.read(content, digest))
+    except CommandError:
+        return None
+
+
+def read_there(content: bytes, digest: str) -> str | None:
+    try:
+        return str(daemons.read(content, digest))
+    except TrajectoryError:
+        return None
+
+
+def test_damaged_files_are_the_same_to_both_sides() -> None:
+    """Each is read whole, and alike, or refused by both; never a crash."""
+    digest = json.loads(BESIDE)["lgt_sha256"]
+    for length in range(len(BESIDE) - 1):
+        assert read_here(BESIDE[:length], digest) is None
+    passed = 0
+    for content in mutated(BESIDE):
+        here = read_here(content, digest)
+        assert here == read_there(content, digest)
+        passed += here is not None
+    assert 0.01 * MUTATIONS < passed < 0.9 * MUTATIONS
+
+
+def test_both_sides_write_the_same_file() -> None:
+    digest = json.loads(BESIDE)["lgt_sha256"]
+    assert daemons.pack(daemons.read(BESIDE, digest), digest) == BESIDE
+
+
+@pytest.mark.parametrize(
+    ("grips", "why"),
+    [
+        ((GRIPS[1], GRIPS[0]), "grip 1: closing_s is 0.25, before 2.99"),
+        ((replace(GRIPS[0], closing_s=-0.1),), "grip 0: closing_s is -0.1, before 0.0"),
+        ((replace(GRIPS[1], end_s=3.0),), "grip 0: end_s is 3.0, after 2.99"),
+        ((TaughtGrip(0, 0, 0, 0, 0, 1, "x"),) * 201, "201 grips, at most 200"),
+        (("grip",), "no TaughtGrip"),
+    ],
+)
+def test_grips_follow_each_other_within_the_samples(grips: Any, why: str) -> None:
+    with pytest.raises(CommandError, match=why):
+        with_grips(*grips)
+
+
+# Play
+
+
+def test_play_sends_the_grips_and_asks_for_their_force(
+    there: FakeTrajectories, gripper: LiteGrip, daemon: FakeDaemon
+) -> None:
+    figures = {"grips": 2, "width_mm": 44.0, "width_difference_mm": -4.0}
+    daemon.handlers["trajectory.play"] = lambda _request: {**PLAYED, **figures}
+    result = gripper.play(TAUGHT, force="replay")
+    assert (result.grips, result.width_mm, result.width_difference_mm) == (2, 44.0, -4.0)
+    assert there.uploads == {1: CONTENT}
+    assert there.grips == {None: BESIDE}
+    assert there.asked("play")[0]["force"] == "replay"
+    gripper.play_start(TAUGHT, force="replay")
+    assert there.asked("play")[1]["force"] == "replay"
+    gripper.play(replace(TAUGHT, grips=()))  # which is another one
+    assert len(there.uploads) == 2
+    assert "force" not in there.asked("play")[2]
+
+
+def test_the_same_on_asyncio(daemon: FakeDaemon) -> None:
+    there = FakeTrajectories(daemon)
+    there.grips = {None: BESIDE}
+
+    async def scene(gripper: Any) -> None:
+        await gripper.record_start(max_samples=300)
+        taught = await gripper.record_stop()
+        assert taught.grips == GRIPS
+        assert (await gripper.play(taught, force="replay")).ok
+
+    with_gripper(daemon, scene)
+    assert there.asked("play")[0]["force"] == "replay"
+
+
+def test_a_recording_comes_with_its_grips(there: FakeTrajectories, gripper: LiteGrip) -> None:
+    there.grips = {None: BESIDE}
+    gripper.record_start(max_samples=300)
+    assert gripper.record_stop() == TAUGHT
+
+
+# litegripctl
+
+
+def test_play_asks_for_the_force(there: FakeTrajectories, ctl: Ctl) -> None:
+    assert ctl("play", "pick", "--force", "replay")[0] == 0
+    assert there.asked("play")[0]["force"] == "replay"
+    assert ctl("play", "pick", "--force", "path")[0] == 0
+    assert "force" not in there.asked("play")[1]
+    with pytest.raises(SystemExit):
+        ctl("play", "pick", "--force", "10")
+
+
+def test_play_local_sends_the_grips_where_they_are_wanted(
+    there: FakeTrajectories, ctl: Ctl, folder: Path
+) -> None:
+    TAUGHT.save("pick")
+    assert ctl("play", "--local", "pick")[0] == 0
+    assert there.grips == {}
+    assert ctl("play", "--local", "pick", "--force", "replay")[0] == 0
+    assert there.grips == {None: BESIDE}
+
+
+def test_put_and_get_carry_both(there: FakeTrajectories, ctl: Ctl, folder: Path) -> None:
+    TAUGHT.save("pick")
+    assert ctl("trajectories", "put", "pick") == (0, "kept as pick, 300 samples\n", "")
+    assert (there.kept, there.grips) == ({"pick": CONTENT}, {"pick": BESIDE})
+    assert ctl("trajectories", "get", "pick", "-o", "copy")[0] == 0
+    assert (folder / "copy.grip.json").read_bytes() == BESIDE
+    assert Trajectory.load("copy") == TAUGHT
+
+
+def test_what_goes_with_another_file_is_left_out_and_said(
+    there: FakeTrajectories, ctl: Ctl, folder: Path
+) -> None:
+    (folder / "pick.lgt").write_bytes(lgt([(0.0, 0.5), (1.0, 0.5)]))
+    (folder / "pick.grip.json").write_bytes(BESIDE)
+    said = "the grips are left out: it belongs to another .lgt file, which has been replaced\n"
+    assert ctl("trajectories", "put", "pick") == (0, "kept as pick, 300 samples\n", said)
+    assert there.grips == {}
+    there.grips = {"pick": BESIDE}
+    code, _shown, error = ctl("trajectories", "get", "pick", "--overwrite")
+    assert (code, error) == (0, said)
+    assert not (folder / "pick.grip.json").exists()
+
+
+def test_the_list_shows_that_a_grip_is_kept(
+    there: FakeTrajectories, ctl: Ctl, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    there.kept, there.grips = {"pick": CONTENT, "wave": CONTENT}, {"pick": BESIDE}
+    _code, shown, _error = ctl("trajectories")
+    assert [line.split()[7] for line in shown.splitlines()[1:]] == ["1", "-"]
+    TAUGHT.save("mine")
+    (folder / "odd.lgt").write_bytes(CONTENT)
+    (folder / "odd.grip.json").write_bytes(b"odd")
+    assert main([*NOWHERE, "trajectories", "--local"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[7] for line in lines[1:3]] == ["2", "-"]
+    assert lines[3].startswith("odd: its grips are NOT usable: it is no JSON")
+
+
+def test_what_was_recorded_and_played_tells_of_grips() -> None:
+    assert ", 1 grip, kept as pick" in recorded({"name": "pick", "samples": 3, "grips": 1})
+    data = {**PLAYED, "grips": 2, "width_mm": 44.0, "width_difference_mm": -4.0}
+    assert played(data).endswith("; 2 grips, the last one 44.0 mm wide, at most -4.0 mm to taught")
+
+
+# Plot
+
+
+def test_a_chart_marks_spans_each_in_one_column_at_least() -> None:
+    points = [(10.0, 1.0), (20.0, 1.0)]
+    spans = [(10.0, 12.9), (15.0, 15.0), (19.9, 20.0)]
+    lines = block_chart(points, top=1.0, unit="mm", width=10, height=2, spans=spans, span_label="x")
+    assert lines[3] == "   x  ━━━  ━   ━"
+    pose = block_chart([(1.0, 1.0)], top=1.0, unit="mm", width=4, height=2, spans=[(1.0, 1.0)])
+    assert pose[3].strip() == "━"
+
+
+def test_plot_as_text_shows_grips_and_their_force(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with_grips(GRIPS[0]).save("pick")
+    assert main([*NOWHERE, "plot", "--text", "--local", "pick"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    begin, end = lines[12].index("━"), lines[12].rindex("━")
+    assert lines[12].split()[0] == "grip"
+    assert begin - 8 == int(70 * 0.5 / 2.99)
+    assert end - 8 == int(70 * 1.25 / 2.99)
+    assert lines[-1] == "grip: 0.50 to 1.25 s, 8 N, 60.0 mm wide, motion.grasp by demo"
+    assert main([*NOWHERE, "--json", "plot", "--text", "--local", "pick"]) == 0
+    (grip,) = json.loads(capsys.readouterr().out)["grips"]
+    assert (grip["force_n"], grip["start_s"]) == (8.0, 0.5)
+
+
+def test_plot_draws_grips(
+    daemon: FakeDaemon, ctl: Ctl, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from matplotlib.axes import Axes  # noqa: PLC0415 - as the command does
+
+    shaded: list[tuple[float, float]] = []
+    words: list[str] = []
+    axvspan, annotate = Axes.axvspan, Axes.annotate
+
+    def shade(axes: Axes, from_s: float, to_s: float, **more: Any) -> Any:
+        shaded.append((from_s, to_s))
+        return axvspan(axes, from_s, to_s, **more)
+
+    def write(axes: Axes, text: str, *places: Any, **more: Any) -> Any:
+        words.append(text)
+        return annotate(axes, text, *places, **more)
+
+    monkeypatch.setattr(Axes, "axvspan", shade)
+    monkeypatch.setattr(Axes, "annotate", write)
+    there = FakeTrajectories(daemon)
+    there.kept, there.grips = {"pick": CONTENT}, {"pick": BESIDE}
+    assert ctl("plot", "pick") == (0, "drawn in pick.png\n", "")
+    assert Path("pick.png").read_bytes().startswith(PNG)
+    assert shaded == [(0.5, 1.25)] * 3 + [(1.25, 2.99)] * 3
+    assert words == ["8 N", "12.5 N"]
+
+
+def test_the_last_seconds_begin_within_a_grip(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    TAUGHT.save("pick")
+    assert main([*NOWHERE, "--json", "plot", "--text", "--local", "--last", "0.5", "pick"]) == 0
+    (grip,) = json.loads(capsys.readouterr().out)["grips"]
+    assert (grip["start_s"], grip["end_s"]) == (pytest.approx(2.49), 2.99)
+    assert main([*NOWHERE, "plot", "--local", "--last", "0.5", "pick"]) == 0
+    assert Path("pick.png").read_bytes().startswith(PNG)
