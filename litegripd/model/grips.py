@@ -7,8 +7,9 @@ file: grips never go with another path than theirs.
 import json
 import math
 from dataclasses import asdict, dataclass, fields
-from typing import Any, NoReturn
+from typing import Any
 
+from litegripd.model import strict_json
 from litegripd.model.motion_config import RANGES
 from litegripd.model.trajectory import TrajectoryError
 
@@ -113,7 +114,7 @@ def parse(content: bytes) -> Any:
     if len(content) > MAX_GRIP_BYTES:
         raise TrajectoryError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
     try:
-        return _decoder.decode(content.decode())
+        return strict_json.decode(content.decode())
     except (ValueError, RecursionError) as error:
         raise TrajectoryError(f"it is no JSON: {error}") from None
 
@@ -140,17 +141,3 @@ def _check_figure(name: str, value: object) -> None:
 
 def _is_plain(source: str) -> bool:
     return 1 <= len(source) <= MAX_SOURCE and source.isascii() and source.isprintable()
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not JSON")
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    value = dict(pairs)
-    if len(value) != len(pairs):
-        raise ValueError("an object has the same key twice")
-    return value
-
-
-_decoder = json.JSONDecoder(parse_constant=_no_constant, object_pairs_hook=_unique)

@@ -8,8 +8,9 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NoReturn, TypeAlias
+from typing import Any, TypeAlias
 
+from litegripd.model import strict_json
 from litegripd.model.errors import Refusal
 
 MAX_LINE_BYTES = 16_384
@@ -48,7 +49,7 @@ def parse(line: bytes) -> Request | BadRequest:
         text = f"a request has at most {MAX_CONTAINERS} objects, arrays, or braces in its texts"
         return _bad(None, "invalid_request", text)
     try:
-        value = _decoder.decode(line.decode("utf-8"))
+        value = strict_json.decode(line.decode("utf-8"))
     except UnicodeDecodeError as error:
         return _bad(None, "parse_error", f"the line is not UTF-8 (byte {error.start})")
     except RecursionError:
@@ -134,17 +135,3 @@ def _bad(identity: RequestId, reason: str, message: str) -> BadRequest:
 
 def _names(names: set[str]) -> str:
     return ", ".join(sorted(repr(name[:40]) for name in names)[:8])
-
-
-def _no_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not JSON")
-
-
-def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    value = dict(pairs)
-    if len(value) != len(pairs):
-        raise ValueError("an object has the same key twice")
-    return value
-
-
-_decoder = json.JSONDecoder(parse_constant=_no_constant, object_pairs_hook=_unique)
