@@ -1,4 +1,4 @@
-"""JSON as its standard has it: no NaN, no infinity, and no key twice, which readers may differ on."""
+"""JSON as its standard has it: no NaN, no infinity; and no key twice, on which readers differ."""
 
 import json
 from typing import Any, NoReturn
