@@ -42,6 +42,9 @@ class ScriptedLeader:
     def publish(self, _payload: bytes, _now_s: float) -> bool:
         return False
 
+    def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
+        return False
+
     def receive(self, now_s: float) -> Sequence[Arrival]:
         """Return what was published by now: each frame tells of one period before it left."""
         arrived = []

@@ -14,6 +14,7 @@ from litegripd.io.teleop_wire import (
     STATUS,
     Order,
     pack_open,
+    pack_reply,
     unpack_arrival,
     unpack_status,
 )
@@ -147,6 +148,10 @@ class ProcessLink:
         It is tried all the same: whether a network is there again, only sending tells.
         """
         return self._links.send(FRAME + payload) and self.status.state == "open"
+
+    def reply(self, payload: bytes, to: str, _now_s: float) -> bool:
+        """Hand a frame for the leader to the process; it may be lost as any."""
+        return self._links.send(pack_reply(payload, to)) and self.status.state == "open"
 
     def receive(self, _now_s: float) -> Sequence[Arrival]:
         """Return what the process has passed on; tell it once what to open."""

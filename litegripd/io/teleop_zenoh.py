@@ -13,13 +13,14 @@ from typing import Any
 import zenoh
 
 from litegripd.io.teleop_endpoint import Deliver
+from litegripd.io.teleop_wire import MAX_PAYLOAD_BYTES
 from litegripd.model.teleop import LinkWish
-from litegripd.model.teleop_frame import FRAME_BYTES
 
 _QUEUED_AT_MOST = 16
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2}
 """How often a follower tries to reach a leader that is not there, or that has gone."""
 _END_WITHIN_S = 2.0
+_QUEUED_AT_LEADER = 64
 _CERTIFICATES = ("root_ca_certificate", "listen_certificate", "connect_certificate")
 
 
@@ -29,31 +30,34 @@ class ZenohLeaders:
     def __init__(self) -> None:
         self._session: zenoh.Session | None = None
         self._made_for: tuple[int, str | None] | None = None
+        self._is_protected = False
 
-    def open(self, wish: LinkWish, file: str | None) -> "ZenohLeader":
+    def open(self, wish: LinkWish, file: str | None, deliver: Deliver) -> "ZenohLeader":
         """Return a publisher of the topic; raises `zenoh.ZError` when the port is taken."""
         if self._session is None or self._made_for != (wish.port, file):
             if self._session is not None:
                 self._session.close()  # type: ignore[no-untyped-call]
                 self._session = None
             config = _config(file)
+            self._is_protected = _is_protected(config, leads=True)
             _listen(config, [f"{_protocol(config)}/0.0.0.0:{wish.port}"])
             self._session = zenoh.open(config)
             self._made_for = (wish.port, file)
-        return ZenohLeader(self._session, wish.topic)
+        return ZenohLeader(self._session, wish, deliver, is_protected=self._is_protected)
 
 
 class ZenohLeader:
     """Publishes at once, and drops what the network does not take."""
 
-    def __init__(self, session: zenoh.Session, topic: str) -> None:
-        self._publisher = session.declare_publisher(
-            topic,
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
-        )
+    def __init__(
+        self, session: zenoh.Session, wish: LinkWish, deliver: Deliver, *, is_protected: bool
+    ) -> None:
+        self.is_protected = is_protected
+        self._publisher = _publisher(session, wish.topic)
         self._in_use = threading.Lock()  # zenoh undeclares nothing that is being used
+        self._forces = None
+        if wish.reflects:
+            self._forces = _Listener(session, wish.force_topic, _QUEUED_AT_LEADER, deliver)
 
     @property
     def matching(self) -> bool | None:
@@ -66,10 +70,15 @@ class ZenohLeader:
         with self._in_use:
             self._publisher.put(payload)
 
+    def reply(self, _payload: bytes, _to: str) -> None:
+        """Say nothing: a leader publishes."""
+
     def close(self) -> None:
         """Publish no more; the session stays."""
         with self._in_use:
             self._publisher.undeclare()  # type: ignore[no-untyped-call]
+        if self._forces is not None:
+            self._forces.close()
 
 
 class ZenohFollower:
@@ -85,20 +94,45 @@ class ZenohFollower:
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
         config.insert_json5("connect/retry", json.dumps(_RETRY))
         config.insert_json5("open/return_conditions/connect_scouted", "false")
-        self._deliver = deliver
+        self.is_protected = _is_protected(config, leads=False)
         self._session = zenoh.open(config)
-        self._subscriber = self._session.declare_subscriber(
-            wish.topic, zenoh.handlers.RingChannel(_QUEUED_AT_MOST)
-        )
-        self._thread = threading.Thread(target=self._listen, daemon=True)
-        self._thread.start()
+        self._in_use = threading.Lock()
+        self._forces = _publisher(self._session, wish.force_topic) if wish.reflects else None
+        self._frames = _Listener(self._session, wish.topic, _QUEUED_AT_MOST, deliver)
 
     def publish(self, _payload: bytes) -> None:
-        """Say nothing: a follower only listens."""
+        """Say nothing: a follower only listens, and replies."""
+
+    def reply(self, payload: bytes, _to: str) -> None:
+        """Send one frame to the leader; it is connected to no other one."""
+        with self._in_use:
+            if self._forces is not None:
+                self._forces.put(payload)
 
     def close(self) -> None:
         """Disconnect, which ends the listening, too."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        with self._in_use:
+            self._forces = None
+            self._session.close()  # type: ignore[no-untyped-call]
+        self._frames.join()
+
+
+class _Listener:
+    """A thread that takes what comes under a key; it ends with the subscription or the session."""
+
+    def __init__(self, session: zenoh.Session, key: str, most: int, deliver: Deliver) -> None:
+        self._deliver = deliver
+        self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(most))
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+        self.join()
+
+    def join(self) -> None:
+        """Wait for the thread's end."""
         self._thread.join(_END_WITHIN_S)
 
     def _listen(self) -> None:
@@ -110,7 +144,8 @@ class ZenohFollower:
             stamp, payload = sample.timestamp, sample.payload
             source = "" if stamp is None else str(stamp.get_id())
             # What is too long is no frame: it need not be copied to be counted.
-            content = payload.to_bytes() if len(payload) <= FRAME_BYTES else bytes(FRAME_BYTES + 1)
+            is_long = len(payload) >= MAX_PAYLOAD_BYTES
+            content = bytes(MAX_PAYLOAD_BYTES) if is_long else payload.to_bytes()
             self._deliver(content, source)
 
 
@@ -132,3 +167,28 @@ def _protocol(config: zenoh.Config) -> str:
     """Return tls where the configuration names certificates, else tcp."""
     tls = json.loads(config.get_json("transport/link/tls"))
     return "tls" if any(tls.get(name) for name in _CERTIFICATES) else "tcp"
+
+
+def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Publish at once, and drop what the network does not take."""
+    return session.declare_publisher(
+        key,
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.REAL_TIME,
+        express=True,
+    )
+
+
+def _is_protected(config: zenoh.Config, *, leads: bool) -> bool:
+    """Whether the configuration lets only those take part whom it names.
+
+    For a leader that is TLS with certificates of both ends, an access list, or users with
+    passwords; for a follower, who chooses whom to connect to, TLS with the leader's certificate.
+    """
+    tls = json.loads(config.get_json("transport/link/tls"))
+    access = json.loads(config.get_json("access_control"))
+    users = json.loads(config.get_json("transport/auth/usrpwd"))
+    lists = access["enabled"] and access["default_permission"] == "deny"
+    if leads:
+        return bool(tls["enable_mtls"] or lists or users["dictionary_file"])
+    return bool(tls["root_ca_certificate"] or lists)

@@ -60,6 +60,11 @@ class Intake:
         else:
             self._accept(frame, arrival, self._rate(frame, latest, later_s, arrival.at_s))
 
+    @property
+    def source(self) -> str:
+        """Who sent the newest frame, as the transport names it."""
+        return self._source
+
     def is_stale(self, now_s: float) -> bool:
         """Whether no frame has come for as long as the watchdog waits, by our own clock."""
         return self.latest is not None and now_s - self._arrived_s >= self._watchdog_s
