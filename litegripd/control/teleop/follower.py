@@ -232,11 +232,11 @@ class Follow(TeleopAction):
     # Telling
 
     def _tell_force(self, now_s: float, feedback: Feedback) -> None:
-        """Tell the leader's hand what the jaws press with; on their way to it, nothing."""
+        """Tell the leader's hand what the jaws press with while they go where it wants them."""
         intake, frame = self._intake, self._intake.latest
         if frame is None:
             return
-        is_felt = self._phase == "following"
+        is_felt = self._phase in ("aligning", "following")
         force_n = self._course.geometry.force_n(feedback.torque_nm) if is_felt else 0.0
         failed = self._teller.step(now_s, feedback, force_n, frame.timestamp_s, intake.source)
         self.send_failed += failed

@@ -25,12 +25,12 @@ FASTEST_MM_S = 100.0
 """Jaws that are let go of are pushed no faster: damping in the motor, where no delay is, sees to
 it."""
 
-GRANT_J = 0.002
-"""What may be given before anything was taken: 10 N along 0.2 mm. Less than this, the quantum of
+GRANT_J = 0.005
+"""What may be given before anything was taken: 10 N along 0.5 mm. With much less, the quantum of
 the position alone would switch the torque off and on."""
 
-MOST_STORED_J = 0.02
-"""What was taken longer ago is not given back: 10 N along 2 mm."""
+MOST_STORED_J = 0.05
+"""What was taken longer ago is not given back: 10 N along 5 mm."""
 
 _SMOOTHING_S = 0.02
 _LONGEST_TICK_S = 0.05
