@@ -53,6 +53,17 @@ class TeleopLinks:
         """The process's id, None while there is none."""
         return None if self._child is None else self._child.pid
 
+    @property
+    def status(self) -> LinkStatus | None:
+        """How the present link is, None without one through the process."""
+        return None if self._link is None else self._link.status
+
+    @property
+    def is_open_to_network(self) -> bool | None:
+        """Whether others than the two ends can take part now; None while nobody can know."""
+        is_protected = None if self.status is None else self.status.is_protected
+        return None if is_protected is None else not is_protected
+
     def open(self, wish: LinkWish) -> Link:
         """Begin to open a link; the process begins with the next `poll`."""
         if wish.kind == "none":

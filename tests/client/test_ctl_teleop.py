@@ -36,6 +36,13 @@ STATUS: dict[str, Any] = {
     "torque_nm": 0.2,
     "over_torque": False,
     "torque_trips": 0,
+    "force_limited": False,
+    "reflects": False,
+    "reflected_n": None,
+    "followers": None,
+    "round_trip_ms": None,
+    "late": 0,
+    "link_protected": None,
     "job": 3,
 }
 ENDED = {**STATUS, "active": False}
@@ -62,6 +69,15 @@ def started(daemon: FakeDaemon) -> list[dict[str, Any]]:
         (("master",), {"mode": "master"}),
         (("master", "--rate", "50"), {"mode": "master", "rate_hz": 50.0}),
         (("slave", "--host", "b"), {"mode": "slave", "host": "b"}),
+        (("slave", "--host", "b", "--reflect"), {"mode": "slave", "host": "b", "reflect": True}),
+        (
+            ("master", "--reflect-force", "4", "--reflect-gain", "0.3"),
+            {"mode": "master", "reflect_n": 4.0, "reflect_gain": 0.3},
+        ),
+        (
+            ("master", "--link", "udp", "--host", "a,b:5"),
+            {"mode": "master", "link": "udp", "host": "a,b:5"},
+        ),
         (
             ("slave", "--fake-leader", "--torque-limit", "1.0"),
             {"mode": "slave", "fake_leader": True, "torque_limit_nm": 1.0},
