@@ -20,7 +20,6 @@ _QUEUED_AT_MOST = 16
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2}
 """How often a follower tries to reach a leader that is not there, or that has gone."""
 _END_WITHIN_S = 2.0
-_QUEUED_AT_LEADER = 64
 _CERTIFICATES = ("root_ca_certificate", "listen_certificate", "connect_certificate")
 
 
@@ -57,7 +56,11 @@ class ZenohLeader:
         self._in_use = threading.Lock()  # zenoh undeclares nothing that is being used
         self._forces = None
         if wish.reflects:
-            self._forces = _Listener(session, wish.force_topic, _QUEUED_AT_LEADER, deliver)
+            # Called from zenoh's thread: a subscriber in which somebody waits cannot be undeclared,
+            # and the session stays.
+            self._forces = session.declare_subscriber(
+                wish.force_topic, lambda sample: _deliver(sample, deliver)
+            )
 
     @property
     def matching(self) -> bool | None:
@@ -78,7 +81,7 @@ class ZenohLeader:
         with self._in_use:
             self._publisher.undeclare()  # type: ignore[no-untyped-call]
         if self._forces is not None:
-            self._forces.close()
+            self._forces.undeclare()  # type: ignore[no-untyped-call]
 
 
 class ZenohFollower:
@@ -98,7 +101,12 @@ class ZenohFollower:
         self._session = zenoh.open(config)
         self._in_use = threading.Lock()
         self._forces = _publisher(self._session, wish.force_topic) if wish.reflects else None
-        self._frames = _Listener(self._session, wish.topic, _QUEUED_AT_MOST, deliver)
+        self._deliver = deliver
+        self._subscriber = self._session.declare_subscriber(
+            wish.topic, zenoh.handlers.RingChannel(_QUEUED_AT_MOST)
+        )
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
 
     def publish(self, _payload: bytes) -> None:
         """Say nothing: a follower only listens, and replies."""
@@ -114,25 +122,6 @@ class ZenohFollower:
         with self._in_use:
             self._forces = None
             self._session.close()  # type: ignore[no-untyped-call]
-        self._frames.join()
-
-
-class _Listener:
-    """A thread that takes what comes under a key; it ends with the subscription or the session."""
-
-    def __init__(self, session: zenoh.Session, key: str, most: int, deliver: Deliver) -> None:
-        self._deliver = deliver
-        self._subscriber = session.declare_subscriber(key, zenoh.handlers.RingChannel(most))
-        self._thread = threading.Thread(target=self._listen, daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Listen no more."""
-        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-        self.join()
-
-    def join(self) -> None:
-        """Wait for the thread's end."""
         self._thread.join(_END_WITHIN_S)
 
     def _listen(self) -> None:
@@ -141,12 +130,15 @@ class _Listener:
                 sample = self._subscriber.recv()
             except zenoh.ZError:  # closed
                 return
-            stamp, payload = sample.timestamp, sample.payload
-            source = "" if stamp is None else str(stamp.get_id())
-            # What is too long is no frame: it need not be copied to be counted.
-            is_long = len(payload) >= MAX_PAYLOAD_BYTES
-            content = bytes(MAX_PAYLOAD_BYTES) if is_long else payload.to_bytes()
-            self._deliver(content, source)
+            _deliver(sample, self._deliver)
+
+
+def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:
+    stamp, payload = sample.timestamp, sample.payload
+    source = "" if stamp is None else str(stamp.get_id())
+    # What is too long is no frame: it need not be copied to be counted.
+    is_long = len(payload) >= MAX_PAYLOAD_BYTES
+    deliver(bytes(MAX_PAYLOAD_BYTES) if is_long else payload.to_bytes(), source)
 
 
 def _config(file: str | None) -> zenoh.Config:
