@@ -30,7 +30,7 @@ MM_RAD = 74.8
 CUT_S = 11.25
 """Half a swing of the hand more than whole ones: cut while the leader is open, mended while it is
 closed."""
-OPEN_MM = 88.0
+NEAR_MM = 3.0
 BACK_MM = 6.0
 """Whoever is so near to the leader for `BACK_FOR_S` follows again: three times what is usual."""
 BACK_FOR_S = 0.3
@@ -169,7 +169,8 @@ def main() -> None:
         for proxy in proxies:
             proxy.loss = proxy.jitter_s = 0.0
         time.sleep(SETTLE_S)
-        while leader.result("state.get")["opening_mm"] < OPEN_MM:
+        open_mm = max(row[3] for row in samples[0].rows) * TRAVEL_MM - NEAR_MM
+        while leader.result("state.get")["opening_mm"] < open_mm:
             time.sleep(0.005)
         cut_s = time.monotonic()
         for proxy in proxies:

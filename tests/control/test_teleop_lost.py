@@ -231,3 +231,18 @@ def test_a_leader_that_comes_and_goes_all_the_time_is_told_of_now_and_then() -> 
     passed_s = follower.world.now_s - began_s
     for words in ("no frame for", "the leader is heard", "aligned"):
         assert 2 <= sum(words in text for text in follower.told()) <= passed_s + 2
+
+
+def test_however_frames_jump_the_command_steps_by_no_more_than_the_leads_cap() -> None:
+    """Frames that say in turn wide open and shut, as fast as ticks: nothing is turned round."""
+    follower = following()
+    wanted: list[float] = []
+    for tick in range(200):
+        follower.say(0.9 if tick // 3 % 2 else 0.1)
+        follower.world.tick()
+        requested = follower.world.engine.output.requested
+        assert requested is not None
+        wanted.append(requested.position_rad * MM_RAD)
+        assert follower.lead_mm <= 4.0 + 0.03
+    steps = [abs(later - earlier) for earlier, later in pairwise(wanted)]
+    assert 3.0 < max(steps) <= 4.0 + 1e-9

@@ -213,13 +213,16 @@ class Follow(TeleopAction):
     def _led(self, wanted_rad: float, velocity_rad_s: float, feedback: Feedback) -> MitCommand:
         """Return the command, its lead capped; the feed-forward gets what torque the lead leaves.
 
+        From one tick to the next it steps by no more than the lead's cap either, unless the jaws
+        themselves are elsewhere: frames that come late and at once do not turn it round.
         Damping relative to a velocity is a torque as well: jaws that are held up would be pushed
         by kd times the leader's whole speed. It may always brake.
         """
         gains, here_rad = self._course.gains, feedback.position_rad
-        lead_rad = self._lead_rad(wanted_rad, here_rad)
-        self._commanded_rad = led(wanted_rad, here_rad, lead_rad)
-        self._is_limited = self._commanded_rad != wanted_rad
+        lead_rad, before_rad = self._lead_rad(wanted_rad, here_rad), self._commanded_rad
+        self._is_limited = led(wanted_rad, here_rad, lead_rad) != wanted_rad
+        step_to_rad = wanted_rad if before_rad is None else led(wanted_rad, before_rad, lead_rad)
+        self._commanded_rad = led(step_to_rad, here_rad, lead_rad)
         if gains.kd_nm_s_rad > 0.0 and velocity_rad_s != 0.0:
             sign = 1.0 if velocity_rad_s > 0.0 else -1.0
             ahead_rad = sign * (self._commanded_rad - here_rad)
