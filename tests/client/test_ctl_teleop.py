@@ -192,6 +192,20 @@ def test_the_live_line_says_what_matters() -> None:
     assert "link failed: port? taken" in render_teleop.line(broken)
 
 
+def test_reflection_and_limits_are_shown_where_there_are_any() -> None:
+    slave = {**STATUS, "reflected_n": 7.25, "force_limited": True}
+    assert "reflects +7.2 N " in render_teleop.line(slave)
+    assert "force limited" in render_teleop.line(slave)
+    master = {**slave, "mode": "master", "followers": 0, "round_trip_ms": 12.4, "late": 3}
+    shown = render_teleop.line(master)
+    for note in ("reflects +7.2 N (12 ms round)", "nobody tells a force", "late 3"):
+        assert note in shown
+    assert "felt         reflects +7.2 N" in render_teleop.status(slave)
+    for protected, told in ((True, False), (None, False), (False, True)):
+        text = render_teleop.status({**STATUS, "link_protected": protected})
+        assert ("open to" in text) is told
+
+
 def test_what_is_not_known_is_shown_as_such() -> None:
     first = {**STATUS, "openness": None, "position_mm": None, "torque_nm": None, "force_n": None}
     assert "--" in render_teleop.line(first)
