@@ -108,7 +108,8 @@ class TeleopStatus:
     that a slave would press harder, but for its limits. With force reflection `reflected_n` is what
     a slave has told its leader last (squeezing positive), or with what a master's jaws push now
     (opening positive); `followers` counts those whose force a master hears, `round_trip_ms` is the
-    age of the position that the newest force answers, and `late` counts forces that came too late.
+    age of the position that the newest force answers. `late` counts frames that lay in the network
+    while it was silent, or, of a master, forces that came too late.
     """
 
     active: bool

@@ -136,6 +136,7 @@ class Follow(TeleopAction):
             rejected=intake.rejected,
             out_of_order=intake.out_of_order,
             other_leaders=intake.other_leaders,
+            late=intake.late,
             over_torque=self._guard.is_tripped,
             torque_trips=self._guard.trips,
             force_limited=self._is_limited,
