@@ -19,6 +19,10 @@ from litegripd.model.teleop import LinkWish
 _QUEUED_AT_MOST = 16
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2}
 """How often a follower tries to reach a leader that is not there, or that has gone."""
+_LEASE_MS = 2000
+"""So long a session without a sign of life is kept: a cut cable's TCP would try again ever more
+rarely, and for longer than the cable was cut."""
+_OPEN_WITHIN_MS = 2000
 _END_WITHIN_S = 2.0
 _CERTIFICATES = ("root_ca_certificate", "listen_certificate", "connect_certificate")
 
@@ -148,6 +152,8 @@ def _config(file: str | None) -> zenoh.Config:
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/gossip/enabled", "false")
     config.insert_json5("connect/endpoints", "[]")
+    config.insert_json5("transport/link/tx/lease", str(_LEASE_MS))
+    config.insert_json5("transport/unicast/open_timeout", str(_OPEN_WITHIN_MS))
     return config
 
 

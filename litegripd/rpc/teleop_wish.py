@@ -65,6 +65,8 @@ def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:
     if params["mode"] == "master":
         if "reflect" in params:
             return "reflect", "is for a slave; a master takes reflect_n, its largest force"
+        if "reflect_gain" in params and not params.get("reflect_n"):
+            return "reflect_gain", "says nothing without reflect_n, the largest force"
         return None
     for name in ("reflect_n", "reflect_gain"):
         if name in params:

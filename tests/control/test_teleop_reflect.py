@@ -152,6 +152,8 @@ def test_it_ends_with_teleoperation() -> None:
         ({**MASTER, "reflect": True}, "reflect"),
         ({**SLAVE, "reflect_n": 3.0}, "reflect_n"),
         ({**SLAVE, "reflect_gain": 0.5}, "reflect_gain"),
+        ({**MASTER, "reflect_gain": 0.5}, "reflect_gain"),
+        ({**MASTER, "reflect_gain": 0.5, "reflect_n": 0}, "reflect_gain"),
         ({"mode": "slave", "fake_leader": True, "reflect": True}, "reflect"),
         ({**MASTER, "reflect_n": 10.1}, "reflect_n"),
         ({**MASTER, "reflect_n": -1.0}, "reflect_n"),
