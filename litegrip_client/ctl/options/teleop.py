@@ -19,7 +19,7 @@ examples:
                                                try the guard on a rigid object
   litegripctl teleop master --reflect-force 4
   litegripctl teleop slave --host 10.0.0.20 --reflect
-                                               feel what is gripped, by 4 N at most
+                                               feel what is gripped, 4 N at most
 """
 
 
