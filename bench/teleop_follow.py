@@ -42,6 +42,9 @@ class ScriptedLeader:
     def publish(self, _payload: bytes, _now_s: float) -> bool:
         return False
 
+    def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
+        return False
+
     def receive(self, now_s: float) -> Sequence[Arrival]:
         """Return what was published by now: each frame tells of one period before it left."""
         arrived = []
@@ -127,17 +130,17 @@ def follow(way: Way, motion: Motion, duration_s: float, object_mm: float | None 
     rig.run(0.5)
     began_s = rig.now_s + 1.0
     link = ScriptedLeader(motion, began_s, way.leader_every_s)
-    rig.begin(_action(way, rig.geometry, link))
+    rig.begin(action_of(way, rig.geometry, link))
     rig.run(began_s + SETTLE_S - rig.now_s)
     rig.peak_nm = 0.0
     leads: list[tuple[float, float]] = []
     for _ in range(round(duration_s / PERIOD_S)):
         rig.tick()
         leads.append((rig.now_s - began_s, rig.gripper.opening_mm))
-    return _judge(motion, rig.geometry.travel_mm, leads, rig.peak_nm)
+    return judge(motion, rig.geometry.travel_mm, leads, rig.peak_nm)
 
 
-def _action(way: Way, geometry: Geometry, link: ScriptedLeader) -> Action:
+def action_of(way: Way, geometry: Geometry, link: ScriptedLeader) -> Action:
     if way.is_vendor:
         return VendorFollow(geometry, link)
     settings = TeleopSettings(dq_max_rad_s=way.dq_max_rad_s)
@@ -145,7 +148,7 @@ def _action(way: Way, geometry: Geometry, link: ScriptedLeader) -> Action:
     return Follow(link, LinkWish("slave", "none"), lambda _event: None, course)
 
 
-def _judge(
+def judge(
     motion: Motion, travel_mm: float, seen: list[tuple[float, float]], peak_nm: float
 ) -> Tracking:
     def rms_mm(shift_s: float) -> float:

@@ -141,6 +141,14 @@ ROWS: tuple[Row, ...] = (
     _counter("rpc.late_shares", "rpc_late_shares", "Ticks that requests ran into."),
     _counter("helper.deaths", "helper_deaths", "Deaths of the helper process."),
     _counter("helper.refused", "helper_requests_refused", "Requests that it did not take."),
+    Row("teleop.is_running", "teleop_link_process", "gauge", "Whether the link process runs."),
+    _counter("teleop.deaths", "teleop_link_deaths", "Deaths of the link process."),
+    Row(
+        "teleop.open_to_network",
+        "teleop_link_open_to_network",
+        "gauge",
+        "Whether anybody on the network can take part in teleoperation; absent without a link.",
+    ),
     _counter("log.dropped", "log_lines_dropped", "Lines of the log that were lost."),
 )
 

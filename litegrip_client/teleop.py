@@ -31,6 +31,9 @@ class TeleopActions(ActionBase):
         kp: float | None = None,
         kd: float | None = None,
         dq_max: float | None = None,
+        reflect: bool = False,
+        reflect_n: float | None = None,
+        reflect_gain: float | None = None,
         fake_leader: bool = False,
         transport: object = None,
     ) -> dict[str, Any]:
@@ -47,6 +50,10 @@ class TeleopActions(ActionBase):
         With `force_limit_n` it pushes by no more. `kp` and `kd` are the calibration's by default;
         `dq_max` (10 rad/s) bounds the velocity that is fed forward. `fake_leader` follows a
         synthetic sweep instead of a master.
+
+        With `reflect` a slave tells its force, and a master with `reflect_n` (0, off, to 10 N)
+        pushes back with the share `reflect_gain` (0.5) of it: the hand feels what is gripped. Over
+        udp a master's `host` may name several slaves, separated by commas.
 
         It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
         enabled), `TeleopBusyError` (it runs already) and what `GripperActions` says.
@@ -65,6 +72,9 @@ class TeleopActions(ActionBase):
                 kp=kp,
                 kd=kd,
                 dq_max=dq_max,
+                reflect=reflect,
+                reflect_n=reflect_n,
+                reflect_gain=reflect_gain,
                 fake_leader=fake_leader,
                 transport=transport,
             )
@@ -82,6 +92,8 @@ class TeleopActions(ActionBase):
 
         A dictionary with `active`, `mode`, `topic`, `frames`, `last_frame_age_ms`, `stale`,
         `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
-        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more.
+        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
+        make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
+        and `round_trip_ms`.
         """
         return wait(self._core.teleop_status())

@@ -32,6 +32,9 @@ class TeleopActions(ActionBase):
         kp: float | None = None,
         kd: float | None = None,
         dq_max: float | None = None,
+        reflect: bool = False,
+        reflect_n: float | None = None,
+        reflect_gain: float | None = None,
         fake_leader: bool = False,
         transport: object = None,
     ) -> dict[str, Any]:
@@ -56,7 +59,11 @@ class TeleopActions(ActionBase):
             kp=kp,
             kd=kd,
             dq_max=dq_max,
+            reflect_n=reflect_n,
+            reflect_gain=reflect_gain,
         )
+        if reflect:
+            params["reflect"] = True
         if fake_leader:
             params["fake_leader"] = True
         return await self._command("teleop.start", self._configured(params))

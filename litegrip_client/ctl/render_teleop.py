@@ -10,6 +10,7 @@ _COUNTS = (
     "rejected",
     "out_of_order",
     "other_leaders",
+    "late",
     "dropped",
     "send_failed",
 )
@@ -22,6 +23,7 @@ def line(data: Data) -> str:
         f"{_percent(data):>6}",
         f"{figure(data.get('position_mm'), '7.2f', 'mm'):>10}",
         f"{figure(data.get('torque_nm'), '+.2f', 'N·m'):>10}",
+        *_felt(data),
         f"{figure(data.get('loop_hz'), '.0f', 'Hz'):>6}",
         f"frames {data.get('frames')}",
     ]
@@ -42,12 +44,25 @@ def status(data: Data) -> str:
         ("frames", f"{data.get('frames')}, the last {_age(data)} ago"),
         ("loop", figure(data.get("loop_hz"), ".0f", "Hz")),
     ]
+    rows += [("felt", text) for text in _felt(data)]
+    if data.get("active") and data.get("link_protected") is False:
+        rows.append(("open to", "whoever reaches the link"))
     troubles = _troubles(data)
     if troubles:
         rows.append(("note", ", ".join(troubles)))
     if data.get("fault"):
         rows.append(("ended by" if not data.get("active") else "fault", str(data["fault"])))
     return "\n".join(f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows)
+
+
+def _felt(data: Data) -> list[str]:
+    """Tell of force reflection: what a slave told last, or with what a master pushes now."""
+    force_n = data.get("reflected_n")
+    if force_n is None:
+        return []
+    trip = figure(data.get("round_trip_ms"), ".0f", "ms")
+    on_time = f" ({trip} round)" if data.get("mode") == "master" else ""
+    return [f"reflects {figure(force_n, '+.1f', 'N')}{on_time}"]
 
 
 def _troubles(data: Data) -> list[str]:
@@ -57,6 +72,10 @@ def _troubles(data: Data) -> list[str]:
         found.append(f"STALE {_age(data)}")
     if data.get("over_torque"):
         found.append("RELEASED")
+    if data.get("force_limited"):
+        found.append("force limited")
+    if data.get("followers") == 0:
+        found.append("nobody tells a force")
     if data.get("link_state") == "failed":
         found.append(f"link failed: {data.get('link_error')}")
     if data.get("mode") == "master" and data.get("matching") is False:

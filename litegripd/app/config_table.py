@@ -168,8 +168,8 @@ KEYS = (
         "teleop",
         "zenoh_config",
         str,
-        '"/etc/litegripd/zenoh.json5"',
-        "The absolute path of a configuration file of zenoh's own, for TLS and access lists. Left"
-        " out: the link is open to whoever reaches its port.",
+        '"/etc/litegripd/zenoh-tls.json5"',
+        "The absolute path of a configuration file of zenoh's own, for TLS and access lists;"
+        " etc/zenoh-tls.json5 is one. Left out: the link is open to whoever reaches its port.",
     ),
 )

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 
 from litegripd.app.config import Config
 from litegripd.app.ending import Ending
-from litegripd.app.facts import DaemonFacts, Parts
+from litegripd.app.facts import DaemonFacts
 from litegripd.app.flight import make_flight
 from litegripd.app.logs import log_event, log_motor, make_log_handler
 from litegripd.app.machine import Machine
 from litegripd.app.making import Legacy, make_bus, occupy_places
+from litegripd.app.parts import Parts
 from litegripd.app.retiring import Retirement
 from litegripd.app.starting import load_at_start
 from litegripd.app.succession import Succession
@@ -103,8 +104,7 @@ class Daemon:
         self._previous_handlers = logging.getLogger().handlers
         self._parts: Parts | None = None
         self._ending = Ending(self._machine)
-        self._motor_was_known = False
-        self._calibration_is_known = False
+        self._motor_was_known = self._calibration_is_known = False
         self._opens_at_s: float | None = None
         self._retirement: Retirement | None = None
 
@@ -132,6 +132,7 @@ class Daemon:
             server=self._server,
             service=self._service,
             helper=self._helper,
+            links=self._links,
             bus=self._bus,
             rights=rights,
             log=self._log_handler,
@@ -144,12 +145,11 @@ class Daemon:
         self._bus.receive(time.monotonic())
 
     def _loop(self, first_tick_s: float | None = None) -> bool:
-        root = logging.getLogger()
         try:
             self._reactor.run(first_tick_s)
         finally:
             self._close()
-            root.handlers = self._previous_handlers
+            logging.getLogger().handlers = self._previous_handlers
         if self._retirement is not None:
             _log.info("ended; the motor belongs to the successor, pid %d", self._succession.pid)
             return True

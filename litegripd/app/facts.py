@@ -3,7 +3,6 @@
 import dataclasses
 import math
 import os
-import resource
 import secrets
 import time
 from collections.abc import Mapping
@@ -12,19 +11,13 @@ from pathlib import Path
 
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
-from litegripd.control.heat import COIL_LIMIT_C, HeatGuard
+from litegripd.app.parts import Parts
 from litegripd.control.in_use import CalibrationInUse
-from litegripd.io.bus import FrameBus
 from litegripd.io.calibration_files import is_nominal
-from litegripd.io.helper import Helper
-from litegripd.io.log import LogHandler
-from litegripd.io.reactor import Reactor
-from litegripd.io.realtime import RealtimeRights
-from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID, Server
+from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.motor import MotorIdentity, MotorPhase
 from litegripd.motor.look import warnings
 from litegripd.rpc.openrpc import PROTOCOL_VERSION
-from litegripd.rpc.service import RpcService
 from litegripd.rpc.wire import MAX_LINE_BYTES
 
 _LATE_SHARE = 0.4
@@ -37,12 +30,6 @@ def daemon_version() -> str:
         return version("litegripd")
     except PackageNotFoundError:
         return "0.0.0+source"
-
-
-def page_bytes(field: int) -> int:
-    """Return one field of /proc/self/statm in bytes; 1 is the resident memory."""
-    with Path("/proc/self/statm").open(encoding="ascii") as statm:
-        return int(statm.read().split()[field]) * resource.getpagesize()
 
 
 class DaemonFacts:
@@ -69,7 +56,7 @@ class DaemonFacts:
         """Tells this start of the daemon from every other; a successor has that of the first."""
         return self._epoch
 
-    def attach(self, parts: "Parts") -> None:
+    def attach(self, parts: Parts) -> None:
         """Take the parts whose figures `health` tells."""
         self._parts = parts
 
@@ -127,7 +114,7 @@ class DaemonFacts:
         verdict = "down" if down else "degraded" if degraded else "ok"
         return {"verdict": verdict, "reasons": down + degraded, **figures}
 
-    def _complaints(self, parts: "Parts") -> tuple[list[str], list[str]]:
+    def _complaints(self, parts: Parts) -> tuple[list[str], list[str]]:
         """Return what keeps the gripper from being used, and what is merely not as it should."""
         view = self._machine.motor.view()
         down: list[str] = []
@@ -143,6 +130,9 @@ class DaemonFacts:
         degraded = [f"not granted: {refused}" for refused in parts.rights.refused]
         if not parts.helper.is_running:
             degraded.append("the helper process is not running")
+        link = parts.links.status
+        if link is not None and link.state == "failed":
+            degraded.append(f"the teleoperation link has failed: {link.error}")
         if self._machine.engine.geometry is None:
             degraded.append("no calibration is loaded")
         late_s = parts.reactor.recent_lateness.p99_s()
@@ -181,89 +171,6 @@ class DaemonFacts:
         }
 
 
-class Parts:
-    """The running parts, and their figures."""
-
-    def __init__(
-        self,
-        *,
-        reactor: Reactor,
-        server: Server,
-        service: RpcService,
-        helper: Helper,
-        bus: FrameBus,
-        rights: RealtimeRights,
-        log: LogHandler,
-        bitrate: int,
-    ) -> None:
-        self.reactor = reactor
-        self.server = server
-        self.service = service
-        self.helper = helper
-        self.bus = bus
-        self.rights = rights
-        self.log = log
-        self._bitrate = bitrate
-        self._window_began_s = time.monotonic()
-        self._window_cpu_s = time.thread_time()
-        self._window_bits = 0.0
-        self.cpu_share = 0.0
-        self.bus_load = 0.0
-
-    def tick(self, now_s: float) -> None:
-        """Once a second, take the shares of the second that has passed."""
-        elapsed_s = now_s - self._window_began_s
-        if elapsed_s < 1.0:
-            return
-        cpu_s, bits = time.thread_time(), self.bus.counters.bits
-        self.cpu_share = (cpu_s - self._window_cpu_s) / elapsed_s
-        self.bus_load = (bits - self._window_bits) / elapsed_s / self._bitrate
-        self._window_began_s, self._window_cpu_s, self._window_bits = now_s, cpu_s, bits
-
-    def figures(self, uptime_s: float, machine: Machine) -> Mapping[str, object]:
-        """Return all figures by their rooms."""
-        reactor, counters = self.reactor, self.bus.counters
-        return {
-            "uptime_s": round(uptime_s, 3),
-            "control": {
-                "rate_hz": round(1.0 / reactor.period_s),
-                "ticks": reactor.ticks,
-                "lost_ticks": reactor.lost_ticks,
-                "tick_errors": reactor.tick_errors,
-                "lateness": reactor.lateness.summary_us(),
-                "tick_cost": reactor.tick_cost.summary_us(),
-                "cpu_share": round(self.cpu_share, 4),
-                "fifo_priority": self.rights.fifo_priority,
-                "memory_locked": self.rights.memory_locked,
-                "cpus": self.rights.cpus,
-                "longest_collection_us": round(reactor.longest_collection_s * 1e6, 1),
-                "resident_mb": round(page_bytes(1) / 1e6, 1),
-            },
-            "bus": {
-                "state": machine.engine.bus.state,
-                "error": machine.engine.bus.error,
-                "load": round(self.bus_load, 4),
-                **{name: getattr(counters, name) for name in _BUS_COUNTERS},
-            },
-            "motor": dataclasses.asdict(machine.motor.counters),
-            "heat": _heat(machine.engine.output.heat),
-            "rpc": {
-                "clients": self.server.clients,
-                "requests": self.server.requests,
-                "refused_requests": self.service.refused,
-                "refused_connections": self.server.refused_connections,
-                "budget_exhausted": reactor.budget_exhausted,
-                "late_shares": reactor.late_shares,
-            },
-            "helper": {
-                "pid": self.helper.pid,
-                "deaths": self.helper.deaths,
-                "refused": self.helper.refused,
-            },
-            "log": {"dropped": self.log.dropped},
-        }
-
-
 def _calibration(in_use: CalibrationInUse) -> Mapping[str, object]:
     """Tell where the calibration came from; `saved_s` is the file's date, in Unix time."""
     calibration, file = in_use.calibration, in_use.file
@@ -272,26 +179,4 @@ def _calibration(in_use: CalibrationInUse) -> Mapping[str, object]:
         "nominal": file is not None and is_nominal(file),
         "channel": None if calibration is None else calibration.channel,
         "saved_s": None if calibration is None else calibration.saved_s,
-    }
-
-
-_BUS_COUNTERS = (
-    "sent",
-    "received",
-    "send_failures",
-    "ignored",
-    "error_frames",
-    "errors",
-    "reopened",
-)
-
-
-def _heat(heat: HeatGuard) -> Mapping[str, object]:
-    """Tell the coil's temperature as the model has it, and how long the present load may last."""
-    coil_c, limit_s = heat.model.coil_c, heat.model.time_to_limit_s()
-    return {
-        "coil_c": None if coil_c is None else round(coil_c, 1),
-        "limit_c": COIL_LIMIT_C,
-        "time_to_limit_s": None if limit_s is None else round(limit_s, 1),
-        "allowed_nm": heat.allowance_nm if math.isfinite(heat.allowance_nm) else None,
     }

@@ -10,6 +10,7 @@ import socket
 import threading
 import time
 import traceback
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
@@ -20,10 +21,12 @@ from litegripd.io.teleop_wire import (
     CLOSE,
     FRAME,
     OPEN,
+    REPLY,
     Order,
     pack_arrival,
     pack_status,
     unpack_open,
+    unpack_reply,
 )
 from litegripd.model.teleop import Arrival, LinkStatus
 
@@ -81,11 +84,18 @@ class Station:
 
     def publish(self, payload: bytes) -> None:
         """Send a frame, if the link is open; the worker tells of an error."""
+        self._use(lambda endpoint: endpoint.publish(payload))
+
+    def reply(self, payload: bytes, to: str) -> None:
+        """Send a frame to a leader, if the link is open; the worker tells of an error."""
+        self._use(lambda endpoint: endpoint.reply(payload, to))
+
+    def _use(self, send: Callable[[Endpoint], None]) -> None:
         endpoint = self._endpoint
         if endpoint is None:
             return
         try:
-            endpoint.publish(payload)
+            send(endpoint)
         except Exception as error:  # noqa: BLE001 - whatever a network raises, the link goes on
             self._error = _worded(error)
         else:
@@ -133,7 +143,8 @@ class Station:
             self._tell(order, LinkStatus("failed", _worded(error)))
             return None
         self._endpoint = endpoint
-        self._tell(order, LinkStatus("open", matching=endpoint.matching))
+        matching, is_protected = endpoint.matching, endpoint.is_protected
+        self._tell(order, LinkStatus("open", matching=matching, is_protected=is_protected))
         return endpoint
 
     def _make(self, order: Order) -> Endpoint:
@@ -146,7 +157,7 @@ class Station:
 
         if wish.kind == "udp":
             return (
-                UdpLeader(wish)
+                UdpLeader(wish, deliver, flood.refuse)
                 if wish.mode == "master"
                 else UdpFollower(wish, deliver, flood.refuse)
             )
@@ -158,13 +169,18 @@ class Station:
         if wish.mode == "slave":
             return ZenohFollower(wish, order.zenoh_config, deliver)
         self._leaders = self._leaders or ZenohLeaders()
-        return self._leaders.open(wish, order.zenoh_config)
+        return self._leaders.open(wish, order.zenoh_config, deliver)
 
     def _look(self, order: Order, endpoint: Endpoint) -> None:
         """Tell of what has changed."""
         error = self._error
         state = LinkStatus("open" if error is None else "failed", error)
-        state = replace(state, matching=endpoint.matching, dropped=self._flood.dropped)
+        state = replace(
+            state,
+            matching=endpoint.matching,
+            dropped=self._flood.dropped,
+            is_protected=endpoint.is_protected,
+        )
         self._tell(order, state)
 
     def _tell(self, order: Order, status: LinkStatus) -> None:
@@ -198,6 +214,8 @@ def main() -> None:
         kind, body = packet[:1], packet[1:]
         if kind == FRAME:
             station.publish(body)
+        elif kind == REPLY:
+            station.reply(*unpack_reply(body))
         elif kind == OPEN:
             station.order(unpack_open(body))
         elif kind == CLOSE:

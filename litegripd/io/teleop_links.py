@@ -14,6 +14,7 @@ from litegripd.io.teleop_wire import (
     STATUS,
     Order,
     pack_open,
+    pack_reply,
     unpack_arrival,
     unpack_status,
 )
@@ -51,6 +52,17 @@ class TeleopLinks:
     def pid(self) -> int | None:
         """The process's id, None while there is none."""
         return None if self._child is None else self._child.pid
+
+    @property
+    def status(self) -> LinkStatus | None:
+        """How the present link is, None without one through the process."""
+        return None if self._link is None else self._link.status
+
+    @property
+    def is_open_to_network(self) -> bool | None:
+        """Whether others than the two ends can take part now; None while nobody can know."""
+        is_protected = None if self.status is None else self.status.is_protected
+        return None if is_protected is None else not is_protected
 
     def open(self, wish: LinkWish) -> Link:
         """Begin to open a link; the process begins with the next `poll`."""
@@ -153,6 +165,10 @@ class ProcessLink:
         It is tried all the same: whether a network is there again, only sending tells.
         """
         return self._links.send(FRAME + payload) and self.status.state == "open"
+
+    def reply(self, payload: bytes, to: str, _now_s: float) -> bool:
+        """Hand a frame for the leader to the process; it may be lost as any."""
+        return self._links.send(pack_reply(payload, to)) and self.status.state == "open"
 
     def receive(self, _now_s: float) -> Sequence[Arrival]:
         """Return what the process has passed on; tell it once what to open."""

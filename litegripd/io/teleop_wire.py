@@ -1,19 +1,21 @@
 """The packets between the daemon and the process in which its teleoperation link lives.
 
 One letter says which. To the process: `o`, open this link in place of the present one; `c`, close
-it; `f`, a frame to publish. From it: `f`, a frame that has come; `s`, how the link is now.
+it; `f`, a frame to publish; `r`, a frame for the leader of those that came. From it: `f`, a frame
+that has come; `s`, how the link is now.
 """
 
 import json
 import struct
 from dataclasses import asdict, dataclass
 
+from litegripd.model.force_frame import FORCE_FRAME_BYTES
 from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
 from litegripd.model.teleop_frame import FRAME_BYTES
 
-OPEN, CLOSE, FRAME, STATUS = b"o", b"c", b"f", b"s"
+OPEN, CLOSE, FRAME, REPLY, STATUS = b"o", b"c", b"f", b"r", b"s"
 _ARRIVED = struct.Struct("<IdB")  # generation, when it came, bytes of the source's name
-MAX_PAYLOAD_BYTES = FRAME_BYTES + 1
+MAX_PAYLOAD_BYTES = max(FRAME_BYTES, FORCE_FRAME_BYTES) + 1
 """What is longer than a frame is none; one more byte is enough to know that."""
 _MAX_SOURCE_BYTES = 64
 _LONGEST_ERROR = 500
@@ -39,6 +41,18 @@ def unpack_open(body: bytes) -> Order:
     return Order(generation, LinkWish(**wish), zenoh_config)
 
 
+def pack_reply(payload: bytes, to: str) -> bytes:
+    """Make the packet that replies `payload` to the sender of frames whose name is `to`."""
+    name = to.encode()[:_MAX_SOURCE_BYTES]
+    return REPLY + bytes([len(name)]) + name + payload
+
+
+def unpack_reply(body: bytes) -> tuple[bytes, str]:
+    """Take `pack_reply` apart again, without its letter."""
+    payload_at = 1 + body[0]
+    return body[payload_at:], body[1:payload_at].decode(errors="replace")
+
+
 def pack_arrival(generation: int, arrival: Arrival) -> bytes:
     """Make the packet for a payload that has come; a long one is cut to what is no frame either."""
     source = arrival.source.encode()[:_MAX_SOURCE_BYTES]
@@ -57,11 +71,11 @@ def unpack_arrival(body: bytes) -> tuple[int, Arrival]:
 def pack_status(generation: int, status: LinkStatus) -> bytes:
     """Make the packet that tells how a link is."""
     error = None if status.error is None else status.error[:_LONGEST_ERROR]
-    values = [generation, status.state, error, status.matching, status.dropped]
+    values = [generation, status.state, error, status.matching, status.dropped, status.is_protected]
     return STATUS + json.dumps(values).encode()
 
 
 def unpack_status(body: bytes) -> tuple[int, LinkStatus]:
     """Take `pack_status` apart again, without its letter."""
-    generation, state, error, matching, dropped = json.loads(body)
-    return generation, LinkStatus(state, error, matching, dropped)
+    generation, *values = json.loads(body)
+    return generation, LinkStatus(*values)

@@ -13,12 +13,16 @@ from typing import Any
 import zenoh
 
 from litegripd.io.teleop_endpoint import Deliver
+from litegripd.io.teleop_wire import MAX_PAYLOAD_BYTES
 from litegripd.model.teleop import LinkWish
-from litegripd.model.teleop_frame import FRAME_BYTES
 
 _QUEUED_AT_MOST = 16
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2}
 """How often a follower tries to reach a leader that is not there, or that has gone."""
+_LEASE_MS = 2000
+"""So long a session without a sign of life is kept: a cut cable's TCP would try again ever more
+rarely, and for longer than the cable was cut."""
+_OPEN_WITHIN_MS = 2000
 _END_WITHIN_S = 2.0
 _CERTIFICATES = ("root_ca_certificate", "listen_certificate", "connect_certificate")
 
@@ -29,31 +33,38 @@ class ZenohLeaders:
     def __init__(self) -> None:
         self._session: zenoh.Session | None = None
         self._made_for: tuple[int, str | None] | None = None
+        self._is_protected = False
 
-    def open(self, wish: LinkWish, file: str | None) -> "ZenohLeader":
+    def open(self, wish: LinkWish, file: str | None, deliver: Deliver) -> "ZenohLeader":
         """Return a publisher of the topic; raises `zenoh.ZError` when the port is taken."""
         if self._session is None or self._made_for != (wish.port, file):
             if self._session is not None:
                 self._session.close()  # type: ignore[no-untyped-call]
                 self._session = None
             config = _config(file)
+            self._is_protected = _is_protected(config, leads=True)
             _listen(config, [f"{_protocol(config)}/0.0.0.0:{wish.port}"])
             self._session = zenoh.open(config)
             self._made_for = (wish.port, file)
-        return ZenohLeader(self._session, wish.topic)
+        return ZenohLeader(self._session, wish, deliver, is_protected=self._is_protected)
 
 
 class ZenohLeader:
     """Publishes at once, and drops what the network does not take."""
 
-    def __init__(self, session: zenoh.Session, topic: str) -> None:
-        self._publisher = session.declare_publisher(
-            topic,
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
-        )
+    def __init__(
+        self, session: zenoh.Session, wish: LinkWish, deliver: Deliver, *, is_protected: bool
+    ) -> None:
+        self.is_protected = is_protected
+        self._publisher = _publisher(session, wish.topic)
         self._in_use = threading.Lock()  # zenoh undeclares nothing that is being used
+        self._forces = None
+        if wish.reflects:
+            # Called from zenoh's thread: a subscriber in which somebody waits cannot be undeclared,
+            # and the session stays.
+            self._forces = session.declare_subscriber(
+                wish.force_topic, lambda sample: _deliver(sample, deliver)
+            )
 
     @property
     def matching(self) -> bool | None:
@@ -66,10 +77,15 @@ class ZenohLeader:
         with self._in_use:
             self._publisher.put(payload)
 
+    def reply(self, _payload: bytes, _to: str) -> None:
+        """Say nothing: a leader publishes."""
+
     def close(self) -> None:
         """Publish no more; the session stays."""
         with self._in_use:
             self._publisher.undeclare()  # type: ignore[no-untyped-call]
+        if self._forces is not None:
+            self._forces.undeclare()  # type: ignore[no-untyped-call]
 
 
 class ZenohFollower:
@@ -85,8 +101,11 @@ class ZenohFollower:
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
         config.insert_json5("connect/retry", json.dumps(_RETRY))
         config.insert_json5("open/return_conditions/connect_scouted", "false")
-        self._deliver = deliver
+        self.is_protected = _is_protected(config, leads=False)
         self._session = zenoh.open(config)
+        self._in_use = threading.Lock()
+        self._forces = _publisher(self._session, wish.force_topic) if wish.reflects else None
+        self._deliver = deliver
         self._subscriber = self._session.declare_subscriber(
             wish.topic, zenoh.handlers.RingChannel(_QUEUED_AT_MOST)
         )
@@ -94,11 +113,19 @@ class ZenohFollower:
         self._thread.start()
 
     def publish(self, _payload: bytes) -> None:
-        """Say nothing: a follower only listens."""
+        """Say nothing: a follower only listens, and replies."""
+
+    def reply(self, payload: bytes, _to: str) -> None:
+        """Send one frame to the leader; it is connected to no other one."""
+        with self._in_use:
+            if self._forces is not None:
+                self._forces.put(payload)
 
     def close(self) -> None:
         """Disconnect, which ends the listening, too."""
-        self._session.close()  # type: ignore[no-untyped-call]
+        with self._in_use:
+            self._forces = None
+            self._session.close()  # type: ignore[no-untyped-call]
         self._thread.join(_END_WITHIN_S)
 
     def _listen(self) -> None:
@@ -107,11 +134,15 @@ class ZenohFollower:
                 sample = self._subscriber.recv()
             except zenoh.ZError:  # closed
                 return
-            stamp, payload = sample.timestamp, sample.payload
-            source = "" if stamp is None else str(stamp.get_id())
-            # What is too long is no frame: it need not be copied to be counted.
-            content = payload.to_bytes() if len(payload) <= FRAME_BYTES else bytes(FRAME_BYTES + 1)
-            self._deliver(content, source)
+            _deliver(sample, self._deliver)
+
+
+def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:
+    stamp, payload = sample.timestamp, sample.payload
+    source = "" if stamp is None else str(stamp.get_id())
+    # What is too long is no frame: it need not be copied to be counted.
+    is_long = len(payload) >= MAX_PAYLOAD_BYTES
+    deliver(bytes(MAX_PAYLOAD_BYTES) if is_long else payload.to_bytes(), source)
 
 
 def _config(file: str | None) -> zenoh.Config:
@@ -121,6 +152,8 @@ def _config(file: str | None) -> zenoh.Config:
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/gossip/enabled", "false")
     config.insert_json5("connect/endpoints", "[]")
+    config.insert_json5("transport/link/tx/lease", str(_LEASE_MS))
+    config.insert_json5("transport/unicast/open_timeout", str(_OPEN_WITHIN_MS))
     return config
 
 
@@ -132,3 +165,28 @@ def _protocol(config: zenoh.Config) -> str:
     """Return tls where the configuration names certificates, else tcp."""
     tls = json.loads(config.get_json("transport/link/tls"))
     return "tls" if any(tls.get(name) for name in _CERTIFICATES) else "tcp"
+
+
+def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
+    """Publish at once, and drop what the network does not take."""
+    return session.declare_publisher(
+        key,
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.REAL_TIME,
+        express=True,
+    )
+
+
+def _is_protected(config: zenoh.Config, *, leads: bool) -> bool:
+    """Whether the configuration lets only those take part whom it names.
+
+    For a leader that is TLS with certificates of both ends, an access list, or users with
+    passwords; for a follower, who chooses whom to connect to, TLS with the leader's certificate.
+    """
+    tls = json.loads(config.get_json("transport/link/tls"))
+    access = json.loads(config.get_json("access_control"))
+    users = json.loads(config.get_json("transport/auth/usrpwd"))
+    lists = access["enabled"] and access["default_permission"] == "deny"
+    if leads:
+        return bool(tls["enable_mtls"] or lists or users["dictionary_file"])
+    return bool(tls["root_ca_certificate"] or lists)

@@ -10,23 +10,35 @@ DEFAULT_PORT = 17448
 DEFAULT_GRIP_ID = "gripA"
 DEFAULT_WATCHDOG_S = 0.2
 DEFAULT_DQ_MAX_RAD_S = 10.0
-"""The vendor's defaults, which the two ends of a link must share where it matters."""
+DEFAULT_REFLECT_GAIN = 0.5
+"""The vendor's defaults, which the two ends of a link must share where it matters; but for the
+last, which it does not have."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkWish:
-    """Which link to open. `host` is the other end's: a follower's leader, or whom UDP sends to."""
+    """Which link to open. `host` is the other end's: a follower's leader, or whom UDP sends to.
+
+    A leader's UDP goes to one address or several (see `teleop_targets`). With `reflects` the
+    followers' forces travel the other way.
+    """
 
     mode: TeleopMode
     kind: LinkKind = "zenoh"
     host: str | None = None
     port: int = DEFAULT_PORT
     grip_id: str = DEFAULT_GRIP_ID
+    reflects: bool = False
 
     @property
     def topic(self) -> str:
         """The key under which frames travel; UDP has none, but the same name."""
         return f"litearm/v4/{self.grip_id}/gripper_teleop"
+
+    @property
+    def force_topic(self) -> str:
+        """The key under which followers tell their force; no other stack uses it."""
+        return f"{self.topic}_force"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +61,15 @@ class LinkStatus:
     """How a link is: `error` says why it failed (it is tried again by itself).
 
     `matching` tells whether somebody listens to a leader, None where nobody can know; `dropped`
-    counts what came faster than any leader sends.
+    counts what came faster than any leader sends, or from whom nobody listens to. `is_protected`
+    tells whether only whom the configuration names can take part, None before it is open.
     """
 
     state: LinkState = "opening"
     error: str | None = None
     matching: bool | None = None
     dropped: int = 0
+    is_protected: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +78,7 @@ class TeleopSettings:
 
     `rate_hz` is the leader's; None means every tick. `torque_limit_nm` 0 leaves the guard off,
     `force_limit_n` None the force as the gains make it; gains that are None are the calibration's.
+    A leader pushes back with the share `reflect_gain` of its followers' force, `reflect_n` at most.
     """
 
     rate_hz: float | None = None
@@ -73,6 +88,8 @@ class TeleopSettings:
     kp_nm_rad: float | None = None
     kd_nm_s_rad: float | None = None
     dq_max_rad_s: float = DEFAULT_DQ_MAX_RAD_S
+    reflect_n: float = 0.0
+    reflect_gain: float = DEFAULT_REFLECT_GAIN
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,6 +103,13 @@ class TeleopStatus:
     `send_failed` counts frames that could not be sent, or, of a slave, ticks whose command the
     motor did not answer. `fault` names the motor's status where it is not "enabled", or why it all
     ended.
+
+    `link_protected` is False where anybody may take part who reaches the link. `force_limited` says
+    that a slave would press harder, but for its limits. With force reflection `reflected_n` is what
+    a slave has told its leader last (squeezing positive), or with what a master's jaws push now
+    (opening positive); `followers` counts those whose force a master hears, `round_trip_ms` is the
+    age of the position that the newest force answers. `late` counts frames that lay in the network
+    while it was silent, or, of a master, forces that came too late.
     """
 
     active: bool
@@ -95,6 +119,7 @@ class TeleopStatus:
     link: LinkKind | None = None
     link_state: LinkState | None = None
     link_error: str | None = None
+    link_protected: bool | None = None
     matching: bool | None = None
     frames: int = 0
     last_frame_age_ms: float | None = None
@@ -113,4 +138,10 @@ class TeleopStatus:
     torque_nm: float | None = None
     over_torque: bool = False
     torque_trips: int = 0
+    force_limited: bool = False
+    reflects: bool = False
+    reflected_n: float | None = None
+    followers: int | None = None
+    round_trip_ms: float | None = None
+    late: int = 0
     job: int | None = None

@@ -88,7 +88,7 @@ class RpcService:
             Recording(self.dumps).functions(),
             Restarting(restart).functions(),
             self._trajectories.functions(),
-            Teleoperating(engine, links or InProcessLinks(), self.reporter).functions(),
+            Teleoperating(engine, links or InProcessLinks(), self.reporter, epoch).functions(),
         )
         self._gate = Gate(engine, self._tokens)
         self._dispatch = Dispatch(engine, handlers)

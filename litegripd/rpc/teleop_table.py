@@ -4,16 +4,18 @@ from litegripd.model.teleop import (
     DEFAULT_DQ_MAX_RAD_S,
     DEFAULT_GRIP_ID,
     DEFAULT_PORT,
+    DEFAULT_REFLECT_GAIN,
     DEFAULT_WATCHDOG_S,
 )
 from litegripd.rpc.method import CONFIG, DETACH, Method
 from litegripd.rpc.schema import Param
 
 _STATUS = (
-    "active, mode, phase, topic, link, link_state, link_error, matching, frames,"
+    "active, mode, phase, topic, link, link_state, link_error, link_protected, matching, frames,"
     " last_frame_age_ms, stale, openness, position_mm, force_n, dq_cmd, loop_hz, rejected,"
     " out_of_order, other_leaders, dropped, send_failed, fault, torque_nm, over_torque,"
-    " torque_trips and the job."
+    " torque_trips, force_limited, reflects, reflected_n, followers, round_trip_ms, late and the"
+    " job."
 )
 
 _WHERE = (
@@ -28,7 +30,8 @@ _WHERE = (
         "host",
         "string",
         "A slave's leader (with udp: the only one that is listened to; default: whoever sends)."
-        " With udp a master needs it, too: whom it sends to.",
+        " With udp a master needs it, too: whom it sends to, one or several (HOST or HOST:PORT,"
+        " separated by commas).",
     ),
     Param(
         "port",
@@ -94,6 +97,26 @@ _HOW = (
         f" (default {DEFAULT_DQ_MAX_RAD_S:g}).",
         minimum=0,
         maximum=30,
+    ),
+    Param(
+        "reflect",
+        "boolean",
+        "A slave tells its leader the force that it presses with (default false).",
+    ),
+    Param(
+        "reflect_n",
+        "number",
+        "A master's jaws push back with what its slaves tell, by no more than this; 0, the default:"
+        " they stay slack.",
+        minimum=0,
+        maximum=10,
+    ),
+    Param(
+        "reflect_gain",
+        "number",
+        f"Which share of it a master's hand feels (default {DEFAULT_REFLECT_GAIN:g}).",
+        minimum=0.05,
+        maximum=1,
     ),
 )
 

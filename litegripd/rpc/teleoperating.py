@@ -1,6 +1,5 @@
 """The methods of leader/follower teleoperation: parameters in, the status out."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
@@ -11,27 +10,23 @@ from litegripd.control.teleop.teleoperation import Teleoperation
 from litegripd.model.errors import Refusal
 from litegripd.model.teleop import (
     DEFAULT_DQ_MAX_RAD_S,
-    DEFAULT_GRIP_ID,
-    DEFAULT_PORT,
+    DEFAULT_REFLECT_GAIN,
     DEFAULT_WATCHDOG_S,
-    LinkWish,
     TeleopSettings,
 )
 from litegripd.rpc.calls import Answer, Call, Function
 from litegripd.rpc.reporter import Reporter
-
-_GRIP_ID = re.compile(r"[A-Za-z0-9_.-]{1,64}")
-_HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")
-"""Nothing that would mean more than a name in a key or an endpoint: no "/", "#", "?" and "*"."""
+from litegripd.rpc.teleop_wish import wish_of
 
 
 class Teleoperating:
     """Functions on the engine's teleoperation."""
 
-    def __init__(self, engine: Engine, links: Links, reporter: Reporter) -> None:
+    def __init__(self, engine: Engine, links: Links, reporter: Reporter, epoch: str) -> None:
+        """Take what others make; `epoch`, 16 hexadecimal digits, is the daemon's alone."""
         self._engine = engine
         self._reporter = reporter
-        self._teleoperation = Teleoperation(engine, links)
+        self._teleoperation = Teleoperation(engine, links, int(epoch, 16))
 
     def functions(self) -> Mapping[str, Function]:
         """Return the functions by the names of their methods."""
@@ -46,12 +41,16 @@ class Teleoperating:
         config = call.config(engine.config, engine.period_s)
         if isinstance(config, Refusal):
             return config
-        fake = params.get("fake_leader", False)
-        wish = _wish(params, fake=fake)
+        wish = wish_of(params)
         if isinstance(wish, Refusal):
             return wish
         job = self._teleoperation.start(
-            wish, _settings(params), call.owner, config, fake_leader=fake, detached=call.detached
+            wish,
+            _settings(params),
+            call.owner,
+            config,
+            fake_leader=params.get("fake_leader", False),
+            detached=call.detached,
         )
         self._reporter.refresh()
         return job if isinstance(job, Refusal) else self._status(call)
@@ -74,32 +73,6 @@ def _settings(params: Mapping[str, Any]) -> TeleopSettings:
         kp_nm_rad=params.get("kp"),
         kd_nm_s_rad=params.get("kd"),
         dq_max_rad_s=params.get("dq_max", DEFAULT_DQ_MAX_RAD_S),
+        reflect_n=params.get("reflect_n", 0.0),
+        reflect_gain=params.get("reflect_gain", DEFAULT_REFLECT_GAIN),
     )
-
-
-def _wish(params: Mapping[str, Any], *, fake: bool) -> LinkWish | Refusal:
-    """Find which link is wanted, or which parameters do not go together."""
-    mode, kind, host = params["mode"], params.get("link", "zenoh"), params.get("host")
-    grip_id = params.get("grip_id", DEFAULT_GRIP_ID)
-    if not _GRIP_ID.fullmatch(grip_id):
-        return _wrong("grip_id", f"is {grip_id!r}; it has letters, digits, _ . - (1 to 64)")
-    if host is not None and not _HOST.fullmatch(host):
-        return _wrong("host", f"is {host!r}; it must be a host's name or address, without a port")
-    if mode == "master" and fake:
-        return _wrong("fake_leader", "is for a slave: a master is a leader itself")
-    if fake or kind == "none":
-        if mode == "slave" and not fake:
-            return _wrong("link", "none brings a slave no frames; for a try: fake_leader")
-        return LinkWish(mode, "none", None, grip_id=grip_id)
-    if kind == "zenoh" and mode == "slave" and host is None:
-        return _wrong("host", "is missing: a slave connects to its leader and to nobody else")
-    if kind == "zenoh" and mode == "master" and host is not None:
-        return _wrong("host", "is for a slave: a master listens, on all its addresses")
-    if kind == "udp" and mode == "master" and host is None:
-        return _wrong("host", "is missing: a master sends its datagrams to its follower")
-    return LinkWish(mode, kind, host, params.get("port", DEFAULT_PORT), grip_id)
-
-
-def _wrong(parameter: str, problem: str) -> Refusal:
-    text = f"teleop.start: {parameter} {problem}"
-    return Refusal("invalid_params", text, {"parameter": parameter})

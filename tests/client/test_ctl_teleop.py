@@ -36,6 +36,13 @@ STATUS: dict[str, Any] = {
     "torque_nm": 0.2,
     "over_torque": False,
     "torque_trips": 0,
+    "force_limited": False,
+    "reflects": False,
+    "reflected_n": None,
+    "followers": None,
+    "round_trip_ms": None,
+    "late": 0,
+    "link_protected": None,
     "job": 3,
 }
 ENDED = {**STATUS, "active": False}
@@ -62,6 +69,15 @@ def started(daemon: FakeDaemon) -> list[dict[str, Any]]:
         (("master",), {"mode": "master"}),
         (("master", "--rate", "50"), {"mode": "master", "rate_hz": 50.0}),
         (("slave", "--host", "b"), {"mode": "slave", "host": "b"}),
+        (("slave", "--host", "b", "--reflect"), {"mode": "slave", "host": "b", "reflect": True}),
+        (
+            ("master", "--reflect-force", "4", "--reflect-gain", "0.3"),
+            {"mode": "master", "reflect_n": 4.0, "reflect_gain": 0.3},
+        ),
+        (
+            ("master", "--link", "udp", "--host", "a,b:5"),
+            {"mode": "master", "link": "udp", "host": "a,b:5"},
+        ),
         (
             ("slave", "--fake-leader", "--torque-limit", "1.0"),
             {"mode": "slave", "fake_leader": True, "torque_limit_nm": 1.0},
@@ -172,6 +188,20 @@ def test_the_live_line_says_what_matters() -> None:
     assert "nobody follows" in render_teleop.line(alone)
     broken = {**STATUS, "link_state": "failed", "link_error": "port\x1b taken"}
     assert "link failed: port? taken" in render_teleop.line(broken)
+
+
+def test_reflection_and_limits_are_shown_where_there_are_any() -> None:
+    slave = {**STATUS, "reflected_n": 7.25, "force_limited": True}
+    assert "reflects +7.2 N " in render_teleop.line(slave)
+    assert "force limited" in render_teleop.line(slave)
+    master = {**slave, "mode": "master", "followers": 0, "round_trip_ms": 12.4, "late": 3}
+    shown = render_teleop.line(master)
+    for note in ("reflects +7.2 N (12 ms round)", "nobody tells a force", "late 3"):
+        assert note in shown
+    assert "felt         reflects +7.2 N" in render_teleop.status(slave)
+    for protected, told in ((True, False), (None, False), (False, True)):
+        text = render_teleop.status({**STATUS, "link_protected": protected})
+        assert ("open to" in text) is told
 
 
 def test_what_is_not_known_is_shown_as_such() -> None:

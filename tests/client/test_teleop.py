@@ -55,6 +55,9 @@ def test_only_what_was_given_is_sent(
         "kp": 80.0,
         "kd": 1.5,
         "dq_max": 0.0,
+        "reflect": True,
+        "reflect_n": 4.0,
+        "reflect_gain": 0.25,
         "fake_leader": True,
     }
     gripper.teleop_start("slave", **everything)

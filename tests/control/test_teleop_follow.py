@@ -195,6 +195,29 @@ def test_a_force_limit_bounds_what_it_presses_with() -> None:
     )
     assert pressed[-1] == pytest.approx(1.0, abs=0.1)
     assert follower.world.gripper.opening_mm == pytest.approx(50.0, abs=2.0)
+    assert follower.status()["force_limited"] is True
+    follower.lead(sweep(0.1, 0.6, 0.8), 1.2)  # it follows on, as soon as the leader reopens
+    status = follower.status()
+    assert (status["force_limited"], status["torque_trips"]) == (False, 0)
+    assert follower.world.openness == pytest.approx(0.6, abs=0.005)
+    follower.world.gripper.remove_object()
+    follower.lead(sweep(0.6, 0.2, 0.8), 1.2)
+    assert follower.world.openness == pytest.approx(0.2, abs=0.005)
+
+
+def test_jaws_whose_object_gives_way_go_on_slowly() -> None:
+    """A limited force pushes through damping: what is let go of is no shot."""
+    follower = following(force_limit_n=15.0)
+    gripper = follower.world.gripper
+    gripper.put_object(width_mm=50.0)
+    follower.lead(sweep(0.5, 0.1, 0.8), 1.5)
+    gripper.remove_object()
+    speeds: list[float] = []
+    follower.lead(
+        lambda _t: 0.1, 1.5, each=lambda: speeds.append(abs(gripper.velocity_rad_s) * MM_RAD)
+    )
+    assert max(speeds) < 80.0
+    assert follower.world.openness == pytest.approx(0.1, abs=0.01)
 
 
 @pytest.mark.parametrize(

@@ -217,6 +217,20 @@ def test_a_motor_that_is_lost_ends_it_and_is_named() -> None:
     assert follower.world.wire.is_closed
 
 
+@pytest.mark.parametrize("wish", [MASTER, {"mode": "slave", "fake_leader": True}])
+def test_no_successor_takes_over_meanwhile(wish: dict[str, Any]) -> None:
+    """Who restarts the daemon ends teleoperation first: a link cannot be handed over."""
+    world = TeleopWorld()
+    client = world.enabled()
+    assert world.engine.unsettled() is None
+    client.result("teleop.start", **wish)
+    refusal = world.engine.unsettled()
+    assert refusal is not None
+    assert refusal.reason == "teleop_busy"
+    client.result("teleop.stop")
+    assert world.engine.unsettled() is None
+
+
 def test_its_job_has_a_result() -> None:
     follower = following()
     number = follower.status()["job"]

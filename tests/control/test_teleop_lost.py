@@ -63,6 +63,28 @@ def test_after_a_silence_it_aligns_anew_without_a_step() -> None:
     assert max(abs(b - a) for a, b in pairwise(commands)) < 50.0 / MM_RAD * PERIOD_S + 2 * CODE_RAD
 
 
+def test_a_cable_that_is_cut_for_ten_seconds_is_no_step_though_the_leader_went_elsewhere() -> None:
+    follower = following()
+    follower.lead(sweep(0.5, 0.9, 0.8), 0.8)
+    follower.world.run(0.5)
+    held_mm = follower.world.gripper.opening_mm
+    follower.world.run(9.5)
+    assert follower.world.gripper.opening_mm == pytest.approx(held_mm, abs=0.01)
+    assert follower.status()["phase"] == "stale"
+    leads: list[float] = []
+    speeds: list[float] = []
+
+    def note() -> None:
+        leads.append(follower.lead_mm)
+        speeds.append(abs(follower.world.gripper.velocity_rad_s) * MM_RAD)
+
+    follower.lead(lambda _t: 0.2, 2.5, each=note)
+    assert max(leads) < 3.0
+    assert max(speeds) < 65.0  # aligning is at 50 mm/s
+    assert follower.status()["phase"] == "following"
+    assert follower.world.openness == pytest.approx(0.2, abs=0.005)
+
+
 def test_a_short_gap_needs_no_aligning_and_makes_no_step() -> None:
     follower = following()
     follower.lead(lambda t: 0.5 + 0.5 * t, 0.2)
@@ -231,3 +253,18 @@ def test_a_leader_that_comes_and_goes_all_the_time_is_told_of_now_and_then() -> 
     passed_s = follower.world.now_s - began_s
     for words in ("no frame for", "the leader is heard", "aligned"):
         assert 2 <= sum(words in text for text in follower.told()) <= passed_s + 2
+
+
+def test_however_frames_jump_the_command_steps_by_no_more_than_the_leads_cap() -> None:
+    """Frames that say in turn wide open and shut, as fast as ticks: nothing is turned round."""
+    follower = following()
+    wanted: list[float] = []
+    for tick in range(200):
+        follower.say(0.9 if tick // 3 % 2 else 0.1)
+        follower.world.tick()
+        requested = follower.world.engine.output.requested
+        assert requested is not None
+        wanted.append(requested.position_rad * MM_RAD)
+        assert follower.lead_mm <= 4.0 + 0.03
+    steps = [abs(later - earlier) for earlier, later in pairwise(wanted)]
+    assert 3.0 < max(steps) <= 4.0 + 1e-9

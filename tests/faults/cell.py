@@ -11,7 +11,7 @@ from litegripd.motor import codec
 from litegripd.sim.motor import ENABLED
 from tests.faults.fault_world import FaultWorld
 from tests.faults.rows import Fault
-from tests.faults.situations import FORCE_N, Situation, gripping, idle, moving, squeeze_n
+from tests.faults.situations import FORCE_N, Situation, gripping, idle, recording, squeeze_n
 from tests.world import CAN_ID, Client
 
 SETTLED_S = 0.6
@@ -117,6 +117,8 @@ def _run(
     fault.end(world)
     after_s = _settle(world, watch)
     motion = _motion(client, request)
+    if situation.begin is recording:
+        motion += _recording(client)
     if not fault.moves_jaws:
         _check_jaws(watch, situation)
     bus, mode = ", ".join(watch.buses), " → ".join(watch.modes)
@@ -181,20 +183,31 @@ def _motion(client: Client, request: int | None) -> str:
     if "error" in answer:
         return f"`{answer['error']['data']['reason']}`"
     result = answer["result"]
+    if "owner" in result:  # of a job that was waited for
+        error = result["error"]
+        return str(result["state"]) if error is None else f"`{error['data']['reason']}`"
     return str(result.get("outcome") or ("done" if result["ok"] else "not done"))
+
+
+def _recording(client: Client) -> str:
+    """Tell what a recording is good for, besides how its job fares."""
+    status = client.result("trajectory.status")
+    if status["active"]:
+        return f", {status['missed']} missed" if status["missed"] else ""
+    return ", broken off" if status["error"] else ", complete"
 
 
 def _check_jaws(watch: Watch, situation: Situation) -> None:
     """Jaws that nobody has asked to move stand still, but for what an object pushes back."""
     if situation.begin is idle:
         assert watch.most_mm < 0.05
-    elif situation.begin is not moving:
+    elif not situation.moves:
         assert watch.most_mm < 1.0
 
 
 def _jaws(watch: Watch, situation: Situation, world: FaultWorld) -> str:
     """Word where the jaws went until somebody did something about the fault, and the force."""
-    goes_on = world.engine.jobs.running is not None and situation.begin is moving
+    goes_on = world.engine.jobs.running is not None and situation.moves
     moved = "go on" if goes_on else f"{watch.most_mm:.1f} mm"
     if situation.begin is not gripping:
         return moved

@@ -23,7 +23,8 @@ with this page.
 
 - **bus** and **mode** are what `state.get` tells while the fault lasts and until all has settled,
   in the order of their first appearance. A bus without anything to tell is `up`.
-- **motion** is how the running motion ended: the reason of its error, or its outcome.
+- **motion** is how the running motion ended: the reason of its error, or its outcome. A recording
+  that is *broken off* is refused as a whole, and given as far as it goes to who asks for that.
 - **next motion** is the reason with which a motion is refused at the fault's end, before it is
   taken away; `accepted` where none is.
 - **jaws** is how far the jaws went at most from where they were at the fault's beginning until all

@@ -12,11 +12,16 @@ OBJECT_MM = 55.0
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What the gripper does when the fault comes; `begin` returns the running motion's request."""
+    """What the gripper does when the fault comes.
+
+    `begin` returns the request that is answered when the running motion ends; `moves` says that
+    this moves the jaws.
+    """
 
     name: str
     begin: Callable[[FaultWorld, Client], int | None]
     is_enabled: bool = True
+    moves: bool = False
 
 
 def squeeze_n(world: FaultWorld) -> float:
@@ -53,9 +58,32 @@ def gripping(world: FaultWorld, client: Client) -> int:
     return number
 
 
+def following(world: FaultWorld, client: Client) -> int:
+    """Follow a leader that sweeps, aligned to it."""
+    enabled(world, client)
+    status = client.result("teleop.start", mode="slave", fake_leader=True)
+    number = client.send("job.wait", job=status["job"])
+    world.run_until(lambda: client.result("teleop.status")["phase"] == "following")
+    world.run(0.2)
+    return number
+
+
+def recording(world: FaultWorld, client: Client) -> int:
+    """Be recorded by hand, the jaws slack, with nobody's hand in them."""
+    enabled(world, client)
+    client.result("trajectory.record_start")
+    running = world.engine.jobs.running
+    assert running is not None
+    number = client.send("job.wait", job=running.number)
+    world.run(0.2)
+    return number
+
+
 SITUATIONS = (
     Situation("disabled", idle, is_enabled=False),
     Situation("holding", enabled),
-    Situation("closing at 20 mm/s", moving),
+    Situation("closing at 20 mm/s", moving, moves=True),
     Situation("gripping with 10 N", gripping),
+    Situation("following a leader", following, moves=True),
+    Situation("recording by hand", recording),
 )

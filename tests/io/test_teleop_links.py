@@ -64,14 +64,14 @@ def test_arrivals_are_the_same_after_their_journey(generation: int, arrival: Arr
 
 def test_a_long_payload_stays_too_long_for_a_frame() -> None:
     _, arrival = unpack_arrival(pack_arrival(1, Arrival(bytes(5000), 0.0, "x" * 500))[1:])
-    assert len(arrival.payload) == 33
+    assert len(arrival.payload) == 41
 
 
 def test_states_are_the_same_after_their_journey() -> None:
     for status in (
         LinkStatus(),
         LinkStatus("failed", "why", None, 3),
-        LinkStatus("open", None, True),
+        LinkStatus("open", None, True, 0, False),
     ):
         assert unpack_status(pack_status(7, status)[1:]) == (7, status)
 
@@ -142,7 +142,7 @@ def test_datagrams_come_with_their_sender_and_their_time(links: TeleopLinks) -> 
             arrived += link.receive(time.monotonic())
     assert [arrival.source for arrival in arrived] == [source] * 2
     assert arrived[0].payload == FRAME
-    assert len(arrived[1].payload) == 33
+    assert len(arrived[1].payload) == 41
     assert sent_s <= arrived[0].at_s <= time.monotonic()
 
 

@@ -89,15 +89,19 @@ STATES = {"01": "connected", "0A": "listens"}
 class LossyProxy:
     """Passes datagrams on from one port to another: some not, the others late and out of order.
 
-    While `is_cut`, none.
+    While `is_cut`, none. `loss` and `jitter_s` may be changed at any time; of `every` datagrams
+    that come one is looked at.
     """
 
-    def __init__(self, to_port: int, loss: float, jitter_s: float, seed: int) -> None:
+    def __init__(
+        self, to_port: int, loss: float, jitter_s: float, seed: int, every: int = 1
+    ) -> None:
         self.is_cut = False
         self.passed = 0
         self.lost = 0
         self._to = ("127.0.0.1", to_port)
-        self._loss, self._jitter_s = loss, jitter_s
+        self.loss, self.jitter_s = loss, jitter_s
+        self._every = every
         self._random = random.Random(seed)
         self._in = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._in.bind(("127.0.0.1", 0))
@@ -121,10 +125,12 @@ class LossyProxy:
             if select.select([self._in], [], [], 0.002)[0]:
                 count += 1
                 payload = self._in.recv(2048)
-                if self.is_cut or self._random.random() < self._loss:
+                if count % self._every:
+                    continue
+                if self.is_cut or self._random.random() < self.loss:
                     self.lost += 1
                 else:
-                    due_s = time.monotonic() + self._random.random() * self._jitter_s
+                    due_s = time.monotonic() + self._random.random() * self.jitter_s
                     heapq.heappush(self._waiting, (due_s, count, payload))
             while self._waiting and self._waiting[0][0] <= time.monotonic():
                 self._in.sendto(heapq.heappop(self._waiting)[2], self._to)
@@ -134,7 +140,7 @@ class LossyProxy:
 class Samples:
     """Takes every state of a daemon, until the end of the block."""
 
-    FIELDS = ("monotonic_s", "position_rad", "requested_rad", "openness", "feedback_s")
+    FIELDS = ("monotonic_s", "position_rad", "requested_rad", "openness", "feedback_s", "torque_nm")
 
     def __init__(self, running: DaemonProcess) -> None:
         self.rows: list[list[float]] = []

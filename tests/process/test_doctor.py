@@ -11,7 +11,7 @@ from prometheus_client.openmetrics.parser import text_string_to_metric_families
 from litegrip_client import metrics
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess
 
-NO_METRICS = {"control.cpus", "helper.pid", "bus.error"}
+NO_METRICS = {"control.cpus", "helper.pid", "bus.error", "teleop.pid", "teleop.link"}
 """Figures of health that are no quantities."""
 
 

@@ -23,7 +23,10 @@ _OPTIONS = {
     "torque_limit": "torque_limit_nm",
     "force_limit": "force_limit_n",
     "watchdog": "watchdog_s",
+    "reflect_force": "reflect_n",
+    "reflect_gain": "reflect_gain",
 }
+_FLAGS = ("fake_leader", "reflect")
 
 
 def teleop(run: Run) -> int:
@@ -45,8 +48,7 @@ def _start(run: Run, mode: str) -> int:
         value = getattr(options, option, None)
         if value is not None:
             params[name] = value
-    if getattr(options, "fake_leader", False):
-        params["fake_leader"] = True
+    params |= {name: True for name in _FLAGS if getattr(options, name, False)}
     if options.detach:
         params["detach"] = True
     data = run.connection.run(run.connection.prepare_guarded("teleop.start", params))

@@ -21,6 +21,9 @@ examples:
   litegripctl teleop slave --host 10.0.0.20    follow that machine's gripper
   litegripctl teleop slave --fake-leader --torque-limit 1.0
                                                try the guard on a rigid object
+  litegripctl teleop master --reflect-force 4
+  litegripctl teleop slave --host 10.0.0.20 --reflect
+                                               feel what is gripped, 4 N at most
 """
 
 
@@ -40,9 +43,20 @@ def teleop(parser: LateParser) -> None:
 
 def _master(parser: LateParser) -> None:
     _link(parser)
-    parser.add_argument("--host", help="with --link udp: the follower's machine")
+    parser.add_argument(
+        "--host", help="with --link udp: the follower's machine, or several: A,B,C:PORT"
+    )
     parser.add_argument(
         "--rate", type=positive, metavar="HZ", help="frames a second (default: the control rate)"
+    )
+    parser.add_argument(
+        "--reflect-force",
+        type=positive,
+        metavar="N",
+        help="push back with what slaves press with, by N newtons at most (default: slack)",
+    )
+    parser.add_argument(
+        "--reflect-gain", type=positive, metavar="SHARE", help="how much of it is felt (0.5)"
     )
 
 
@@ -62,6 +76,7 @@ def _slave(parser: LateParser) -> None:
     parser.add_argument(
         "--force-limit", type=positive, metavar="N", help="push by no more than this, in newtons"
     )
+    parser.add_argument("--reflect", action="store_true", help="tell the leader that force")
     parser.add_argument(
         "--watchdog", type=positive, metavar="S", help="hold after so long without a frame (0.2)"
     )

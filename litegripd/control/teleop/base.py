@@ -25,6 +25,8 @@ class TeleopAction(PlainAction, ABC):
         self.link = link
         self.loop = LoopRate()
         self.send_failed = 0
+        self.is_warned = False
+        """Whether it has been said that the link is open to others."""
         self.is_finished = False
         self.feedback: Feedback | None = None
         self._say = tell
@@ -63,6 +65,13 @@ class TeleopAction(PlainAction, ABC):
             why = "" if status.error is None else f": {status.error}"
             failed = status.state == "failed"
             self.tell(f"the link is {status.state}{why}", warning=failed, link=status.state)
+            if status.is_protected is False and not self.is_warned:
+                self.is_warned = True
+                text = (
+                    "whoever reaches the link can take part: zenoh_config asks neither for"
+                    " certificates of both ends nor for an access list or passwords"
+                )
+                self.tell(text, warning=True)
 
     def base_status(self) -> TeleopStatus:
         """Return what is the same for both ends."""
@@ -74,6 +83,8 @@ class TeleopAction(PlainAction, ABC):
             link=self.wish.kind,
             link_state=link.state,
             link_error=link.error,
+            link_protected=link.is_protected,
+            reflects=self.wish.reflects,
             matching=link.matching if self.wish.mode == "master" else None,
             dropped=link.dropped,
             send_failed=self.send_failed,
@@ -92,4 +103,13 @@ def fault_of(feedback: Feedback | None) -> str | None:
 
 def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:
     """Return the last status of a teleoperation that runs no longer."""
-    return replace(status, active=False, fault=why or status.fault, dq_cmd=0.0, loop_hz=0.0)
+    return replace(
+        status,
+        active=False,
+        fault=why or status.fault,
+        dq_cmd=0.0,
+        loop_hz=0.0,
+        reflected_n=None,
+        followers=None,
+        round_trip_ms=None,
+    )

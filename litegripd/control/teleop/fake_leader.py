@@ -17,7 +17,7 @@ SWEEP_S = 6.0
 class FakeLeader:
     """A link over which a synthetic leader is heard, `rate_hz` times a second."""
 
-    status = LinkStatus("open")
+    status = LinkStatus("open", is_protected=True)
 
     def __init__(self, geometry: Geometry, rate_hz: float) -> None:
         self._geometry = geometry
@@ -27,6 +27,10 @@ class FakeLeader:
 
     def publish(self, _payload: bytes, _now_s: float) -> bool:
         """Nobody listens to a follower."""
+        return False
+
+    def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
+        """Tell nobody: a synthetic leader has no hand."""
         return False
 
     def receive(self, now_s: float) -> Sequence[Arrival]:

@@ -14,6 +14,7 @@ from litegripd.control.gains import Gains
 from litegripd.control.lead import lead_cap_rad, led
 from litegripd.control.rest import Hold, Relax, Rest
 from litegripd.control.teleop.base import TeleopAction, Tell
+from litegripd.control.teleop.force_teller import ForceTeller
 from litegripd.control.teleop.intake import Intake
 from litegripd.control.teleop.link import Link
 from litegripd.control.teleop.press_guard import PressGuard
@@ -45,6 +46,8 @@ class Course:
     config: MotionConfig
     gains: Gains
     settings: TeleopSettings
+    sender: int = 0
+    """What tells this follower from others to its leader, where it tells its force."""
 
 
 class Follow(TeleopAction):
@@ -55,10 +58,12 @@ class Follow(TeleopAction):
         self._course = course
         self._intake = Intake(course.settings.watchdog_s)
         self._guard = PressGuard(course.settings.torque_limit_nm)
+        self._teller = ForceTeller(link, course.sender)
         self._phase: Phase = "waiting"
         self._reference_rad: float | None = None
         self._commanded_rad: float | None = None
         self._dq_rad_s = 0.0
+        self._is_limited = False
         self._stepped_s = 0.0
         self._phases_told_s: dict[Phase, float] = {}
         self._begins = 0
@@ -72,15 +77,18 @@ class Follow(TeleopAction):
             return Step()
         self.loop.tick(now_s)
         self.note_link()
-        if self.feedback is not None and feedback.at_s <= self.feedback.at_s:
-            self.send_failed += 1
+        is_new = self.feedback is None or feedback.at_s > self.feedback.at_s
+        self.send_failed += not is_new
         self.feedback = feedback
         for arrival in self.link.receive(now_s):
             self._intake.take(arrival)
         self._note_others(now_s)
         elapsed_s = max(now_s - self._stepped_s, 0.0) if self._reference_rad is not None else 0.0
         self._stepped_s = now_s
-        return Step(self._command(now_s, elapsed_s, feedback))
+        command = self._command(now_s, elapsed_s, feedback)
+        if self.wish.reflects and is_new:
+            self._tell_force(now_s, feedback)
+        return Step(command)
 
     def rest(self) -> Rest | None:
         """Finished, it holds where the jaws are; broken off, what they press on is not dropped.
@@ -128,8 +136,11 @@ class Follow(TeleopAction):
             rejected=intake.rejected,
             out_of_order=intake.out_of_order,
             other_leaders=intake.other_leaders,
+            late=intake.late,
             over_torque=self._guard.is_tripped,
             torque_trips=self._guard.trips,
+            force_limited=self._is_limited,
+            reflected_n=self._teller.told_n,
         )
 
     # The command of a tick
@@ -137,6 +148,7 @@ class Follow(TeleopAction):
     def _command(self, now_s: float, elapsed_s: float, feedback: Feedback) -> MitCommand:
         """Return what the jaws are told, by the frames so far."""
         here_rad = feedback.position_rad
+        self._is_limited = False
         if self._reference_rad is None:
             self._reference_rad = here_rad
         frame = self._intake.latest
@@ -202,12 +214,16 @@ class Follow(TeleopAction):
     def _led(self, wanted_rad: float, velocity_rad_s: float, feedback: Feedback) -> MitCommand:
         """Return the command, its lead capped; the feed-forward gets what torque the lead leaves.
 
+        From one tick to the next it steps by no more than the lead's cap either, unless the jaws
+        themselves are elsewhere: frames that come late and at once do not turn it round.
         Damping relative to a velocity is a torque as well: jaws that are held up would be pushed
         by kd times the leader's whole speed. It may always brake.
         """
         gains, here_rad = self._course.gains, feedback.position_rad
-        lead_rad = self._lead_rad(wanted_rad, here_rad)
-        self._commanded_rad = led(wanted_rad, here_rad, lead_rad)
+        lead_rad, before_rad = self._lead_rad(wanted_rad, here_rad), self._commanded_rad
+        self._is_limited = led(wanted_rad, here_rad, lead_rad) != wanted_rad
+        step_to_rad = wanted_rad if before_rad is None else led(wanted_rad, before_rad, lead_rad)
+        self._commanded_rad = led(step_to_rad, here_rad, lead_rad)
         if gains.kd_nm_s_rad > 0.0 and velocity_rad_s != 0.0:
             sign = 1.0 if velocity_rad_s > 0.0 else -1.0
             ahead_rad = sign * (self._commanded_rad - here_rad)
@@ -218,6 +234,16 @@ class Follow(TeleopAction):
         return gains.at(self._commanded_rad, velocity_rad_s)
 
     # Telling
+
+    def _tell_force(self, now_s: float, feedback: Feedback) -> None:
+        """Tell the leader's hand what the jaws press with while they go where it wants them."""
+        intake, frame = self._intake, self._intake.latest
+        if frame is None:
+            return
+        is_felt = self._phase in ("aligning", "following")
+        force_n = self._course.geometry.force_n(feedback.torque_nm) if is_felt else 0.0
+        failed = self._teller.step(now_s, feedback, force_n, frame.timestamp_s, intake.source)
+        self.send_failed += failed
 
     def _enter(self, phase: Phase) -> None:
         """Go on to another phase, and tell what a person wants to know of it."""

@@ -3,6 +3,7 @@
 It knows no geometry: openness in, openness out. Nothing is clamped.
 """
 
+from litegripd.control.teleop.backlog import Backlog
 from litegripd.model.teleop import Arrival
 from litegripd.model.teleop_frame import TeleopFrame, decode_frame
 
@@ -32,11 +33,13 @@ class Intake:
         self.rejected = 0
         self.out_of_order = 0
         self.other_leaders = 0
+        self.late = 0
         self._watchdog_s = watchdog_s
         self._arrived_s = 0.0
         self._source = ""
         self._rate_1_s = 0.0
         self._rate_at_s = 0.0
+        self._backlog = Backlog(watchdog_s)
 
     def take(self, arrival: Arrival) -> None:
         """Take what has come, or count why not."""
@@ -44,11 +47,16 @@ class Intake:
         if frame is None:
             self.rejected += 1
             return
+        offset_s, is_same = arrival.at_s - frame.timestamp_s, arrival.source == self._source
+        is_old = latest is not None and is_same and self._backlog.holds(offset_s, arrival.at_s)
         if latest is None or self.is_stale(arrival.at_s):
-            self._begin(frame, arrival)
+            if is_old:
+                self.late += 1  # of before the silence, or of a clock that was set back just now
+            else:
+                self._begin(frame, arrival)
             return
         later_s = frame.timestamp_s - latest.timestamp_s
-        if arrival.source != self._source or later_s <= -_SAME_CLOCK_S:
+        if not is_same or later_s <= -_SAME_CLOCK_S:
             self.other_leaders += 1
         elif later_s < 0.0:
             self.out_of_order += 1
@@ -56,9 +64,15 @@ class Intake:
             self._begin(frame, arrival)
         elif later_s == 0.0 and frame.openness == latest.openness:
             self._arrived_s = arrival.at_s  # a leader that stands still, and has no clock
+            self._backlog.accept(offset_s, arrival.at_s)
             self.frames += 1
         else:
             self._accept(frame, arrival, self._rate(frame, latest, later_s, arrival.at_s))
+
+    @property
+    def source(self) -> str:
+        """Who sent the newest frame, as the transport names it."""
+        return self._source
 
     def is_stale(self, now_s: float) -> bool:
         """Whether no frame has come for as long as the watchdog waits, by our own clock."""
@@ -74,12 +88,14 @@ class Intake:
 
     def _begin(self, frame: TeleopFrame, arrival: Arrival) -> None:
         self.begins += 1
+        self._backlog.begin(arrival.at_s - frame.timestamp_s, arrival.at_s)
         self._accept(frame, arrival, 0.0)
 
     def _accept(self, frame: TeleopFrame, arrival: Arrival, rate_1_s: float) -> None:
         self.latest, self._source = frame, arrival.source
         self._arrived_s = self._rate_at_s = arrival.at_s
         self._rate_1_s = rate_1_s
+        self._backlog.accept(arrival.at_s - frame.timestamp_s, arrival.at_s)
         self.frames += 1
 
     def _rate(self, frame: TeleopFrame, latest: TeleopFrame, later_s: float, at_s: float) -> float:

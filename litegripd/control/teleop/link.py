@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
 
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish, TeleopMode
 
 _QUEUED_AT_MOST = 32
 
@@ -21,6 +21,9 @@ class Link(Protocol):
 
     def publish(self, payload: bytes, now_s: float) -> bool:
         """Send to whoever listens, without waiting; tell whether it left."""
+
+    def reply(self, payload: bytes, to: str, now_s: float) -> bool:
+        """Send from a follower to its leader, the `source` of what it follows; as `publish`."""
 
     def receive(self, now_s: float) -> Sequence[Arrival]:
         """Return what has come since the last call, the oldest first."""
@@ -61,9 +64,14 @@ class InProcessLinks:
 
     def listeners(self, wish: LinkWish) -> "list[InProcessLink]":
         """Return the followers of a leader."""
-        return [
-            end for end in self._ends if end.wish.mode == "slave" and end.wish.topic == wish.topic
-        ]
+        return self._others("slave", wish)
+
+    def leaders(self, wish: LinkWish) -> "list[InProcessLink]":
+        """Return the leaders of a follower that listen to forces."""
+        return [end for end in self._others("master", wish) if end.wish.reflects]
+
+    def _others(self, mode: TeleopMode, wish: LinkWish) -> "list[InProcessLink]":
+        return [end for end in self._ends if end.wish.mode == mode and end.wish.topic == wish.topic]
 
 
 class InProcessLink:
@@ -79,7 +87,9 @@ class InProcessLink:
         """It is open from the start."""
         leads = self.wish.mode == "master"
         return LinkStatus(
-            "open", matching=bool(self._links.listeners(self.wish)) if leads else None
+            "open",
+            matching=bool(self._links.listeners(self.wish)) if leads else None,
+            is_protected=True,
         )
 
     def publish(self, payload: bytes, now_s: float) -> bool:
@@ -88,8 +98,14 @@ class InProcessLink:
             listener.deliver(Arrival(payload, now_s))
         return True
 
+    def reply(self, payload: bytes, _to: str, now_s: float) -> bool:
+        """Put a payload into the queue of each leader that listens."""
+        for leader in self._links.leaders(self.wish):
+            leader.deliver(Arrival(payload, now_s))
+        return True
+
     def deliver(self, arrival: Arrival) -> None:
-        """Take what a leader sends."""
+        """Take what another end sends."""
         self._arrived.append(arrival)
 
     def receive(self, _now_s: float) -> Sequence[Arrival]:

@@ -24,9 +24,11 @@ _RATE_ROUNDING = 1.001
 class Teleoperation:
     """Begins and ends teleoperation on one engine, over links that somebody else makes."""
 
-    def __init__(self, engine: Engine, links: Links) -> None:
+    def __init__(self, engine: Engine, links: Links, sender: int = 0) -> None:
+        """Take what others make; `sender` tells this daemon's force frames from any other's."""
         self._engine = engine
         self._links = links
+        self._sender = sender
         self._action: TeleopAction | None = None
         self._job: Job | None = None
 
@@ -50,15 +52,18 @@ class Teleoperation:
         )
         if refusal is not None:
             return refusal
-        if fake_leader:
-            link: Link = FakeLeader(geometry, rate_hz)
-        else:
-            link = self._open(wish)
+        warning = None if fake_leader else self._links.warning(wish)
+        if warning is not None:
+            self._tell(Event("teleop", f"teleop: {warning}", {"warning": True}))
+        link: Link = FakeLeader(geometry, rate_hz) if fake_leader else self._links.open(wish)
         if wish.mode == "master":
-            action: TeleopAction = Lead(link, wish, self._tell, geometry=geometry, rate_hz=rate_hz)
+            action: TeleopAction = Lead(
+                link, wish, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
+            )
         else:
-            course = Course(geometry, config, self._gains(settings), settings)
+            course = Course(geometry, config, self._gains(settings), settings, self._sender)
             action = Follow(link, wish, self._tell, course)
+        action.is_warned = warning is not None
         self._action = action
         self._job = engine.begin("teleop", action, owner, detached)
         return self._job
@@ -83,12 +88,6 @@ class Teleoperation:
         if not self.is_active:
             status = ended(status, None if job.error is None else job.error.message)
         return status
-
-    def _open(self, wish: LinkWish) -> Link:
-        warning = self._links.warning(wish)
-        if warning is not None:
-            self._tell(Event("teleop", f"teleop: {warning}", {"warning": True}))
-        return self._links.open(wish)
 
     def _gains(self, settings: TeleopSettings) -> Gains:
         own, kp, kd = self._engine.gains, settings.kp_nm_rad, settings.kd_nm_s_rad

@@ -1,0 +1,116 @@
+"""A leader in a hand and a follower with something in its jaws, and a network with a delay."""
+
+import struct
+from dataclasses import dataclass, field
+
+from litegripd.model.teleop import Arrival
+from litegripd.rpc.service import RpcService
+from tests.control.teleop_scene import MM_RAD, TeleopWorld
+from tests.world import PERIOD_S, Client, FixedFacts
+
+FORCE = struct.Struct(">8sQ3d")
+
+
+def force_frame(
+    force_n: float, at_s: float, echo_s: float, sender: int = 7, magic: bytes = b"LGFORCE1"
+) -> bytes:
+    """Make a force frame as the page on teleoperation describes it."""
+    return FORCE.pack(magic, sender, force_n, at_s, echo_s)
+
+
+class Hand:
+    """A spring with damping between the leader's jaws and where the hand wants them.
+
+    With `stiffness_nm_mm` 0 it has let go.
+    """
+
+    def __init__(self, world: TeleopWorld, stiffness_nm_mm: float = 0.06) -> None:
+        self.world = world
+        self.wanted_mm = world.gripper.opening_mm
+        self.stiffness_nm_mm = stiffness_nm_mm
+        self.push_nm = 0.0
+        """With what it pushes, opening positive."""
+
+    def push(self) -> None:
+        gripper = self.world.gripper
+        opening = -gripper.parameters.close_sign
+        speed_mm_s = opening * gripper.velocity_rad_s * MM_RAD
+        self.push_nm = self.stiffness_nm_mm * (self.wanted_mm - gripper.opening_mm)
+        self.push_nm -= 0.0133 * self.stiffness_nm_mm * speed_mm_s
+        gripper.push(opening * self.push_nm)
+
+
+@dataclass(slots=True)
+class Pair:
+    """Both ends, and the network between them, `delay_s` one way."""
+
+    leader: TeleopWorld
+    follower: TeleopWorld
+    leading: Client
+    following: Client
+    hand: Hand
+    delay_s: float
+    carried: list[int] = field(default_factory=lambda: [0, 0])
+    is_cut: bool = False
+
+    def tick(self) -> None:
+        self.hand.push()
+        self.leader.tick()
+        self.follower.tick()
+        sent, replied = self.leader.wire.sent, self.follower.wire.replied
+        if not self.is_cut:
+            for at_s, payload in sent[self.carried[0] :]:
+                self.follower.wire.arriving.append(Arrival(payload, at_s + self.delay_s, "leader"))
+            for at_s, payload, to in replied[self.carried[1] :]:
+                assert to == "leader"
+                self.leader.wire.arriving.append(Arrival(payload, at_s + self.delay_s, "follower"))
+        self.carried = [len(sent), len(replied)]
+
+    def run(self, duration_s: float, to_mm: float | None = None) -> list[float]:
+        """Let time pass while the hand goes to `to_mm`; return the leader's torques."""
+        ticks, from_mm = round(duration_s / PERIOD_S), self.hand.wanted_mm
+        torques = []
+        for tick in range(ticks):
+            if to_mm is not None:
+                self.hand.wanted_mm = from_mm + (to_mm - from_mm) * (tick + 1) / ticks
+            self.tick()
+            torques.append(self.commanded_nm)
+        return torques
+
+    @property
+    def commanded_nm(self) -> float:
+        """The torque that the leader's motor is told, opening positive."""
+        wanted = self.leader.engine.output.requested
+        assert wanted is not None
+        return -self.leader.gripper.parameters.close_sign * wanted.torque_nm
+
+    def status(self) -> tuple[dict[str, object], dict[str, object]]:
+        """Return the leader's status and the follower's."""
+        return self.leading.result("teleop.status"), self.following.result("teleop.status")
+
+
+def pair(
+    reflect_n: float = 5.0,
+    *,
+    delay_s: float = 0.0,
+    mounts: tuple[str, str] = ("normal", "normal"),
+    object_mm: float | None = 50.0,
+    reflect: bool = True,
+    gain: float | None = None,
+    **follows: object,
+) -> Pair:
+    """Return a pair that has aligned, 60 mm open."""
+    leader, follower = (TeleopWorld(mount, 60.0) for mount in mounts)
+    follower.service = RpcService(
+        follower.engine, FixedFacts(), PERIOD_S, epoch="00ff", links=follower.wires
+    )
+    if object_mm is not None:
+        follower.gripper.put_object(width_mm=object_mm)
+    leading, following = leader.enabled(), follower.enabled()
+    more = {} if gain is None else {"reflect_gain": gain}
+    leading.result("teleop.start", mode="master", reflect_n=reflect_n, **more)
+    following.result("teleop.start", mode="slave", host="l", reflect=reflect, **follows)
+    both = Pair(leader, follower, leading, following, Hand(leader), delay_s)
+    both.run(0.5)
+    assert both.status()[1]["phase"] == "following"
+    return both
