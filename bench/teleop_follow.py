@@ -144,7 +144,7 @@ def action_of(way: Way, geometry: Geometry, link: ScriptedLeader) -> Action:
     if way.is_vendor:
         return VendorFollow(geometry, link)
     settings = TeleopSettings(dq_max_rad_s=way.dq_max_rad_s)
-    course = Course(geometry, DEFAULTS, DEFAULT_GAINS, settings)
+    course = Course(geometry, DEFAULTS, DEFAULT_GAINS, settings, PERIOD_S)
     return Follow(link, LinkWish("slave", "none"), lambda _event: None, course)
 
 

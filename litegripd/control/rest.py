@@ -8,6 +8,12 @@ from litegripd.control.grip import Grip
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import Feedback, MitCommand
 
+STANDING_RAD_S = 0.05
+"""Jaws that press on something are slower than this, 4 mm/s."""
+PRESSING_SHARE = 0.5
+FAINT_NM = 0.1
+"""What friction leaves of the way to a target does not count."""
+
 
 @dataclass(frozen=True, slots=True)
 class Hold:
@@ -19,6 +25,16 @@ class Hold:
     def command(self, _now_s: float, _feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
         return self.gains.at(self.position_rad)
+
+    def presses(self, feedback: Feedback) -> bool:
+        """Whether jaws that stand are where this hold leaves them, for its torque is there already.
+
+        A command that leads jaws which it has not reached yet would move them further.
+        """
+        asked_nm = self.gains.kp_nm_rad * (self.position_rad - feedback.position_rad)
+        sign = 1.0 if asked_nm > 0.0 else -1.0
+        stands = abs(feedback.velocity_rad_s) <= STANDING_RAD_S
+        return stands and sign * feedback.torque_nm >= PRESSING_SHARE * abs(asked_nm) - FAINT_NM
 
     def eased(self, position_rad: float, geometry: Geometry) -> "Hold":
         """Return the hold for jaws that are at `position_rad` now.

@@ -340,3 +340,16 @@ def test_a_loop_goes_on_until_it_is_cancelled_and_then_holds() -> None:
     world.run(0.5)
     assert world.state.mode == "holding"
     assert world.gripper.opening_mm == pytest.approx(here_mm, abs=2.0)
+
+
+@pytest.mark.parametrize("ticks", [1, 3, 10, 40])
+def test_one_that_is_broken_off_on_its_way_stops_where_the_jaws_are(ticks: int) -> None:
+    world, client = ready()
+    points = sampled(lambda t: min(0.1 + 3.5 * max(t - 0.5, 0.0), 0.9), 1.2, hz=200)
+    client.send("trajectory.play", upload=uploaded(client, points))
+    world.run_until(lambda: (playing(world).openness or 0.0) > 0.11)
+    world.run(ticks * PERIOD_S)
+    before_mm = world.gripper.opening_mm
+    client.result("stop")
+    world.run(0.6)
+    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=3.0)

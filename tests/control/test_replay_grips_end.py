@@ -47,7 +47,7 @@ def test_a_stop_ends_every_phase(phase: str, level: str) -> None:
     world.client().result("stop", level=level)
     assert reason_of(client, number) == "stopped"
     world.run(0.3)
-    assert squeeze_n(world) < max(before_n, 0.0) + 1.0
+    assert squeeze_n(world) < max(before_n, 0.0) + 2.0  # what friction keeps of a hold
     mode = {"hold": "holding", "relax": "relaxed", "disable": "disabled"}[level]
     assert world.state.mode == mode
     assert world.state.is_grasped is (phase == "hold" and level == "hold")

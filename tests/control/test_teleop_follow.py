@@ -2,6 +2,7 @@
 
 import math
 import struct
+from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +12,7 @@ from tests.control.teleop_scene import (
     CODE_RAD,
     MM_RAD,
     TRAVEL_MM,
+    Follower,
     TeleopWorld,
     following,
     packed,
@@ -203,6 +205,53 @@ def test_a_force_limit_bounds_what_it_presses_with() -> None:
     follower.world.gripper.remove_object()
     follower.lead(sweep(0.6, 0.2, 0.8), 1.2)
     assert follower.world.openness == pytest.approx(0.2, abs=0.005)
+
+
+def most_nm(follower: Follower, course: Callable[[float], float], duration_s: float) -> float:
+    """Let it follow; return the most torque that the motor has told."""
+    told: list[float] = []
+    world = follower.world
+    follower.lead(course, duration_s, each=lambda: told.append(abs(world.state.torque_nm or 0.0)))
+    return max(told)
+
+
+@pytest.mark.parametrize("gains", [{}, {"kd": 4.0}, {"kp": 30.0}])
+@pytest.mark.parametrize("limit_n", [5.0, 10.0, 20.0])
+def test_a_force_limit_holds_at_the_contact_as_well(limit_n: float, gains: dict[str, Any]) -> None:
+    for duration_s in (0.3, 1.0):
+        follower = following(opening_mm=110.0, force_limit_n=limit_n, **gains)
+        follower.world.gripper.put_object(width_mm=60.0)
+        course = sweep(110.0 / TRAVEL_MM, 0.1, duration_s)
+        assert 10.0 * most_nm(follower, course, duration_s + 0.5) < 1.05 * limit_n + 0.5
+
+
+@pytest.mark.parametrize("more", [{"force_limit_n": 5.0}, {"force_limit_n": 10.0}, {"kp": 300.0}])
+def test_jaws_that_cannot_keep_up_do_not_shake(more: dict[str, Any]) -> None:
+    """What was measured is two ticks old: fed back at once, it would shake them."""
+    follower = following(opening_mm=110.0, **more)
+    gripper = follower.world.gripper
+    speeds: list[float] = []
+    follower.lead(
+        sweep(110.0 / TRAVEL_MM, 0.1, 0.5),
+        1.0,
+        each=lambda: speeds.append(gripper.velocity_rad_s * MM_RAD),
+    )
+    turns = [(b - a, c - b) for a, b, c in zip(speeds, speeds[1:], speeds[2:], strict=False)]
+    shaking = [turn for turn in turns if turn[0] * turn[1] < 0.0 and min(map(abs, turn)) > 20.0]
+    assert len(shaking) <= 2
+
+
+@pytest.mark.parametrize("ticks", range(6))
+def test_jaws_that_are_about_to_go_are_stopped_where_they_are(ticks: int) -> None:
+    follower = following(opening_mm=60.0)
+    world = follower.world
+    for _ in range(ticks):
+        follower.say(0.2)
+        world.tick()
+    before_mm = world.gripper.opening_mm
+    follower.client.result("stop")
+    world.run(0.6)
+    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=1.0)
 
 
 def test_jaws_whose_object_gives_way_go_on_slowly() -> None:

@@ -203,3 +203,14 @@ def test_a_stop_holds_at_the_present_angle_but_a_loss_keeps_the_force() -> None:
         follower.world.run(0.5)
         after_nm = follower.world.state.torque_nm or 0.0
         assert after_nm == pytest.approx(share * before_nm, abs=0.1 * before_nm)
+
+
+def test_a_leader_beyond_its_stop_has_not_reopened() -> None:
+    """Frames of other stacks are not clamped; what is followed is, and it presses as before."""
+    follower = following(torque_limit_nm=1.0, opening_mm=60.0)
+    follower.world.gripper.put_object(width_mm=50.0)
+    follower.stay(-0.20, 1.6)
+    assert follower.status()["over_torque"]
+    follower.stay(-0.03, 1.0)
+    status = follower.status()
+    assert (status["over_torque"], status["torque_trips"]) == (True, 1)

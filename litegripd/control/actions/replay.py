@@ -98,8 +98,16 @@ class Replay(PlainAction):
         return self._go(now_s, elapsed_s, feedback, self._path)
 
     def rest(self) -> Rest | None:
-        """Go on holding or pressing as in the latest tick; before the first one, as before."""
-        return self._resting() if self._path is None else self.grips.held or self._follower.rest
+        """Go on pressing, or holding what it has come to; before the first tick, as before.
+
+        Jaws that it is broken off on their way stop where they are.
+        """
+        if self._path is None:
+            return self._resting()
+        hold, feedback = self._follower.rest, self._feedback
+        if self.grips.held is not None or hold is None or feedback is None:
+            return self.grips.held
+        return hold if self.phase == "settle" or hold.presses(feedback) else None
 
     def progress(self) -> Progress | None:
         """Tell where it is on its path."""

@@ -61,7 +61,9 @@ class Teleoperation:
                 link, wish, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
             )
         else:
-            course = Course(geometry, config, self._gains(settings), settings, self._sender)
+            course = Course(
+                geometry, config, self._gains(settings), settings, engine.period_s, self._sender
+            )
             action = Follow(link, wish, self._tell, course)
         action.is_warned = warning is not None
         self._action = action
