@@ -23,6 +23,7 @@ _MODULES = {
     "dump": "recorder",
     "doctor": "doctor",
     "teleop": "teleop",
+    "install-units": "units",
 }
 """In which module of this room a command is; all others are in `general`."""
 
@@ -33,7 +34,7 @@ def needs_daemon(options: Namespace) -> bool:
         return is_name(options.file) and not options.local
     if options.command == "trajectories":
         return not options.local
-    return bool(options.command != "doctor")
+    return options.command not in ("doctor", "install-units")
 
 
 def is_name(text: str) -> bool:
