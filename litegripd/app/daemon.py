@@ -10,15 +10,15 @@ from litegripd.app.config import Config
 from litegripd.app.ending import Ending
 from litegripd.app.facts import DaemonFacts, Parts
 from litegripd.app.flight import make_flight
-from litegripd.app.logs import log_event, log_motor, make_log_handler
+from litegripd.app.logs import MotorGreeting, log_event, make_log_handler
 from litegripd.app.machine import Machine
 from litegripd.app.making import Legacy, make_bus, occupy_places
 from litegripd.app.starting import load_at_start
 from litegripd.app.succession import Succession
+from litegripd.app.supervision import Supervision
 from litegripd.io.child import Child
 from litegripd.io.handover_link import Link
 from litegripd.io.helper import Helper
-from litegripd.io.notify import barrier, notify
 from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import Server
@@ -39,9 +39,6 @@ these are not there."""
 
 DRAIN_WITHIN_S = 0.05
 """So long a daemon that has handed over serves what its clients have sent before."""
-
-MANAGER_WITHIN_S = 1.0
-"""So long it waits for the service manager to know the successor as its main process."""
 
 
 class Daemon:
@@ -79,6 +76,13 @@ class Daemon:
         self._server = Server(self._reactor, self._places.requests, self._service)
         self._server.let_in(False)
         self._reactor.backlog = self._server
+        self._supervision = Supervision(
+            self._machine,
+            self._server,
+            self._facts,
+            lambda: self._service.reporter.state().mode,
+            follows=legacy is not None,
+        )
         self._flight, self._memory = make_flight(config, self._machine, self._service)
         self._helper = Helper(self._watch, self._unwatch, memory_fd=self._memory.fd)
         self._bus = make_bus(config, period_s)
@@ -105,7 +109,7 @@ class Daemon:
         self._previous_handlers = logging.getLogger().handlers
         self._parts: Parts | None = None
         self._ending = Ending(self._machine)
-        self._motor_was_known = False
+        self._greeting = MotorGreeting()
         self._calibration_is_known = False
         self._opens_at_s: float | None = None
         self._successor: Link | None = None
@@ -185,7 +189,7 @@ class Daemon:
         self._links.poll(now_s)
         if self._parts is not None:
             self._parts.tick(now_s)
-        self._greet_motor()
+        self._greeting.look(self._machine.motor.view().identity)
         if self._opens_at_s is not None:
             self._open_when_ready(now_s, self._opens_at_s)
         self._successor = self._succession.step(now_s, self._reactor.next_tick_s)
@@ -206,13 +210,14 @@ class Daemon:
         self._run_errands()
         for event in self._service.take_events():
             log_event(event)
+        self._supervision.tick(now_s, failed=failed)
 
     def _open_when_ready(self, now_s: float, latest_s: float) -> None:
         """Let clients in once motor and calibration are found, or have not been for a while."""
         if now_s >= latest_s or (self._calibration_is_known and not self._machine.is_out_of_reach):
             self._opens_at_s = None
             self._open()
-            notify("READY=1")
+            self._supervision.ready()
 
     def _open(self) -> None:
         self._server.let_in(True)
@@ -237,8 +242,7 @@ class Daemon:
             self._succession.tell_stop(successor, stops.latched, stops.generation)
         if self._ending.has_begun:
             self._succession.tell_end(successor)
-        if notify(f"MAINPID={self._succession.pid}"):
-            barrier(MANAGER_WITHIN_S)
+        self._supervision.followed_by(self._succession.pid)
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop, in force with the next command; return the level that is latched, and the count."""
@@ -252,6 +256,7 @@ class Daemon:
         self._stop("hold", Owner(0, os.getpid(), os.getuid(), "signal SIGUSR1"), None)
 
     def _end(self) -> None:
+        self._supervision.ends()
         self._ending.begin(time.monotonic())
 
     def _close(self) -> None:
@@ -270,17 +275,11 @@ class Daemon:
         self._helper.close()
         self._links.close()
         self._signals.close()
+        self._supervision.close()
         self._places.claim.close()
         self._urgent.close()
         self._reactor.close()
         self._memory.close()
-
-    def _greet_motor(self) -> None:
-        """Say once what the motor told about itself."""
-        identity = self._machine.motor.view().identity
-        if identity is not None and not self._motor_was_known:
-            log_motor(identity)
-        self._motor_was_known = identity is not None
 
     def _run_errands(self) -> None:
         """Hand the slow work that the pure rooms want done to the helper process."""
