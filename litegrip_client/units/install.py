@@ -15,7 +15,7 @@ from litegrip_client.units import plan
 from litegrip_client.units.plan import Planned
 
 _MODE = 0o644
-_ENABLED = "etc/systemd/system/*.wants/litegripd@*.service"
+_ENABLED = "etc/systemd/system/*.wants/litegripd[@.]*"
 _NETWORKD = "etc/systemd/system/*.wants/systemd-networkd.service"
 
 
@@ -41,7 +41,7 @@ def uses_networkd(root: Path) -> bool:
 
 
 def enabled(root: Path) -> list[str]:
-    """Return the daemons that are enabled in a system, such as litegripd@can0."""
+    """Return which units are enabled in a system: litegripd@can0, say, and litegripd.target."""
     return sorted({link.name.removesuffix(".service") for link in root.glob(_ENABLED)})
 
 
@@ -67,7 +67,7 @@ def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
 
 
 def uninstall(root: Path) -> list[Done]:
-    """Remove what `install` has installed; raises `CommandError` while a daemon is enabled."""
+    """Remove what `install` has installed; raises `CommandError` while a unit is enabled."""
     running = enabled(root)
     if running:
         raise CommandError(

@@ -153,7 +153,7 @@ def removal() -> None:
     uninstall = (f"{PROGRAMS}/litegripctl", "install-units", "--uninstall")
     status, out = run(*uninstall)
     check("refused while a daemon is enabled", status != 0 and "disable --now" in out, out)
-    must("systemctl", "disable", "--now", "litegripd@can0")
+    must("systemctl", "disable", "--now", "litegripd@can0", "litegripd.target")
     print(must(*uninstall), flush=True)
     must("systemctl", "daemon-reload")
     check("systemd knows no unit any more", Unit().show("LoadState") == "not-found")

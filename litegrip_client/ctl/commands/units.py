@@ -44,7 +44,7 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
             f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
             for channel in channels
         ]
-    running = install.enabled(root)
+    running = [name for name in install.enabled(root) if "@" in name]
     replaced = any(one.what == "replaced" for one in done)
     if running:
         verb = "restart" if replaced else "reload"

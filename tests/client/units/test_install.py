@@ -125,9 +125,12 @@ def test_nothing_is_removed_while_a_daemon_is_enabled(tmp_path: Path) -> None:
     put(tmp_path)
     link = enable(tmp_path, "litegripd@can0.service")
     enable(tmp_path, "litegripd@can0.service", "sys-subsystem-net-devices-can0.device")
-    with pytest.raises(CommandError, match="enabled: litegripd@can0") as refused:
+    enable(tmp_path, "litegripd.target", "multi-user.target")
+    with pytest.raises(
+        CommandError, match=r"enabled: litegripd\.target, litegripd@can0"
+    ) as refused:
         install.uninstall(tmp_path)
-    assert refused.value.hint == "first: systemctl disable --now litegripd@can0"
+    assert refused.value.hint == "first: systemctl disable --now litegripd.target litegripd@can0"
     assert link.is_symlink()
     assert (tmp_path / UNITS / "litegripd@.service").exists()
 
