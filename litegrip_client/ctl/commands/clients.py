@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 
 from litegrip_client.ctl import render
 from litegrip_client.ctl.run import OK, Command, Run
 from litegrip_client.discovery import socket_paths
+from litegrip_client.errors import ConnectError
 from litegrip_client.stopping import is_taken_as_meant, stop_at
 
 TYPE_CHECKING = False
@@ -53,10 +53,14 @@ def stop_first(options: Namespace, output: Output) -> bool:
     if not is_taken_as_meant(_params(options)):
         return False
     for path in socket_paths(options.channel, options.socket):
-        with suppress(FileNotFoundError, ConnectionRefusedError):
+        try:
             data = stop_at(path, options.level, options.why, _STOP_WITHIN_S)
-            output.result(data, stopped(data))
-            return True
+        except ConnectError:  # is an OSError, too; this stop may have been heard
+            raise
+        except OSError:  # who may not come in by the other socket either is told so there
+            continue
+        output.result(data, stopped(data))
+        return True
     return False
 
 
