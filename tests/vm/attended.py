@@ -63,7 +63,7 @@ def kept_things() -> None:
         check("alice gets a copy of a dump", status == 0 and copy.stat().st_size > 1000, out)
         readable, out = run("runuser", "-u", "bob", "--", "ls", str(STATE / "dumps"))
         check("which is not for bob", readable != 0, out)
-        rpc.insist("motion.open")
+        rpc.insist("motor.enable")
         status, out = ctl("alice", "record", "pick", "--seconds", "1")
         listed = ctl("alice", "trajectories")[1]
         check("a trajectory is recorded", status == 0 and "pick" in listed, out)
@@ -95,7 +95,7 @@ def clients_of_others() -> None:
 def links() -> None:
     """Teleoperation over zenoh and UDP: a process with network and without rights."""
     with at_work(Unit()) as rpc:
-        rpc.insist("motion.open")
+        rpc.insist("motor.enable")
         for kind, more in (("zenoh", ()), ("udp", ("--host", "127.0.0.1"))):
             status, out = ctl("alice", "teleop", "master", "--link", kind, "--detach", *more)
             check(f"teleop leads over {kind}", status == 0, out)
@@ -116,7 +116,7 @@ def restart_that_holds() -> None:
     """litegripctl restart --hold and systemctl reload: the unit stays, its process is another."""
     unit = Unit()
     with at_work(unit) as rpc:
-        rpc.insist("motion.open")
+        rpc.insist("motor.enable")
         before, restarts = unit.pid, unit.restarts
         held, tries = hold_through(("runuser", "-u", "root", "--", *restart_command()))
         check("restart --hold", held, f"{tries} tries")
@@ -141,7 +141,7 @@ def hold_through(command: tuple[str, ...]) -> tuple[bool, int]:
     for number in range(1, RESTARTS_AT_MOST + 1):
         with contextlib.closing(Rpc("can0")) as rpc:
             if not rpc.motor_is("enabled"):
-                rpc.insist("motion.open")
+                rpc.insist("motor.enable")
         status, out = run(*command)
         if status == 0:
             return True, number
@@ -186,7 +186,7 @@ def serial_adapter() -> None:
             found = reaches(partial(rpc.motor_is, "disabled"))
             check("the motor is found over SLCAN", found, unit.tell())
             reaches(lambda: bool(rpc.state()["calibrated"]))
-            check("it opens", rpc.insist("motion.open").get("ok") is True)
+            check("it can be enabled", rpc.insist("motor.enable").get("ok") is True)
             rpc.call("motor.disable")
         groups = status_of(unit.pid, "Groups").split()
         dialout = must("getent", "group", "dialout").split(":")[2]
@@ -207,8 +207,8 @@ def two_channels() -> None:
             reaches(partial(other.motor_is, "disabled"))
             reaches(lambda: bool(other.state()["calibrated"]))
             for name, rpc in (("can0", one), ("vcan0", other)):
-                opened = rpc.insist("motion.open")
-                check(f"{name} opens beside the other", opened.get("ok") is True, opened)
+                enabled = rpc.insist("motor.enable")
+                check(f"{name}'s motor is enabled", enabled.get("ok") is True, enabled)
                 rpc.call("motor.disable")
         must("systemctl", "enable", "litegripd.target", "litegripd@can0", "litegripd@vcan0")
         must("systemctl", "start", "litegripd.target")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tests.vm.attended import at_work
 from tests.vm.guest import check, ip, reaches, reasons
-from tests.vm.unit import STATE, Unit, link, must
+from tests.vm.unit import PROGRAMS, STATE, Unit, is_set_up, link, must
 
 
 def crash_dumps() -> int:
@@ -29,7 +29,7 @@ def ends_and_returns(number: signal.Signals, what: str, result: str) -> None:
     """Send a signal to a daemon that holds; see it return."""
     unit = Unit()
     with at_work(unit) as rpc:
-        rpc.insist("motion.open")
+        rpc.insist("motor.enable")
         before, restarts, dumps = unit.pid, unit.restarts, crash_dumps()
         os.kill(before, number)
         took_s = unit.comes_back(before)
@@ -41,7 +41,7 @@ def ends_and_returns(number: signal.Signals, what: str, result: str) -> None:
     with at_work(unit) as rpc:
         state = rpc.state()
         check(f"{what}: the motor is not enabled", state["motor"] != "enabled", state["motor"])
-        check(f"{what}: it can be used", rpc.insist("motion.close").get("ok") is True)
+        check(f"{what}: it can be used", rpc.insist("motor.enable").get("ok") is True)
         rpc.call("motor.disable")
 
 
@@ -72,7 +72,7 @@ def started_by_udev() -> None:
     """An enabled unit that was stopped is started when the interface appears."""
     unit = Unit()
     with at_work(unit) as rpc:
-        rpc.insist("motion.open")
+        rpc.insist("motor.enable")
         unit.stop()
         check("systemctl stop: as it should", unit.show("Result") == "success", unit.tell())
         unplug()
@@ -91,6 +91,19 @@ def started_by_udev() -> None:
     must("systemctl", "enable", unit.name)
 
 
+def by_networkd() -> None:
+    """Where systemd-networkd is enabled, it and not a rule brings the interfaces up."""
+    must("systemctl", "enable", "--now", "systemd-networkd")
+    print(must(f"{PROGRAMS}/litegripctl", "install-units", "--can", "can0", "--can", "can1"))
+    must("networkctl", "reload")
+    must("udevadm", "control", "--reload")
+    rule = Path("/usr/local/lib/udev/rules.d/80-litegrip.rules")
+    check("the rule is removed", not rule.exists())
+    unplug()
+    plug()
+    check("networkd brings can0 up", reaches(partial(is_set_up, "can0")), link("can0"))
+
+
 def unplug() -> None:
     """Take the card of can0 out of its bus."""
     (Path("/sys/class/net/can0/device").resolve() / "remove").write_text("1")
@@ -105,4 +118,4 @@ def plug() -> None:
         raise TimeoutError("can0 does not come back")
 
 
-FAILING_UNITS = (killed, hung, interface_goes_and_comes, started_by_udev)
+FAILING_UNITS = (killed, hung, interface_goes_and_comes, started_by_udev, by_networkd)

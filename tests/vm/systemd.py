@@ -19,7 +19,8 @@ from tests.vm.unit import (
     STATE,
     Unit,
     ctl,
-    link,
+    flags,
+    is_set_up,
     must,
     run,
     status_of,
@@ -51,23 +52,6 @@ def installation() -> None:
         check(f"udev brings {name} up", reaches(partial(is_set_up, name)), flags(name))
     status, out = run("systemd-analyze", "verify", "--man=no", UNIT_FILE)
     check("systemd-analyze verify accepts the unit", status == 0 and not out, out)
-
-
-def flags(name: str) -> str:
-    """Say in which state an interface is."""
-    return " ".join(link(name).get("flags", ["not there"]))
-
-
-def is_set_up(name: str) -> bool:
-    """Whether a CAN interface is as the rule sets it."""
-    found = link(name)
-    data = found.get("linkinfo", {}).get("info_data", {})
-    return (
-        "UP" in found.get("flags", ())
-        and data.get("bittiming", {}).get("bitrate") == 1_000_000
-        and data.get("restart_ms") == 100
-        and found.get("txqlen") == 10
-    )
 
 
 def one_daemon() -> None:
@@ -122,10 +106,11 @@ def in_the_journal(unit: Unit) -> None:
     rpc = unit.rpc()
     reaches(partial(rpc.motor_is, "disabled"))
     reaches(lambda: bool(rpc.state()["calibrated"]))
-    rpc.insist("motion.open")
-    jobs = [job["job"] for job in rpc.call("job.list")["jobs"]]
+    rpc.insist("motor.enable")
+    number = rpc.call("motion.open", wait=False).get("job", 0)
+    job = f"LITEGRIP_JOB={number}"
+    reaches(lambda: all(job["state"] != "running" for job in rpc.call("job.list")["jobs"]))
     rpc.call("motor.disable")
-    job = f"LITEGRIP_JOB={jobs[-1]}"
     journal = partial(must, "journalctl", "--output=cat", "--no-pager", "-b")
     found = reaches(lambda: "open by" in journal("LITEGRIP_CHANNEL=can0", job))
     check("journalctl finds a job", found, journal(job))

@@ -115,6 +115,23 @@ def link(name: str) -> dict[str, Any]:
     return json.loads(out)[0] if status == 0 else {}
 
 
+def flags(name: str) -> str:
+    """Say in which state an interface is."""
+    return " ".join(link(name).get("flags", ["not there"]))
+
+
+def is_set_up(name: str) -> bool:
+    """Whether a CAN interface is as the rule sets it."""
+    found = link(name)
+    data = found.get("linkinfo", {}).get("info_data", {})
+    return (
+        "UP" in found.get("flags", ())
+        and data.get("bittiming", {}).get("bitrate") == 1_000_000
+        and data.get("restart_ms") == 100
+        and found.get("txqlen") == 10
+    )
+
+
 def settles(seconds: float) -> None:
     """Let time pass in which nothing may happen."""
     pause.wait(seconds)
