@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.vm.guest import Rpc, pause, reaches
+from tests.vm.guest import Rpc, reaches
 
 PROGRAMS = "/opt/litegripd/bin"
 CONFIGURATION = Path("/etc/litegripd/can0.toml")
@@ -130,8 +130,3 @@ def is_set_up(name: str) -> bool:
         and data.get("restart_ms") == 100
         and found.get("txqlen") == 10
     )
-
-
-def settles(seconds: float) -> None:
-    """Let time pass in which nothing may happen."""
-    pause.wait(seconds)
