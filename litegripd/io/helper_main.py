@@ -4,6 +4,7 @@ Run by the daemon as `python -m litegripd.io.helper_main`. It ends at end-of-fil
 that is, with the daemon; where that has not said goodbye, the flight recorder is written before.
 """
 
+import contextlib
 import json
 import os
 import signal
@@ -94,7 +95,10 @@ def serve(operations: Mapping[str, Operation]) -> bool:
     """Answer requests until the daemon is gone; tell whether it said goodbye."""
     with inherited_socket() as peer:
         while True:
-            packet, descriptors = receive_descriptors(peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
+            try:
+                packet, descriptors = receive_descriptors(peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
+            except ConnectionResetError:  # told once, where an answer was left unread; not the end
+                continue
             if not packet:
                 return False
             identity, name, parameters = json.loads(packet)
@@ -104,11 +108,11 @@ def serve(operations: Mapping[str, Operation]) -> bool:
             if descriptors:
                 parameters["descriptors"] = descriptors
             try:
-                for answer in _answers(operations, name, parameters):
-                    if identity:
-                        peer.send(header + answer)
-            except BrokenPipeError:
-                return False
+                # Nobody wants the answer any more; a goodbye may have been sent all the same.
+                with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+                    for answer in _answers(operations, name, parameters):
+                        if identity:
+                            peer.send(header + answer)
             finally:
                 for descriptor in descriptors:
                     os.close(descriptor)
