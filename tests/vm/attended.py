@@ -8,7 +8,8 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from tests.vm.guest import Rpc, check, reaches, running, simulator
+from tests.trajectories import lgt
+from tests.vm.guest import REGISTERS, Rpc, check, reaches, running, simulator
 from tests.vm.unit import (
     CONFIGURATION,
     PROGRAMS,
@@ -25,6 +26,7 @@ RESTARTS_AT_MOST = 8
 """An emulated machine may need longer for the handover than the motor can wait; then the daemon
 goes on as it was, and it is tried again."""
 
+WATCHDOG_OF_1_S = "08005509204E0000"  # write register 9 of motor 8: 20000 times 50 µs
 HOLDER = """
 import os, sys, time
 from litegrip_client import LiteGrip
@@ -40,9 +42,17 @@ with gripper.lease("scene"):
 
 
 @contextlib.contextmanager
+def patient_motor(channel: str) -> Iterator[None]:
+    """Simulate a motor whose own watchdog waits for 1 s and not 0.1 s: this machine stalls."""
+    with simulator(channel):
+        subprocess.run(["cansend", channel, f"{REGISTERS}#{WATCHDOG_OF_1_S}"], check=True)
+        yield
+
+
+@contextlib.contextmanager
 def at_work(unit: Unit) -> Iterator[Rpc]:
     """Have the daemon run with a motor that answers; give a connection."""
-    with simulator("can1"):
+    with patient_motor("can1"):
         if not unit.is_active():
             unit.start()
         with contextlib.closing(unit.rpc()) as rpc:
@@ -53,7 +63,7 @@ def at_work(unit: Unit) -> Iterator[Rpc]:
 
 def kept_things() -> None:
     """Dumps, calibration, trajectories, the home: what a daemon shut off by its unit can write."""
-    with at_work(Unit()) as rpc:
+    with at_work(Unit()):
         status, out = ctl("alice", "calibration", "load", "normal", "--keep")
         kept = STATE / "can0_calibration.json"
         check("a calibration is kept", status == 0 and kept.owner() == "litegrip", out)
@@ -62,11 +72,11 @@ def kept_things() -> None:
         check("alice gets a copy of a dump", status == 0 and copy.stat().st_size > 1000, out)
         readable, out = run("runuser", "-u", "bob", "--", "ls", str(STATE / "dumps"))
         check("which is not for bob", readable != 0, out)
-        rpc.insist("motor.enable")
-        status, out = ctl("alice", "record", "pick", "--seconds", "1")
-        listed = ctl("alice", "trajectories")[1]
-        check("a trajectory is recorded", status == 0 and "pick" in listed, out)
-        rpc.call("motor.disable")
+        taught = Path("/home/alice/pick.lgt")
+        taught.write_bytes(lgt([(number * 0.01, 0.5) for number in range(100)]))
+        status, out = ctl("alice", "trajectories", "put", str(taught))
+        stored = list(STATE.rglob("pick.lgt"))
+        check("a trajectory is kept", status == 0 and len(stored) == 1, f"{out} {stored}")
         environment = Path(f"/proc/{Unit().pid}/environ").read_text()
         home = f"HOME={STATE}"
         check("its ~/.litegrip is in its state directory", home in environment.split("\0"))
@@ -202,7 +212,7 @@ def serial_adapter() -> None:
 def two_channels() -> None:
     """Two daemons at once, and both ended by their target."""
     first, second = Unit("can0"), Unit("vcan0")
-    with at_work(first) as one, simulator("vcan0"):
+    with at_work(first) as one, patient_motor("vcan0"):
         second.start()
         with contextlib.closing(second.rpc()) as other:
             reaches(partial(other.motor_is, "disabled"))

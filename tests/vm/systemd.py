@@ -9,9 +9,9 @@ import traceback
 from functools import partial
 from pathlib import Path
 
-from tests.vm.attended import ATTENDED
+from tests.vm.attended import ATTENDED, patient_motor
 from tests.vm.failing_units import FAILING_UNITS
-from tests.vm.guest import check, failed, reaches, simulator, stalls
+from tests.vm.guest import check, failed, reaches, stalls
 from tests.vm.unit import (
     CONFIGURATION,
     PROGRAMS,
@@ -57,7 +57,7 @@ def installation() -> None:
 def one_daemon() -> None:
     """A daemon as a unit, and who may use it."""
     unit = Unit()
-    with simulator("can1"):
+    with patient_motor("can1"):
         unit.start()
         check("the unit is active", unit.is_active(), unit.tell())
         uid = int(must("id", "-u", "litegrip"))
@@ -124,7 +124,7 @@ def after_reboot() -> None:
     unit = Unit()
     check("it was started at boot", reaches(unit.is_active), unit.tell())
     check("and the interface brought up", reaches(partial(is_set_up, "can0")), flags("can0"))
-    with simulator("can1"):
+    with patient_motor("can1"):
         rpc = unit.rpc()
         check("it finds the motor", reaches(partial(rpc.motor_is, "disabled")), unit.tell())
         file = str(rpc.call("info.get")["calibration_file"])
