@@ -22,11 +22,11 @@ from tests.vm.unit import (
     status_of,
 )
 
-RESTARTS_AT_MOST = 8
+RESTARTS_AT_MOST = 5
 """An emulated machine may need longer for the handover than the motor can wait; then the daemon
 goes on as it was, and it is tried again."""
 
-WATCHDOG_OF_1_S = "08005509204E0000"  # write register 9 of motor 8: 20000 times 50 µs
+WATCHDOG_OF_400_MS = "08005509401F0000"  # write register 9 of motor 8: 8000 times 50 µs
 HOLDER = """
 import os, sys, time
 from litegrip_client import LiteGrip
@@ -43,9 +43,9 @@ with gripper.lease("scene"):
 
 @contextlib.contextmanager
 def patient_motor(channel: str) -> Iterator[None]:
-    """Simulate a motor whose own watchdog waits for 1 s and not 0.1 s: this machine stalls."""
+    """Simulate a motor whose watchdog waits 0.4 s, as long as is taken: this machine stalls."""
     with simulator(channel):
-        subprocess.run(["cansend", channel, f"{REGISTERS}#{WATCHDOG_OF_1_S}"], check=True)
+        subprocess.run(["cansend", channel, f"{REGISTERS}#{WATCHDOG_OF_400_MS}"], check=True)
         yield
 
 
