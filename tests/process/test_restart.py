@@ -2,6 +2,7 @@
 
 import os
 import re
+import select
 import signal
 import socket
 import time
@@ -164,11 +165,12 @@ def test_the_service_manager_is_told_who_the_daemon_is(
     manager.bind(str(tmp_path / "notify"))
     manager.settimeout(DEADLINE_S)
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "notify"))
+    monkeypatch.setenv("WATCHDOG_USEC", "4000000")
 
     def told(wanted: bytes) -> bytes:
         """Return the next message of a sort; the status comes in between."""
         while not (message := manager.recv(1000)).startswith(wanted):
-            assert message.startswith(b"STATUS="), message
+            assert message.startswith((b"STATUS=", b"WATCHDOG=1")), message
         return message
 
     with manager, restartable(tmp_path) as running:
@@ -182,6 +184,9 @@ def test_the_service_manager_is_told_who_the_daemon_is(
         assert message == b"BARRIER=1"
         os.close(barrier)
         assert running.first.exit_code() == 0
+        while select.select([manager], [], [], 0)[0]:
+            manager.recv(1000)
+        assert told(b"WATCHDOG=1"), "the successor feeds it now"
 
 
 def test_what_lives_in_the_process_is_not_held_through_a_restart(
