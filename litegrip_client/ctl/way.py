@@ -22,8 +22,14 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 class Way:
     """To a daemon of this machine, as the command line names it."""
 
-    not_listening: tuple[type[Exception], ...] = (FileNotFoundError, ConnectionRefusedError)
-    """What a stop raises where nobody listens for stops."""
+    not_listening: tuple[type[Exception], ...] = (
+        FileNotFoundError,
+        ConnectionRefusedError,
+        PermissionError,
+        TimeoutError,
+    )
+    """What a stop raises where nobody listens for stops, or not to this user, who is told so by the
+    other socket."""
 
     def __init__(self, options: Namespace) -> None:
         self.options = options

@@ -10,16 +10,16 @@ from litegripd.app.config import Config
 from litegripd.app.ending import Ending
 from litegripd.app.facts import DaemonFacts
 from litegripd.app.flight import make_flight
-from litegripd.app.logs import log_event, log_motor, make_log_handler
+from litegripd.app.logs import MotorGreeting, log_event, make_log_handler
 from litegripd.app.machine import Machine
 from litegripd.app.making import Legacy, make_bus, occupy_places
 from litegripd.app.parts import Parts
 from litegripd.app.retiring import Retirement
 from litegripd.app.starting import load_at_start
 from litegripd.app.succession import Succession
+from litegripd.app.supervision import Supervision
 from litegripd.io.child import Child
 from litegripd.io.helper import Helper
-from litegripd.io.notify import barrier, notify
 from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import Server
@@ -37,9 +37,6 @@ _log = logging.getLogger(__name__)
 OPEN_WITHIN_S = 0.5
 """So long the first clients wait for motor and calibration to be found; then they are told that
 these are not there."""
-
-MANAGER_WITHIN_S = 1.0
-"""So long it waits for the service manager to know the successor as its main process."""
 
 
 class Daemon:
@@ -77,6 +74,13 @@ class Daemon:
         self._server = Server(self._reactor, self._places.requests, self._service)
         self._server.let_in(False)
         self._reactor.backlog = self._server
+        self._supervision = Supervision(
+            self._machine,
+            self._server,
+            self._facts,
+            lambda: self._service.reporter.state().mode,
+            follows=legacy is not None,
+        )
         self._flight, self._memory = make_flight(config, self._machine, self._service)
         self._helper = Helper(self._watch, self._unwatch, memory_fd=self._memory.fd)
         self._bus = make_bus(config, period_s)
@@ -104,7 +108,8 @@ class Daemon:
         self._previous_handlers = logging.getLogger().handlers
         self._parts: Parts | None = None
         self._ending = Ending(self._machine)
-        self._motor_was_known = self._calibration_is_known = False
+        self._greeting = MotorGreeting()
+        self._calibration_is_known = False
         self._opens_at_s: float | None = None
         self._retirement: Retirement | None = None
 
@@ -183,7 +188,7 @@ class Daemon:
         self._links.poll(now_s)
         if self._parts is not None:
             self._parts.tick(now_s)
-        self._greet_motor()
+        self._greeting.look(self._machine.motor.view().identity)
         if self._opens_at_s is not None:
             self._open_when_ready(now_s, self._opens_at_s)
         successor = self._succession.step(now_s, self._reactor.next_tick_s)
@@ -207,13 +212,14 @@ class Daemon:
         self._run_errands()
         for event in self._service.take_events():
             log_event(event)
+        self._supervision.tick(now_s, failed=failed)
 
     def _open_when_ready(self, now_s: float, latest_s: float) -> None:
         """Let clients in once motor and calibration are found, or have not been for a while."""
         if now_s >= latest_s or (self._calibration_is_known and not self._machine.is_out_of_reach):
             self._opens_at_s = None
             self._open()
-            notify("READY=1")
+            self._supervision.ready()
 
     def _open(self) -> None:
         self._server.let_in(True)
@@ -225,8 +231,7 @@ class Daemon:
         give_up_priority()
         self._succession.tell_outcome()
         retirement.part_with_clients(self._server, self._stop_listener)
-        if notify(f"MAINPID={self._succession.pid}"):
-            barrier(MANAGER_WITHIN_S, retirement.pass_on)
+        self._supervision.followed_by(self._succession.pid, retirement.pass_on)
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop, in force with the next command; return the level that is latched, and the count."""
@@ -240,6 +245,7 @@ class Daemon:
         self._stop("hold", Owner(0, os.getpid(), os.getuid(), "signal SIGUSR1"), None)
 
     def _end(self) -> None:
+        self._supervision.ends()
         self._ending.begin(time.monotonic())
 
     def _close(self) -> None:
@@ -260,17 +266,11 @@ class Daemon:
             self._links.let_go()
             self._retirement.close()
         self._signals.close()
+        self._supervision.close()
         self._places.claim.close()
         self._urgent.close()
         self._reactor.close()
         self._memory.close()
-
-    def _greet_motor(self) -> None:
-        """Say once what the motor told about itself."""
-        identity = self._machine.motor.view().identity
-        if identity is not None and not self._motor_was_known:
-            log_motor(identity)
-        self._motor_was_known = identity is not None
 
     def _run_errands(self) -> None:
         """Hand the slow work that the pure rooms want done to the helper process."""

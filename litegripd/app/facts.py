@@ -53,7 +53,7 @@ class DaemonFacts:
 
     @property
     def epoch(self) -> str:
-        """Tells this start of the daemon from every other; a successor has that of the first."""
+        """Tells this start from every other; a successor has that of the first."""
         return self._epoch
 
     def attach(self, parts: Parts) -> None:
@@ -106,13 +106,16 @@ class DaemonFacts:
 
     def health(self, now_s: float) -> dict[str, object]:
         """Tell the verdict and the figures."""
-        parts = self._parts
-        if parts is None:
-            return {"verdict": "down", "reasons": ["the daemon is still starting"]}
-        figures = parts.figures(now_s - self._began_s, self._machine)
-        down, degraded = self._complaints(parts)
-        verdict = "down" if down else "degraded" if degraded else "ok"
-        return {"verdict": verdict, "reasons": down + degraded, **figures}
+        verdict, reasons = self.verdict()
+        parts, uptime_s = self._parts, now_s - self._began_s
+        figures = {} if parts is None else parts.figures(uptime_s, self._machine)
+        return {"verdict": verdict, "reasons": reasons, **figures}
+
+    def verdict(self) -> tuple[str, list[str]]:
+        """Return ok, degraded or down, and why."""
+        starting, parts = ["the daemon is still starting"], self._parts
+        down, degraded = (starting, []) if parts is None else self._complaints(parts)
+        return "down" if down else "degraded" if degraded else "ok", down + degraded
 
     def _complaints(self, parts: Parts) -> tuple[list[str], list[str]]:
         """Return what keeps the gripper from being used, and what is merely not as it should."""

@@ -3,12 +3,20 @@
 import logging
 from collections.abc import Callable
 
-from litegripd.io.log import JournalSink, LogHandler, goes_to_journal
+from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.model.events import Event
 from litegripd.model.motor import MotorIdentity
 from litegripd.motor.look import warnings
 
 _log = logging.getLogger(__name__)
+
+_FIELDS = {
+    "job": "LITEGRIP_JOB",
+    "client": "LITEGRIP_CLIENT",
+    "pid": "LITEGRIP_CLIENT_PID",
+    "reason": "LITEGRIP_REASON",
+}
+"""What of an event's data the journal can be searched for."""
 
 _WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
 
@@ -27,11 +35,24 @@ def log_event(event: Event) -> None:
     """Tell of one event."""
     is_bad = event.kind in _WARNINGS or bool(event.data.get("error"))
     level = logging.WARNING if is_bad else logging.INFO
-    _log.log(level, "%s", event.message)
+    fields = {name: event.data[key] for key, name in _FIELDS.items() if event.data.get(key)}
+    _log.log(level, "%s", event.message, extra={FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}})
 
 
-def log_motor(identity: MotorIdentity) -> None:
-    """Tell what a motor that was found has told about itself."""
+class MotorGreeting:
+    """Tells once what a motor that was found has told about itself."""
+
+    def __init__(self) -> None:
+        self._was_known = False
+
+    def look(self, identity: MotorIdentity | None) -> None:
+        """Tell, if it has just become known."""
+        if identity is not None and not self._was_known:
+            _log_motor(identity)
+        self._was_known = identity is not None
+
+
+def _log_motor(identity: MotorIdentity) -> None:
     serial = identity.registers.get("SN")
     _log.info(
         "motor 0x%02X answers on 0x%02X, serial %s", identity.can_id, identity.master_id, serial

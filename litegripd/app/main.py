@@ -1,6 +1,7 @@
 """The command `litegripd`: one daemon for one CAN channel, in the foreground."""
 
 import argparse
+import faulthandler
 import logging
 import sys
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from litegripd.app.facts import daemon_version
 from litegripd.app.succession import SUCCESSOR_OPTION
 from litegripd.app.successor import succeed
 from litegripd.io.listener import InUseError
+from litegripd.io.log import goes_to_journal
 
 EXIT_NOT_OFF = 1
 EXIT_USAGE = 2
@@ -38,7 +40,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the daemon; return its exit code."""
     given = sys.argv[1:] if argv is None else list(argv)
     arguments = make_parser().parse_args(given)
-    logging.basicConfig(level=logging.INFO, format="litegripd: %(message)s")
+    # In the journal each line has the program's name already.
+    form = "%(message)s" if goes_to_journal() else "litegripd: %(message)s"
+    logging.basicConfig(level=logging.INFO, format=form)
+    faulthandler.enable()  # a watchdog's SIGABRT leaves in the log where the thread was
     logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs, and we tell it
     if arguments.successor:
         given.remove(SUCCESSOR_OPTION)

@@ -49,9 +49,10 @@ class Child:
                 os.environ,
                 file_actions=inherited,
                 setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children
-                # For the daemon alone, though sent to all of its processes: a stop, and its end,
-                # in which the pump still has to disable the motor.
-                setsigmask=(signal.SIGUSR1, signal.SIGTERM),
+                # For the daemon alone, though sent to all of its processes: a stop, its end, in
+                # which the pump still has to disable the motor, and what a manager's watchdog
+                # sends, after which the helper still has to write what happened.
+                setsigmask=(signal.SIGUSR1, signal.SIGTERM, signal.SIGABRT),
                 setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM),
             )
         except OSError:

@@ -178,7 +178,9 @@ def _give_to_group(path: Path, group: str | None) -> None:
     if group is None:
         return
     try:
-        os.chown(path, -1, grp.getgrnam(group).gr_gid)
+        gid = grp.getgrnam(group).gr_gid
+        if path.stat().st_gid != gid:  # as in a unit with that Group=, which may not change owners
+            os.chown(path, -1, gid)
     except KeyError:
         _log.warning("there is no group %r: only this user may use %s", group, path)
     except PermissionError:

@@ -1,7 +1,8 @@
 """Log lines that leave without waiting; what cannot leave is counted.
 
-Under systemd each line is a datagram to the journal, sent without blocking. Elsewhere the helper
-process writes it to standard error, which may be a pipe that nobody reads or a halted terminal.
+Under systemd each line is a datagram to the journal, sent without blocking, with fields by which
+it is found. Elsewhere the helper process writes it to standard error, which may be a pipe that
+nobody reads or a halted terminal.
 """
 
 import logging
@@ -12,6 +13,9 @@ from collections.abc import Callable
 JOURNAL_SOCKET = "/run/systemd/journal/socket"
 _PRIORITIES = ((logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6))
 _DEBUG_PRIORITY = 7
+
+FIELDS = "journal_fields"
+"""The attribute of a log record that maps names of fields to values: `extra={FIELDS: {...}}`."""
 
 
 class LogHandler(logging.Handler):
@@ -32,7 +36,7 @@ class LogHandler(logging.Handler):
 
 
 class JournalSink:
-    """Sends lines to the journal in its native form, with the channel as a field."""
+    """Sends lines to the journal in its native form; every one has the channel as a field."""
 
     def __init__(self, channel: str) -> None:
         self._channel = channel
@@ -42,12 +46,14 @@ class JournalSink:
     def __call__(self, record: logging.LogRecord, text: str) -> bool:
         """Send a line; False when the journal does not take it now."""
         priority = next((p for level, p in _PRIORITIES if record.levelno >= level), _DEBUG_PRIORITY)
-        message = text.encode(errors="replace")
-        datagram = b"PRIORITY=%d\nSYSLOG_IDENTIFIER=litegripd\nLITEGRIP_CHANNEL=%b\n" % (
-            priority,
-            self._channel.encode(),
-        )
-        datagram += b"MESSAGE\n" + len(message).to_bytes(8, "little") + message + b"\n"
+        fields = {
+            "PRIORITY": priority,
+            "SYSLOG_IDENTIFIER": "litegripd",
+            "LITEGRIP_CHANNEL": self._channel,
+            **getattr(record, FIELDS, {}),
+            "MESSAGE": text,
+        }
+        datagram = b"".join(_field(name, str(value)) for name, value in fields.items())
         try:
             self._socket.sendto(datagram, JOURNAL_SOCKET)
         except OSError:
@@ -57,6 +63,12 @@ class JournalSink:
     def close(self) -> None:
         """Give the socket back."""
         self._socket.close()
+
+
+def _field(name: str, value: str) -> bytes:
+    """Encode with the length in front: whatever is in the value, it is no other field."""
+    content = value.encode(errors="replace")
+    return name.encode() + b"\n" + len(content).to_bytes(8, "little") + content + b"\n"
 
 
 def goes_to_journal() -> bool:

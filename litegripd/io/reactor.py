@@ -88,6 +88,10 @@ class Reactor:
         if self._handlers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
 
+    def serves(self, fd: int) -> bool:
+        """Whether `fd` is served; one whose handler has failed is not."""
+        return fd in self._handlers
+
     def stop(self) -> None:
         """Let `run` return after what it is doing now."""
         self._running = False

@@ -60,6 +60,16 @@ class Server:
         """Whether a line waits to be served, or anything to be sent."""
         return bool(self._turns or self._dirty) or self._service.pending
 
+    @property
+    def is_open(self) -> bool:
+        """Whether new clients are heard."""
+        return self._reactor.serves(self._listener.fileno())
+
+    @property
+    def lines_wait(self) -> bool:
+        """Whether a client's line waits to be served."""
+        return bool(self._turns)
+
     def serve(self, until_s: float) -> None:
         """Send what waits and serve one line of each connection in turn, while there is time.
 

@@ -246,7 +246,8 @@ class RpcService:
         peer = session.peer
         text = f"refused {session.name} (pid {peer.pid}, uid {peer.uid}): {refusal.message}"
         self._collect_events(self._now_s)  # what happened before it
-        self._note(Event("refused", text, {"reason": refusal.reason}), self._now_s)
+        data = {"reason": refusal.reason, "client": session.identity, "pid": peer.pid}
+        self._note(Event("refused", text, data), self._now_s)
 
     def _turn_down(
         self, session: Session, request: Request, method: Method, refusal: Refusal | None

@@ -63,11 +63,12 @@ LINES: tuple[str, ...] = (
     "info",
     "discover",
     "doctor",
+    "install-units --root /nowhere --uninstall",
     "completion bash",
 )
 """A command line for each command, and for each action of one; a daemon can be led through them."""
 
-WITHOUT_DAEMON = ("doctor", "completion")
+WITHOUT_DAEMON = ("doctor", "completion", "install-units")
 
 
 def every_parser() -> Iterator[Parser]:

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import ConnectError, ProtocolError
+from litegrip_client.ctl.main import main
 from litegrip_client.stopping import stop_at, stop_path
 from tests.client.fake_daemon import STATE, FakeDaemon
 from tests.client.helpers import Ctl
@@ -114,6 +115,21 @@ def test_a_daemon_without_that_socket_is_stopped_all_the_same(daemon: FakeDaemon
     daemon.handlers["stop"] = lambda request: answer
     assert ctl("stop")[0] == 0
     assert daemon.methods() == ["hello", "stop"]
+
+
+@pytest.mark.parametrize("error", [PermissionError(13, "Permission denied"), TimeoutError()])
+def test_who_cannot_reach_that_socket_is_told_in_a_line(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    error: OSError,
+) -> None:
+    def refuse(*_arguments: object) -> None:
+        raise error
+
+    monkeypatch.setattr("litegrip_client.ctl.commands.clients.stop_at", refuse)
+    assert main(["--socket", str(tmp_path / "x.sock"), "stop"]) == 3
+    assert "no daemon can be reached" in capsys.readouterr().err
 
 
 def test_a_reason_that_would_be_cut_with_its_level_goes_the_other_way(

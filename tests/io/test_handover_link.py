@@ -10,7 +10,6 @@ import pytest
 
 from litegripd.io.child import Child
 from litegripd.io.handover_link import Link, read_document, write_document
-from litegripd.io.notify import barrier, notify
 from litegripd.io.places import occupy, take_over
 from litegripd.io.timerfd import PeriodicTimer
 
@@ -92,36 +91,6 @@ def test_a_timer_goes_on_in_a_rhythm_that_is_given() -> None:
     assert timer.wait() >= 1
     assert time.monotonic() >= first_s
     timer.close()
-
-
-@pytest.mark.parametrize("is_abstract", [False, True])
-def test_the_manager_is_told_and_waited_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_abstract: bool
-) -> None:
-    path = f"{'@' if is_abstract else ''}{tmp_path / 'notify'}"
-    address = "\0" + path[1:] if is_abstract else path
-    monkeypatch.setenv("NOTIFY_SOCKET", path)
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(address)
-        assert notify("READY=1")
-        assert manager.recv(100) == b"READY=1"
-        assert not barrier(0.0, lambda: None), "the manager has not looked yet"
-        message, descriptors, _flags, _address = socket.recv_fds(manager, 100, 1)
-        assert message == b"BARRIER=1"
-        os.close(descriptors[0])
-
-
-def test_without_a_manager_nothing_is_waited_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    assert not notify("READY=1")
-    assert not barrier(DEADLINE_S, lambda: None)
-    monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "nobody"))
-    assert not notify("READY=1")
-    assert not barrier(DEADLINE_S, lambda: None)
-    monkeypatch.setenv("NOTIFY_SOCKET", "vsock:2:1234")
-    assert not notify("READY=1")
 
 
 def test_last_words_are_heard_of_one_that_has_not_listened() -> None:

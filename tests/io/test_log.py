@@ -9,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from litegripd.app.logs import log_event
 from litegripd.io import log
-from litegripd.io.log import JournalSink, LogHandler, goes_to_journal
+from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
+from litegripd.model.events import Event
 
 
 def record(level: int, text: str, *arguments: object) -> logging.LogRecord:
@@ -53,6 +55,19 @@ def sink() -> Iterator[JournalSink]:
     made.close()
 
 
+def fields(journal: socket.socket) -> dict[str, str]:
+    """Return the fields of the datagram that has come, in the journal's own form."""
+    assert select.select([journal], [], [], 20.0)[0]
+    rest, found = journal.recv(4096), {}
+    while rest:
+        name, _, rest = rest.partition(b"\n")
+        length = int.from_bytes(rest[:8], "little")
+        found[name.decode()] = rest[8 : 8 + length].decode()
+        assert rest[8 + length : 9 + length] == b"\n"
+        rest = rest[9 + length :]
+    return found
+
+
 @pytest.mark.parametrize(
     ("level", "priority"),
     [(logging.CRITICAL, 3), (logging.ERROR, 3), (logging.WARNING, 4), (logging.INFO, 6), (10, 7)],
@@ -62,14 +77,41 @@ def test_a_line_is_one_datagram_in_the_journals_form(
 ) -> None:
     text = "two\nlines, ü"
     assert sink(record(level, text), text)
-    assert select.select([journal], [], [], 20.0)[0]
-    datagram = journal.recv(4096)
-    head, _, rest = datagram.partition(b"MESSAGE\n")
-    assert head.decode() == (
-        f"PRIORITY={priority}\nSYSLOG_IDENTIFIER=litegripd\nLITEGRIP_CHANNEL=can0\n"
-    )
-    assert int.from_bytes(rest[:8], "little") == len(text.encode())
-    assert rest[8:] == text.encode() + b"\n"
+    assert fields(journal) == {
+        "PRIORITY": str(priority),
+        "SYSLOG_IDENTIFIER": "litegripd",
+        "LITEGRIP_CHANNEL": "can0",
+        "MESSAGE": text,
+    }
+
+
+def test_a_line_brings_fields_of_its_own_and_no_value_makes_another(
+    journal: socket.socket, sink: JournalSink
+) -> None:
+    line = record(logging.INFO, "x")
+    setattr(line, FIELDS, {"LITEGRIP_JOB": 3, "LITEGRIP_REASON": "a\nPRIORITY=0"})
+    assert sink(line, "x")
+    found = fields(journal)
+    assert (found["LITEGRIP_JOB"], found["LITEGRIP_REASON"]) == ("3", "a\nPRIORITY=0")
+    assert found["PRIORITY"] == "6"
+
+
+def test_an_event_can_be_found_by_job_and_client(
+    journal: socket.socket, sink: JournalSink, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [LogHandler(sink)])
+    monkeypatch.setattr(logging.getLogger("litegripd"), "level", logging.INFO)
+    data = {"job": 3, "kind": "open", "client": 7, "pid": 42, "detached": False}
+    log_event(Event("job_started", "job 3: open by demo", data))
+    found = fields(journal)
+    assert found["MESSAGE"] == "job 3: open by demo"
+    assert {name: value for name, value in found.items() if name.startswith("LITEGRIP")} == {
+        "LITEGRIP_CHANNEL": "can0",
+        "LITEGRIP_EVENT": "job_started",
+        "LITEGRIP_JOB": "3",
+        "LITEGRIP_CLIENT": "7",
+        "LITEGRIP_CLIENT_PID": "42",
+    }
 
 
 def test_a_journal_that_is_full_or_gone_refuses_without_waiting(

@@ -25,6 +25,7 @@ _MODULES = {
     "teleop": "teleop",
     "completion": "completion",
     "watch": "watch",
+    "install-units": "units",
 }
 """In which module of this room a command is; all others are in `general`."""
 
@@ -35,7 +36,7 @@ def needs_daemon(options: Namespace) -> bool:
         return is_name(options.file) and not options.local
     if options.command == "trajectories":
         return not options.local
-    return options.command not in ("doctor", "completion")
+    return options.command not in ("doctor", "completion", "install-units")
 
 
 def is_name(text: str) -> bool:

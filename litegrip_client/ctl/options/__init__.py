@@ -15,6 +15,7 @@ from litegrip_client.ctl.options import (
     settings,
     teleop,
     trajectories,
+    units,
 )
 from litegrip_client.ctl.options.late import (
     CHANNEL_VARIABLE,
@@ -106,6 +107,7 @@ def whole_parser() -> Parser:
     add("health", "show how the daemon is; the exit code tells the verdict")
     add("metrics", "print the figures of health as OpenMetrics text, for Prometheus")
     add("restart", "restart the daemon without letting go of what is held", general.restart)
+    add("install-units", "install what lets systemd run the daemons", units.install_units)
     add("info", "show what does not change: versions, motor, calibration")
     add("completion", "print what completes command lines in a shell", general.completion)
     add("discover", "list the methods of the daemon (with --json: its OpenRPC document)")

@@ -12,6 +12,7 @@ from argparse import ArgumentTypeError
 _UNITS = {"mm": "opening_mm", "rad": "position_rad", "%": "openness"}
 _NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
 _TARGET = re.compile(rf"({_NUMBER}) ?(mm|rad|%)")
+_INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
 _SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({_NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
 
@@ -57,3 +58,10 @@ def count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise ArgumentTypeError(f"{text!r} is not a whole number of 1 or more")
     return int(text)
+
+
+def interface(text: str) -> str:
+    """Read the name of a network interface."""
+    if not _INTERFACE.fullmatch(text):
+        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface, such as can0")
+    return text

@@ -1,0 +1,72 @@
+"""The command that installs the units for systemd, and tells what is to be done then."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.units import install, plan
+from litegrip_client.units.install import Done, Wishes
+
+
+def install_units(run: Run) -> int:
+    """Install or remove, and say what comes next."""
+    options = run.options
+    root: Path = options.root
+    notes: list[str] = []
+    if options.uninstall:
+        if options.can or options.serial:
+            return run.refuse(
+                "--uninstall removes everything", "leave --can and --serial out, or --uninstall"
+            )
+        done = install.uninstall(root)
+        following = _after_removal(done)
+        notes.append("configuration, calibrations, user and group are left: see the documentation")
+    else:
+        wishes = Wishes(options.can, options.serial)
+        done = install.install(root, wishes, plan.program_directory())
+        following = _after_installation(root, done, options.can)
+        notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
+    data = {"files": [asdict(one) for one in done], "next": following, "notes": notes}
+    run.output.result(data, _text(done, following, notes))
+    return OK
+
+
+def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str]) -> list[str]:
+    following = ["systemd-sysusers", "systemctl daemon-reload"]
+    if channels:
+        if install.uses_networkd(root):
+            following.append("networkctl reload")
+        following.append("udevadm control --reload")
+        following += [
+            f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
+            for channel in channels
+        ]
+    running = [name for name in install.enabled(root) if "@" in name]
+    replaced = any(one.what == "replaced" for one in done)
+    if running:
+        verb = "restart" if replaced else "reload"
+        return [*following, f"systemctl {verb} {' '.join(running)}"]
+    following.append("usermod --append --groups litegrip USER   # who may use the grippers")
+    names = " ".join(f"litegripd@{channel}" for channel in channels or [plan.EXAMPLE_CHANNEL])
+    return [*following, f"systemctl enable litegripd.target {names}", f"systemctl start {names}"]
+
+
+def _after_removal(done: Sequence[Done]) -> list[str]:
+    removed = [one.path for one in done if one.what == "removed"]
+    following = ["systemctl daemon-reload"] if removed else []
+    if any("/network/" in path or "/rules.d/" in path for path in removed):
+        following.append("udevadm control --reload")
+    return following
+
+
+def _text(done: Sequence[Done], following: Sequence[str], notes: Sequence[str]) -> str:
+    lines = [f"{one.what:9}  {one.path}" for one in done] or ["nothing to remove"]
+    if following:
+        lines += ["next, as root:", *(f"  {command}" for command in following)]
+    return "\n".join([*lines, *(f"note: {note}" for note in notes)])
+
+
+COMMANDS: Mapping[str, Command] = {"install-units": install_units}

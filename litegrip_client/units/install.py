@@ -1,0 +1,138 @@
+"""Puts the planned files into a system and takes them out again; both may be repeated.
+
+A changed configuration is never overwritten, and what the daemons have stored is never touched.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from litegrip_client import atomic_file
+from litegrip_client.errors import CommandError
+from litegrip_client.units import plan
+from litegrip_client.units.plan import Planned
+
+_MODE = 0o644
+_ENABLED = "etc/systemd/system/*.wants/litegripd[@.]*"
+_NETWORKD = "etc/systemd/system/*.wants/systemd-networkd.service"
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """What became of one file: installed, replaced, unchanged, kept, removed."""
+
+    path: str
+    what: str
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What to install beside the units: CAN interfaces to bring up, access to serial ports."""
+
+    channels: Sequence[str] = ()
+    serial: bool = False
+
+
+def uses_networkd(root: Path) -> bool:
+    """Whether systemd-networkd is enabled in a system."""
+    return any(root.glob(_NETWORKD))
+
+
+def enabled(root: Path) -> list[str]:
+    """Return which units are enabled in a system: litegripd@can0, say, and litegripd.target."""
+    return sorted({link.name.removesuffix(".service") for link in root.glob(_ENABLED)})
+
+
+def hiding(root: Path) -> list[str]:
+    """Return the files that systemd takes in place of those that are installed."""
+    names = ("litegripd@.service", "litegripd.target")
+    paths = [root / "etc/systemd/system" / name for name in names]
+    return [str(path) for path in paths if path.is_file()]
+
+
+def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
+    """Install; raises `CommandError` where a file cannot be written."""
+    files = plan.units(programs)
+    done: list[Done] = []
+    if wishes.serial:
+        files += plan.serial()
+    if wishes.channels:
+        by_networkd, by_udev = plan.networkd(wishes.channels), plan.udev(wishes.channels)
+        chosen, other = (by_networkd, by_udev) if uses_networkd(root) else (by_udev, by_networkd)
+        files += chosen
+        done += _remove_all(root, other)  # one of the two, or each would undo the other's
+    return [_put(root, file) for file in files] + done
+
+
+def uninstall(root: Path) -> list[Done]:
+    """Remove what `install` has installed; raises `CommandError` while a unit is enabled."""
+    running = enabled(root)
+    if running:
+        raise CommandError(
+            f"enabled: {', '.join(running)}",
+            reason="wrong_usage",
+            data={"hint": f"first: systemctl disable --now {' '.join(running)}"},
+        )
+    any_channel = (plan.EXAMPLE_CHANNEL,)
+    files = plan.units("") + plan.serial() + plan.networkd(any_channel) + plan.udev(any_channel)
+    return _remove_all(root, files)
+
+
+def _put(root: Path, file: Planned) -> Done:
+    path = root / file.path
+    content = file.content.encode()
+
+    def put() -> str:
+        before = path.read_bytes() if path.exists() else None
+        if before == content:
+            return "unchanged"
+        if before is not None and file.kept:
+            return "kept"
+        _make_directories(path.parent)
+        atomic_file.write(path, content)
+        path.chmod(_MODE)
+        return "installed" if before is None else "replaced"
+
+    return Done(str(path), _attempt("written", path, put))
+
+
+def _remove_all(root: Path, files: Sequence[Planned]) -> list[Done]:
+    done = []
+    for file in files:
+        path = root / file.path
+        if not path.exists():
+            continue
+        done.append(Done(str(path), "kept" if file.kept else _remove(path)))
+    drop_ins = root / plan.serial()[0].path
+    if not drop_ins.exists() and drop_ins.parent.is_dir() and not any(drop_ins.parent.iterdir()):
+        drop_ins.parent.rmdir()
+    return done
+
+
+def _remove(path: Path) -> str:
+    def remove() -> str:
+        path.unlink()
+        return "removed"
+
+    return _attempt("removed", path, remove)
+
+
+def _make_directories(directory: Path) -> None:
+    """Make a directory that all may read, whatever the umask."""
+    if not directory.is_dir():
+        _make_directories(directory.parent)
+        directory.mkdir()
+        directory.chmod(0o755)
+
+
+def _attempt(doing: str, path: Path, action: Callable[[], str]) -> str:
+    try:
+        return action()
+    except OSError as error:
+        raise CommandError(
+            f"{path} cannot be {doing}: {error.strerror}",
+            reason="file_not_written",
+            data={"hint": "it takes root: sudo"},
+        ) from error

@@ -1,0 +1,130 @@
+"""What the service manager is told: that the daemon is ready, how it fares, and that it works.
+
+A control thread that hangs tells nothing, and is started anew for that. What is looked at here is
+a loop that goes round and does not do what it is there for. Nothing here waits.
+"""
+
+import logging
+from collections.abc import Callable
+
+from litegripd.app.facts import DaemonFacts
+from litegripd.app.machine import Machine
+from litegripd.io.notify import Notifier, one_line, watchdog_s
+from litegripd.io.server import Server
+from litegripd.model.motor import MotorPhase
+
+_log = logging.getLogger(__name__)
+
+STATUS_EVERY_S = 1.0
+BEATS_PER_WATCHDOG = 4
+"""So often in the manager's time a beat is due: what a single one finds wrong ends nothing."""
+
+FEEDBACK_WITHIN_S = 1.0
+"""Far longer than it takes to notice that the motor is silent."""
+
+MANAGER_WITHIN_S = 1.0
+"""So long a daemon waits for the manager to know its successor as the main process."""
+
+_LONGEST_STATUS = 300  # characters
+_ANSWERS = (MotorPhase.ENABLED, MotorPhase.DISABLED)
+
+
+class Supervision:
+    """Call `tick` at the end of every tick; now and then it sends a datagram, in between nothing.
+
+    `follows` tells that this daemon takes the place of another: the manager hears it only once it
+    has been told so, and until then its predecessor has just been heard.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        server: Server,
+        facts: DaemonFacts,
+        mode: Callable[[], str],
+        *,
+        follows: bool = False,
+    ) -> None:
+        self._machine = machine
+        self._server = server
+        self._facts = facts
+        self._mode = mode
+        self._watchdog_s = watchdog_s(follows=follows)
+        wanted_s = (self._watchdog_s or STATUS_EVERY_S * BEATS_PER_WATCHDOG) / BEATS_PER_WATCHDOG
+        self._beat_s = min(wanted_s, STATUS_EVERY_S)
+        self._next_beat_s: float | None = None
+        self._next_status_s = 0.0
+        self._told = ""
+        self._complaint: str | None = None
+        self._worked = False
+        self._waited = False
+        self._requests = 0
+        self._notifier = Notifier()
+
+    def ready(self) -> None:
+        """Tell that clients are let in."""
+        self._notifier.send("READY=1")
+
+    def ends(self) -> None:
+        """Tell that the end has begun."""
+        self._notifier.send("STOPPING=1")
+
+    def followed_by(self, pid: int, meanwhile: Callable[[], None]) -> None:
+        """Tell that another process is the daemon now, and wait until the manager knows it."""
+        if self._notifier.send(f"MAINPID={pid}"):
+            self._notifier.barrier(MANAGER_WITHIN_S, meanwhile)
+
+    def tick(self, now_s: float, *, failed: bool) -> None:
+        """Take note of a tick that is done, or that failed by a defect; tell what is due."""
+        self._worked = self._worked or not failed
+        if self._next_beat_s is None:
+            self._next_beat_s = now_s + self._beat_s
+        if now_s < self._next_beat_s:
+            return
+        self._next_beat_s = now_s + self._beat_s
+        if self._watchdog_s is not None:
+            self._feed(now_s)
+        if now_s >= self._next_status_s:
+            self._next_status_s = now_s + STATUS_EVERY_S
+            self._tell_status()
+
+    def close(self) -> None:
+        """Give the socket back."""
+        self._notifier.close()
+
+    def _feed(self, now_s: float) -> None:
+        """Tell the manager that the daemon works, or the log why it is not told."""
+        complaint = self._idle(now_s)
+        if complaint is None:
+            self._notifier.send("WATCHDOG=1")
+        elif self._complaint is None:
+            _log.error("the watchdog is not fed, this daemon will be started anew: %s", complaint)
+        self._complaint = complaint
+
+    def _idle(self, now_s: float) -> str | None:
+        """Say what has not been done since the last beat, if anything."""
+        worked, self._worked = self._worked, False
+        waited, self._waited = self._waited, self._server.lines_wait
+        requests, self._requests = self._requests, self._server.requests
+        view = self._machine.motor.view()
+        if not worked:
+            return "every tick fails"
+        if view.phase in _ANSWERS and self._machine.engine.bus.is_usable:
+            age_s = now_s - view.feedback.at_s if view.feedback is not None else None
+            if age_s is None or age_s > FEEDBACK_WITHIN_S:
+                return "the motor is taken to answer, and does not"
+        if not self._server.is_open:
+            return "no new client is heard"
+        if waited and self._waited and requests == self._requests:
+            return "requests wait, and none is answered"
+        return None
+
+    def _tell_status(self) -> None:
+        verdict, reasons = self._facts.verdict()
+        clients = self._server.clients
+        text = f"{self._mode()}, {clients} client{'' if clients == 1 else 's'}, {verdict}"
+        if reasons:
+            text += f": {'; '.join(reasons)}"
+        text = one_line(text)[:_LONGEST_STATUS]
+        if text != self._told and self._notifier.send(f"STATUS={text}"):
+            self._told = text

@@ -1,0 +1,250 @@
+"""install-units into a system of its own: idempotent, careful with configurations, undone again."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from litegrip_client.ctl.main import main
+from litegrip_client.errors import CommandError
+from litegrip_client.units import install, plan
+from litegrip_client.units.install import Wishes
+
+PROGRAMS = "/opt/grippers/bin"
+UNITS = "usr/local/lib/systemd/system"
+RULES = "usr/local/lib/udev/rules.d/80-litegrip.rules"
+CONFIGURATION = "etc/litegripd/litegripd.toml"
+SOURCES = Path(__file__).parents[3]
+
+
+def put(root: Path, *channels: str, serial: bool = False) -> dict[str, str]:
+    done = install.install(root, Wishes(channels, serial), PROGRAMS)
+    return {str(Path(one.path).relative_to(root)): one.what for one in done}
+
+
+def enable(root: Path, name: str, by: str = "litegripd.target") -> Path:
+    link = root / f"etc/systemd/system/{by}.wants/{name}"
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.symlink_to(f"/{UNITS}/litegripd@.service")
+    return link
+
+
+def test_the_unit_runs_the_programs_of_the_environment(tmp_path: Path) -> None:
+    done = put(tmp_path)
+    assert done == {
+        f"{UNITS}/litegripd@.service": "installed",
+        f"{UNITS}/litegripd.target": "installed",
+        "usr/local/lib/sysusers.d/litegripd.conf": "installed",
+        CONFIGURATION: "installed",
+    }
+    unit = (tmp_path / UNITS / "litegripd@.service").read_text()
+    assert f"ExecStart={PROGRAMS}/litegripd %i\n" in unit
+    assert f"ExecReload={PROGRAMS}/litegripctl -c %i restart --hold\n" in unit
+    assert plan.PROGRAMS not in unit
+
+
+def test_all_may_read_it_whatever_the_umask(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        paths = [tmp_path / path for path in put(tmp_path)]
+    finally:
+        os.umask(before)
+    assert {path.stat().st_mode & 0o777 for path in paths} == {0o644}
+    assert {path.parent.stat().st_mode & 0o777 for path in paths} == {0o755}
+
+
+def test_what_is_installed_is_what_the_sources_have() -> None:
+    assert sorted(path.name for path in (plan.DATA / "systemd").iterdir()) == sorted(
+        path.name for path in (SOURCES / "systemd").iterdir()
+    )
+    assert plan.units(plan.PROGRAMS.rstrip("/"))[0].content == (
+        SOURCES / "systemd/litegripd@.service"
+    ).read_text(encoding="utf-8")
+
+
+def test_a_second_time_changes_nothing(tmp_path: Path) -> None:
+    put(tmp_path, "can0", serial=True)
+    assert set(put(tmp_path, "can0", serial=True).values()) == {"unchanged"}
+
+
+def test_an_older_unit_is_replaced_but_no_configuration(tmp_path: Path) -> None:
+    put(tmp_path)
+    (tmp_path / UNITS / "litegripd@.service").write_text("of an older version")
+    (tmp_path / CONFIGURATION).write_text("# mine")
+    done = put(tmp_path)
+    assert done[f"{UNITS}/litegripd@.service"] == "replaced"
+    assert done[CONFIGURATION] == "kept"
+    assert (tmp_path / CONFIGURATION).read_text() == "# mine"
+
+
+def test_udev_brings_exactly_the_named_interfaces_up(tmp_path: Path) -> None:
+    put(tmp_path, "can0", "arm_can1")
+    assert 'KERNEL=="can0|arm_can1"' in (tmp_path / RULES).read_text()
+    put(tmp_path, "can7")
+    rule = (tmp_path / RULES).read_text()
+    assert 'KERNEL=="can7"' in rule
+    assert "bitrate 1000000 restart-ms 100" in rule
+
+
+def test_networkd_does_where_it_is_enabled_and_udev_no_longer(tmp_path: Path) -> None:
+    put(tmp_path, "can0")
+    wants = tmp_path / "etc/systemd/system/multi-user.target.wants"
+    wants.mkdir(parents=True)
+    (wants / "systemd-networkd.service").symlink_to("/lib/systemd/system/systemd-networkd.service")
+    done = put(tmp_path, "can0", "can1")
+    assert done[RULES] == "removed"
+    network = tmp_path / "usr/local/lib/systemd/network"
+    assert "\nName=can0 can1\n" in (network / "80-litegrip.network").read_text()
+    assert "\nOriginalName=can0 can1\n" in (network / "80-litegrip.link").read_text()
+
+
+def test_removal_takes_all_but_configuration_and_data(tmp_path: Path) -> None:
+    put(tmp_path, "can0", serial=True)
+    kept = tmp_path / "var/lib/litegripd/can0_calibration.json"
+    kept.parent.mkdir(parents=True)
+    kept.write_text("{}")
+    install.uninstall(tmp_path)
+    left = {path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file()}
+    assert left == {Path(CONFIGURATION), kept.relative_to(tmp_path)}
+    assert not (tmp_path / UNITS / "litegripd@.service.d").exists()
+    assert [one.what for one in install.uninstall(tmp_path)] == ["kept"]
+
+
+def test_a_drop_in_of_the_administrator_stays(tmp_path: Path) -> None:
+    put(tmp_path, serial=True)
+    mine = tmp_path / UNITS / "litegripd@.service.d/mine.conf"
+    mine.write_text("[Service]\n")
+    install.uninstall(tmp_path)
+    assert mine.exists()
+
+
+def test_nothing_is_removed_while_a_daemon_is_enabled(tmp_path: Path) -> None:
+    put(tmp_path)
+    link = enable(tmp_path, "litegripd@can0.service")
+    enable(tmp_path, "litegripd@can0.service", "sys-subsystem-net-devices-can0.device")
+    enable(tmp_path, "litegripd.target", "multi-user.target")
+    with pytest.raises(
+        CommandError, match=r"enabled: litegripd\.target, litegripd@can0"
+    ) as refused:
+        install.uninstall(tmp_path)
+    assert refused.value.hint == "first: systemctl disable --now litegripd.target litegripd@can0"
+    assert link.is_symlink()
+    assert (tmp_path / UNITS / "litegripd@.service").exists()
+
+
+def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    (tmp_path / "usr").write_text("a file in place of the directory")
+    with pytest.raises(CommandError, match=r"litegripd@\.service cannot be written"):
+        put(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("directory", "complaint"),
+    [
+        ("/home/ann/venv/bin", "cannot see it"),
+        ("/tmp/venv/bin", "cannot see it"),
+        ("/opt/my venv/bin", "characters"),
+        ("/opt/100%/bin", "characters"),
+    ],
+)
+def test_an_environment_that_the_unit_cannot_use_is_refused(
+    monkeypatch: pytest.MonkeyPatch, directory: str, complaint: str
+) -> None:
+    monkeypatch.setattr("sysconfig.get_path", lambda _name: directory)
+    monkeypatch.setattr(Path, "is_file", lambda _path: True)
+    with pytest.raises(CommandError, match=complaint):
+        plan.program_directory()
+
+
+def test_an_environment_without_the_daemon_is_refused(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr("sysconfig.get_path", lambda _name: str(tmp_path))
+    with pytest.raises(CommandError, match="there is no program litegripd"):
+        plan.program_directory()
+
+
+@pytest.fixture
+def usable(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plan, "program_directory", lambda: PROGRAMS)
+
+
+@pytest.mark.usefixtures("usable")
+def test_the_command_tells_what_it_did_and_what_comes_next(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["install-units", "--root", str(tmp_path), "--can", "can1"]) == 0
+    out = capsys.readouterr().out
+    assert f"installed  {tmp_path}/{UNITS}/litegripd@.service" in out
+    for command in (
+        "systemd-sysusers",
+        "systemctl daemon-reload",
+        "udevadm trigger --action=add --subsystem-match=net --sysname-match=can1",
+        "systemctl enable litegripd.target litegripd@can1",
+        "systemctl start litegripd@can1",
+    ):
+        assert f"\n  {command}" in out
+
+
+@pytest.mark.usefixtures("usable")
+def test_after_an_upgrade_the_command_says_to_restart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(tmp_path)
+    enable(tmp_path, "litegripd@can0.service")
+    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["next"][-1] == "systemctl reload litegripd@can0"
+    (tmp_path / UNITS / "litegripd@.service").write_text("old")
+    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["next"][-1] == "systemctl restart litegripd@can0"
+
+
+@pytest.mark.usefixtures("usable")
+def test_the_command_names_a_unit_that_hides_the_installed_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "etc/systemd/system/litegripd@.service"
+    own.parent.mkdir(parents=True)
+    own.write_text("[Service]\n")
+    assert main(["install-units", "--root", str(tmp_path)]) == 0
+    assert f"note: {own} is used instead" in capsys.readouterr().out
+
+
+def test_the_command_removes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    put(tmp_path)
+    assert main(["install-units", "--root", str(tmp_path), "--uninstall"]) == 0
+    assert f"removed    {tmp_path}/{UNITS}/litegripd.target" in capsys.readouterr().out
+    assert main(["install-units", "--uninstall", "--serial"]) == 2
+
+
+@pytest.mark.parametrize("name", ['can0", RUN+="/bin/sh', "can0 can1", "a" * 16, "", "-x"])
+def test_only_names_of_interfaces_get_into_a_rule(tmp_path: Path, name: str) -> None:
+    assert main(["install-units", "--root", str(tmp_path), f"--can={name}"]) == 2
+    assert not (tmp_path / "usr").exists()
+
+
+ANALYZE = shutil.which("systemd-analyze")
+
+
+@pytest.mark.skipif(ANALYZE is None, reason="there is no systemd-analyze")
+def test_systemd_accepts_the_units(tmp_path: Path) -> None:
+    programs = tmp_path / "bin"
+    programs.mkdir()
+    for name in ("litegripd", "litegripctl"):
+        (programs / name).symlink_to("/bin/true")
+    install.install(tmp_path, Wishes(), str(programs))
+    folder = tmp_path / UNITS
+    unit = folder / "litegripd@can0.service"
+    (folder / "litegripd@.service").rename(unit)
+    verified = subprocess.run(
+        [str(ANALYZE), "verify", "--man=no", str(unit), str(folder / "litegripd.target")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    ours = [line for line in verified.stderr.splitlines() if "litegrip" in line]
+    assert verified.returncode == 0, verified.stderr
+    assert not ours

@@ -1,0 +1,121 @@
+"""What fails under systemd: the daemon is killed or hangs, the interface goes and comes."""
+
+import os
+import signal
+from functools import partial
+from pathlib import Path
+
+from tests.vm.attended import at_work
+from tests.vm.guest import check, ip, reaches, reasons
+from tests.vm.unit import PROGRAMS, STATE, Unit, is_set_up, link, must
+
+
+def crash_dumps() -> int:
+    """How many dumps of crashes there are."""
+    return len(list((STATE / "dumps/can0").glob("*-crash.mcap")))
+
+
+def killed() -> None:
+    """kill -9 of the daemon: it comes back, the motor is off, the last minute is written."""
+    ends_and_returns(signal.SIGKILL, "killed", "signal")
+
+
+def hung() -> None:
+    """SIGSTOP: the watchdog ends what does nothing any more."""
+    ends_and_returns(signal.SIGSTOP, "hung", "watchdog")
+
+
+def ends_and_returns(number: signal.Signals, what: str, result: str) -> None:
+    """Send a signal to a daemon that holds; see it return."""
+    unit = Unit()
+    with at_work(unit) as rpc:
+        rpc.insist("motor.enable")
+        before, restarts, dumps = unit.pid, unit.restarts, crash_dumps()
+        os.kill(before, number)
+        took_s = unit.comes_back(before)
+        check(f"{what}: it is back", took_s is not None, f"{took_s} s")
+        check(f"{what}: by one start", unit.restarts == restarts + 1, unit.tell())
+        told = must("journalctl", "--no-pager", "-b", "--output=cat", f"--unit={unit.name}")
+        check(f"{what}: systemd says why", f"with result '{result}'" in told)
+        check(f"{what}: its last minute is written", reaches(lambda: crash_dumps() == dumps + 1))
+    with at_work(unit) as rpc:
+        state = rpc.state()
+        check(f"{what}: the motor is not enabled", state["motor"] != "enabled", state["motor"])
+        check(f"{what}: it can be used", rpc.insist("motor.enable").get("ok") is True)
+        rpc.call("motor.disable")
+
+
+def interface_goes_and_comes() -> None:
+    """The interface is set down and up, its card is removed and found: the daemon goes on."""
+    unit = Unit()
+    must("systemctl", "enable", unit.name)
+    with at_work(unit) as rpc:
+        before, restarts = unit.pid, unit.restarts
+        ip("link set can0 down")
+        check("link down: noticed", reaches(partial(rpc.bus_is, "link_down")), reasons(rpc))
+        told = reaches(lambda: "down" in unit.show("StatusText"))
+        check("link down: STATUS says so", told, unit.show("StatusText"))
+        ip("link set can0 up")
+        found = reaches(lambda: rpc.motor_is("disabled") and rpc.bus_is("up"))
+        check("link up: the motor is found", found, reasons(rpc))
+        unplug()
+        gone = reaches(partial(rpc.bus_is, "adapter_gone"))
+        check("unplugged: noticed", gone, reasons(rpc))
+        plug()
+        found = reaches(lambda: rpc.motor_is("disabled") and rpc.bus_is("up"))
+        check("plugged in: udev brings it up, the motor is found", found, reasons(rpc))
+        same = (unit.pid, unit.restarts) == (before, restarts)
+        check("the daemon never ended", same and unit.is_active(), unit.tell())
+
+
+def started_by_udev() -> None:
+    """An enabled unit that was stopped is started when the interface appears."""
+    unit = Unit()
+    with at_work(unit) as rpc:
+        rpc.insist("motor.enable")
+        unit.stop()
+        check("systemctl stop: as it should", unit.show("Result") == "success", unit.tell())
+        unplug()
+        check("it stays stopped without the interface", not unit.is_active(), unit.tell())
+        plug()
+        check("and is started with it", reaches(unit.is_active), unit.tell())
+        found = reaches(lambda: unit.rpc().motor_is("disabled"))
+        check("and finds the motor", found, unit.tell())
+    must("systemctl", "disable", unit.name)
+    unit.stop()
+    unplug()
+    plug()
+    reaches(lambda: "UP" in link("can0").get("flags", ()))
+    must("udevadm", "settle")
+    check("one that is not enabled is not", unit.show("ActiveState") == "inactive", unit.tell())
+    must("systemctl", "enable", unit.name)
+
+
+def by_networkd() -> None:
+    """Where systemd-networkd is enabled, it and not a rule brings the interfaces up."""
+    must("systemctl", "enable", "--now", "systemd-networkd")
+    print(must(f"{PROGRAMS}/litegripctl", "install-units", "--can", "can0", "--can", "can1"))
+    must("networkctl", "reload")
+    must("udevadm", "control", "--reload")
+    rule = Path("/usr/local/lib/udev/rules.d/80-litegrip.rules")
+    check("the rule is removed", not rule.exists())
+    unplug()
+    plug()
+    check("networkd brings can0 up", reaches(partial(is_set_up, "can0")), link("can0"))
+
+
+def unplug() -> None:
+    """Take the card of can0 out of its bus."""
+    (Path("/sys/class/net/can0/device").resolve() / "remove").write_text("1")
+    if not reaches(lambda: not link("can0")):
+        raise TimeoutError("can0 is still there")
+
+
+def plug() -> None:
+    """Have the bus look for cards."""
+    Path("/sys/bus/pci/rescan").write_text("1")
+    if not reaches(lambda: bool(link("can0"))):
+        raise TimeoutError("can0 does not come back")
+
+
+FAILING_UNITS = (killed, hung, interface_goes_and_comes, started_by_udev, by_networkd)

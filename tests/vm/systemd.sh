@@ -1,0 +1,23 @@
+#!/bin/bash
+# Runs in the virtual machine: systemd.sh BOOT [SCENE...]. The first boot installs the wheels.
+set -euo pipefail
+cd /mnt/host
+
+boot=$1
+venv=/opt/litegripd
+if [[ $boot == 1 ]]; then
+    python3 -m venv --without-pip "$venv"
+    pip --quiet --python "$venv/bin/python" install --disable-pip-version-check \
+        --root-user-action=ignore --no-index --find-links wheels litegripd
+fi
+modprobe vcan
+ip link add dev vcan0 type vcan
+ip link set vcan0 up
+
+mkdir -p /root/logs
+cd /root
+status=0
+PATH=$venv/bin:$PATH PYTHONPATH=/mnt/host python3 -m tests.vm.systemd "$@" || status=$?
+mkdir -p "/mnt/host/logs/systemd-$boot"
+cp -r logs/. "/mnt/host/logs/systemd-$boot"
+exit "$status"
