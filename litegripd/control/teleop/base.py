@@ -114,6 +114,9 @@ def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:
         status,
         active=False,
         fault=why or status.fault,
+        link_state=None,  # the action has let go of it
+        link_protected=None,
+        matching=None,
         dq_cmd=0.0,
         loop_hz=0.0,
         reflected_n=None,
