@@ -33,9 +33,9 @@ class Capture:
     """Samples of a gripper with `geometry`, `rate_hz` a second, until `max_samples` were due.
 
     `job` is the one that makes the jaws slack meanwhile, None where others drive; `client` is whose
-    capture it is. `missed` counts the samples that were due, but not measured in time; `error` says
-    why it was broken off, if so. Memory is taken by pieces of 32 kB, and given back when it
-    `is_taken` to the helper process.
+    capture it is, which it outlives where it is `detached`. `missed` counts the samples that were
+    due, but not measured in time; `error` says why it was broken off, if so. Memory is taken by
+    pieces of 32 kB, and given back when it `is_taken` to the helper process.
     """
 
     geometry: Geometry
@@ -44,6 +44,7 @@ class Capture:
     period_s: float
     client: int
     began_s: float
+    detached: bool = False
     job: Job | None = None
     samples: int = 0
     missed: int = 0
