@@ -12,7 +12,6 @@ from litegripd.control.grip import Grip
 from litegripd.control.grip_notes import GripNotes
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
-from litegripd.model.grips import TaughtGrip
 from litegripd.model.jobs import Job
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.model.path import PIECE_BYTES
@@ -157,9 +156,9 @@ class Capture:
         left = self.size - number * PIECE_BYTES
         return memoryview(self.pieces[number])[:left]
 
-    def grips(self) -> tuple[TaughtGrip, ...]:
-        """Return what the jaws held meanwhile."""
-        return self.notes.grips(self.geometry, self.duration_s)
+    def grips(self) -> list[dict[str, float | str]]:
+        """Return what the jaws held meanwhile, ready for JSON."""
+        return self.notes.plain(self.geometry, self.duration_s)
 
     def header(self, can_id: int) -> dict[str, Any]:
         """Return what the file's header says, but for what only the end brings."""
