@@ -37,7 +37,7 @@ def status(data: Data) -> str:
     verdict = "runs" if data.get("active") else "does not run"
     rows = [
         ("teleop", f"{data.get('mode')}, {verdict} ({data.get('phase')})"),
-        ("link", f"{data.get('link')} {data.get('link_state')}, {data.get('topic')}"),
+        ("link", f"{data.get('link')} {data.get('link_state') or 'closed'}, {data.get('topic')}"),
         ("opening", f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open"),
         ("force", figure(data.get("force_n"), "+.1f", "N")),
         ("torque", figure(data.get("torque_nm"), "+.2f", "N·m")),

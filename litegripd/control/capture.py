@@ -12,7 +12,6 @@ from litegripd.control.grip import Grip
 from litegripd.control.grip_notes import GripNotes
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
-from litegripd.model.grips import TaughtGrip
 from litegripd.model.jobs import Job
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.model.path import PIECE_BYTES
@@ -33,9 +32,9 @@ class Capture:
     """Samples of a gripper with `geometry`, `rate_hz` a second, until `max_samples` were due.
 
     `job` is the one that makes the jaws slack meanwhile, None where others drive; `client` is whose
-    capture it is. `missed` counts the samples that were due, but not measured in time; `error` says
-    why it was broken off, if so. Memory is taken by pieces of 32 kB, and given back when it
-    `is_taken` to the helper process.
+    capture it is, which it outlives where it is `detached`. `missed` counts the samples that were
+    due, but not measured in time; `error` says why it was broken off, if so. Memory is taken by
+    pieces of 32 kB, and given back when it `is_taken` to the helper process.
     """
 
     geometry: Geometry
@@ -44,6 +43,7 @@ class Capture:
     period_s: float
     client: int
     began_s: float
+    detached: bool = False
     job: Job | None = None
     samples: int = 0
     missed: int = 0
@@ -156,9 +156,9 @@ class Capture:
         left = self.size - number * PIECE_BYTES
         return memoryview(self.pieces[number])[:left]
 
-    def grips(self) -> tuple[TaughtGrip, ...]:
-        """Return what the jaws held meanwhile."""
-        return self.notes.grips(self.geometry, self.duration_s)
+    def grips(self) -> list[dict[str, float | str]]:
+        """Return what the jaws held meanwhile, ready for JSON."""
+        return self.notes.plain(self.geometry, self.duration_s)
 
     def header(self, can_id: int) -> dict[str, Any]:
         """Return what the file's header says, but for what only the end brings."""

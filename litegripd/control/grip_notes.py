@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from litegripd.control.grip import Grip
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
-from litegripd.model.grips import MAX_SOURCE, MOST_GRIPS, TaughtGrip
+from litegripd.model.grips import MAX_SOURCE, MOST_GRIPS
 from litegripd.model.jobs import JobKind
 
 _METHODS: Mapping[JobKind, str] = {
@@ -61,28 +61,32 @@ class GripNotes:
                 last_s = self._notes[-1].end_s if self._notes else 0.0
                 closing_s = min(max(job.started_s - began_s, last_s), t_s)
             source = "unknown" if job is None else f"{_METHODS[job.kind]} by {job.owner.program}"
-            note = _Note(grip, grip.force_n, closing_s, t_s, t_s, position_rad, source)
+            note = _Note(grip, grip.force_n, closing_s, t_s, t_s, position_rad, _plain(source))
             self._held = note
             if len(self._notes) < MOST_GRIPS:
                 self._notes.append(note)
             else:
                 self.left_out += 1
 
-    def grips(self, geometry: Geometry, duration_s: float) -> tuple[TaughtGrip, ...]:
-        """Return the grips of a recording of this length, by its calibration."""
-        noted = (note for note in self._notes if note.start_s <= duration_s)
-        return tuple(
-            TaughtGrip(
-                closing_s=note.closing_s,
-                start_s=note.start_s,
-                end_s=min(note.end_s, duration_s),
-                openness=geometry.openness(note.position_rad),
-                width_mm=max(geometry.opening_mm(note.position_rad), 0.0),
-                force_n=note.force_n,
-                source=_plain(note.source),
-            )
-            for note in noted
-        )
+    def plain(self, geometry: Geometry, duration_s: float) -> list[dict[str, float | str]]:
+        """Return the grips of a recording of this length, with the names of `TaughtGrip`.
+
+        They are judged where they are kept, by the helper process: for so many that takes too long
+        for a tick.
+        """
+        return [
+            {
+                "closing_s": note.closing_s,
+                "start_s": note.start_s,
+                "end_s": min(note.end_s, duration_s),
+                "openness": geometry.openness(note.position_rad),
+                "width_mm": max(geometry.opening_mm(note.position_rad), 0.0),
+                "force_n": note.force_n,
+                "source": note.source,
+            }
+            for note in self._notes
+            if note.start_s <= duration_s
+        ]
 
 
 def _plain(source: str) -> str:

@@ -3,7 +3,6 @@
 import base64
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict
 from typing import Any
 
 from litegripd.control.capture import Capture
@@ -38,7 +37,7 @@ class Keeping:
         self._number = number
         self._name = name
         self._on_kept = on_kept
-        self._grips = json.dumps([asdict(grip) for grip in capture.grips()]).encode()
+        self._grips = json.dumps(capture.grips()).encode()
         self._sent = 0
 
     def begin(self) -> None:

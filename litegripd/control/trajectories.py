@@ -79,6 +79,7 @@ class Trajectories:
             engine.period_s,
             owner.client,
             engine.now_s,
+            detached,
         )
         if slack:
             capture.job = engine.begin("record", Teach(capture), owner, detached)
@@ -119,9 +120,11 @@ class Trajectories:
         return None
 
     def client_lost(self, client: int) -> None:
-        """End the recording that a client has begun while others drive."""
+        """End the recording that a client has begun while others drive, unless it is detached."""
         capture = self.capture
-        if capture is not None and capture.job is None and capture.client == client:
+        if capture is None or capture.job is not None or capture.detached:
+            return
+        if capture.client == client:
             capture.fail("the client that recorded went away")
 
     def _note_job(self, capture: Capture) -> None:

@@ -152,8 +152,10 @@ class Station:
 
         def deliver(payload: bytes, source: str) -> None:
             now_s = time.monotonic()
-            if flood.passes(now_s):
-                self._send(pack_arrival(order.generation, Arrival(payload, now_s, source)))
+            if not flood.passes(now_s):
+                return
+            if not self._send(pack_arrival(order.generation, Arrival(payload, now_s, source))):
+                flood.refuse()  # the daemon stands still: frames get old, they are not kept
 
         if wish.kind == "udp":
             return (
@@ -184,18 +186,22 @@ class Station:
         self._tell(order, state)
 
     def _tell(self, order: Order, status: LinkStatus) -> None:
-        if status != self._told:
+        """Tell the daemon how the link is, if it is not as told; what did not leave comes again."""
+        if status != self._told and self._send(pack_status(order.generation, status)):
             self._told = status
-            self._send(pack_status(order.generation, status))
 
-    def _send(self, packet: bytes) -> None:
-        """Tell the daemon something; without a daemon, end the process from any thread."""
+    def _send(self, packet: bytes) -> bool:
+        """Tell the daemon something; return whether its socket had room for it.
+
+        Without a daemon, end the process from any thread.
+        """
         try:
             self._peer.send(packet, socket.MSG_DONTWAIT)
         except BlockingIOError:
-            self._flood.refuse()  # the daemon stands still: frames get old, they are not kept
+            return False
         except OSError:
             os._exit(0)
+        return True
 
 
 def _worded(error: Exception) -> str:

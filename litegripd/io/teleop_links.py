@@ -44,6 +44,8 @@ class TeleopLinks:
         self._inside = InProcessLinks()
         self._child: Child | None = None
         self._link: ProcessLink | None = None
+        self._led: ProcessLink | None = None  # zenoh's leader that was the last one
+        self._open_port: int | None = None  # of an unprotected leader's session, which is kept
         self._generation = 0
         self._restart_at_s = 0.0
         self._restart_after_s = _RESTART_FIRST_S
@@ -60,7 +62,13 @@ class TeleopLinks:
 
     @property
     def is_open_to_network(self) -> bool | None:
-        """Whether others than the two ends can take part now; None while nobody can know."""
+        """Whether others than those whom the configuration names can reach a link now.
+
+        That of a leader's session, too, which stays open when its teleoperation is over. None while
+        nobody can know.
+        """
+        if self._open_port is not None:
+            return True
         is_protected = None if self.status is None else self.status.is_protected
         return None if is_protected is None else not is_protected
 
@@ -70,6 +78,8 @@ class TeleopLinks:
             return self._inside.open(wish)
         self._generation += 1
         self._link = ProcessLink(self, Order(self._generation, wish, self._zenoh_config))
+        if (wish.kind, wish.mode) == ("zenoh", "master"):
+            self._led = self._link
         return self._link
 
     def warning(self, wish: LinkWish) -> str | None:
@@ -97,18 +107,22 @@ class TeleopLinks:
             self._bury(child, now_s)
         elif child is None and link is not None and now_s >= self._restart_at_s:
             self._spawn(link, now_s)
+        elif child is not None and link is None and self._led is not None:
+            self.exchange(self._led)  # what was closed while it opened may be open now
 
     def close(self) -> None:
         """End the process."""
         if self._child is not None:
             self._child.close(_END_WITHIN_S)
             self._child = None
+            self._open_port = None
 
     def let_go(self) -> None:
         """Leave the process to end by itself, as it does without its daemon."""
         if self._child is not None:
             self._child.let_go()
             self._child = None
+            self._open_port = None
 
     # For the links
 
@@ -124,11 +138,22 @@ class TeleopLinks:
                 return
             self._restart_after_s = _RESTART_FIRST_S
             link.take(packet)
+            if self._led is not None and self._led is not link:
+                self._led.take(packet)
 
     def forget(self, link: "ProcessLink") -> None:
         """Take note that a link is closed."""
         if self._link is link:
             self._link = None
+
+    def note(self, link: "ProcessLink", wish: LinkWish, status: LinkStatus) -> None:
+        """Take note of which leader's session the process keeps (see `ZenohLeaders`)."""
+        if link is not self._led:
+            return
+        if status.is_protected is not None:
+            self._open_port = None if status.is_protected else wish.port
+        elif status.state == "failed" and wish.port != self._open_port:
+            self._open_port = None  # given up for another port, which could not be opened
 
     def _spawn(self, link: "ProcessLink", now_s: float) -> None:
         try:
@@ -141,7 +166,7 @@ class TeleopLinks:
 
     def _bury(self, child: Child, now_s: float) -> None:
         child.close()
-        self._child = None
+        self._child = self._open_port = None
         self.deaths += 1
         if self._link is not None:
             self._link.status = LinkStatus("failed", "the link process died; it is started again")
@@ -155,6 +180,7 @@ class ProcessLink:
     def __init__(self, links: TeleopLinks, order: Order) -> None:
         self.status = LinkStatus()
         self.is_ordered = False
+        self._is_closed = False
         self._links = links
         self._order = order
         self._arrived: list[Arrival] = []
@@ -180,6 +206,7 @@ class ProcessLink:
 
     def close(self) -> None:
         """Have it closed; what it still tells is not for the next one."""
+        self._is_closed = True
         self._links.send(CLOSE)
         self._links.forget(self)
 
@@ -188,9 +215,10 @@ class ProcessLink:
         kind, body = packet[:1], packet[1:]
         if kind == FRAME:
             generation, arrival = unpack_arrival(body)
-            if generation == self._order.generation:
+            if generation == self._order.generation and not self._is_closed:
                 self._arrived.append(arrival)
         elif kind == STATUS:
             generation, status = unpack_status(body)
             if generation == self._order.generation:
                 self.status = status
+                self._links.note(self, self._order.wish, status)

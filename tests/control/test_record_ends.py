@@ -54,8 +54,9 @@ def test_stopping_in_the_tick_of_its_end_does_not_make_it_good() -> None:
     assert client.answers[number]["error"]["data"]["reason"] == "recording_failed"
 
 
-def test_a_detached_one_goes_on_without_its_client() -> None:
-    world, client = recording(detach=True)
+@pytest.mark.parametrize("slack", [True, False])
+def test_a_detached_one_goes_on_without_its_client(slack: bool) -> None:
+    world, client = recording(zero_gravity=slack, detach=True)
     world.run(0.2)
     client.leave()
     world.run(0.2)

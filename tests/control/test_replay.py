@@ -263,6 +263,25 @@ def test_a_jump_is_refused_at_every_speed() -> None:
     assert client.refusal("trajectory.play", upload=upload, speed=0.1) == "out_of_limits"
 
 
+@pytest.mark.parametrize("after_s", [0.0, 0.001])
+@pytest.mark.parametrize("speed", [0.1, 1.0])
+def test_a_jump_within_a_period_is_a_jump(after_s: float, speed: float) -> None:
+    _, client = ready()
+    upload = uploaded(client, [(0.0, 0.05), (after_s, 0.95)])
+    assert client.refusal("trajectory.play", upload=upload, speed=speed) == "out_of_limits"
+
+
+@pytest.mark.parametrize("after_s", [0.0, 0.001])
+@pytest.mark.parametrize("moved", [0.0, 0.001])
+def test_a_path_within_a_period_is_a_pose_as_long_as_it_is_slow(
+    after_s: float, moved: float
+) -> None:
+    world, client = ready()
+    upload = uploaded(client, [(0.0, 0.25), (after_s, 0.25 + moved * after_s / 0.001)])
+    assert client.result("trajectory.play", upload=upload)["ok"]
+    assert openness(world) == pytest.approx(0.25, abs=0.02)
+
+
 def test_a_running_one_is_not_made_too_fast_either() -> None:
     world, client = ready()
     started(world, client, sampled(lambda t_s: 0.1 + 1.5 * t_s, 0.5, hz=200), speed=0.2)

@@ -287,6 +287,19 @@ def test_the_links_state_is_told_once_and_shown() -> None:
     assert [event["data"]["warning"] for event in told] == [True, True, False]
 
 
+def test_a_link_that_was_let_go_of_is_not_shown_as_open() -> None:
+    world = TeleopWorld()
+    client = world.enabled()
+    client.result("teleop.start", **MASTER)
+    world.wire.status = LinkStatus("open", matching=True, is_protected=False)
+    world.run(0.1)
+    assert client.result("teleop.status")["link_state"] == "open"
+    stopped = client.result("teleop.stop")
+    for status in (stopped, client.result("teleop.status")):
+        assert status["link"] == "zenoh"
+        assert status["link_state"] is status["link_protected"] is status["matching"] is None
+
+
 def test_the_fake_leader_sweeps_and_trips_the_guard_on_a_rigid_object() -> None:
     world = TeleopWorld(opening_mm=110.0)
     client = world.enabled()

@@ -5,9 +5,11 @@ import select
 import signal
 import socket
 import struct
+import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from queue import SimpleQueue
 
 import pytest
 from hypothesis import given
@@ -15,7 +17,7 @@ from hypothesis import strategies as st
 
 from litegripd.control.teleop.link import Link
 from litegripd.io.child import Child
-from litegripd.io.teleop_link_main import Flood
+from litegripd.io.teleop_link_main import Flood, Station
 from litegripd.io.teleop_links import ProcessLink, TeleopLinks
 from litegripd.io.teleop_wire import (
     Order,
@@ -84,6 +86,34 @@ def test_a_flood_does_not_pass() -> None:
     assert flood.dropped == 100_000 - passed
     flood = Flood()
     assert all(flood.passes(100.0 + 1e-3 * number) for number in range(5000))
+
+
+class FullAtFirst(socket.socket):
+    """A daemon's socket that has no room for the first packet; it keeps what it takes."""
+
+    tried = 0
+
+    def __init__(self) -> None:
+        super().__init__(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self.taken: SimpleQueue[bytes] = SimpleQueue()
+
+    def send(self, packet: bytes, _flags: int = 0) -> int:  # type: ignore[override]
+        self.tried += 1
+        if self.tried == 1:
+            raise BlockingIOError
+        self.taken.put(packet)
+        return len(packet)
+
+
+def test_a_state_that_meets_a_full_socket_is_told_when_there_is_room() -> None:
+    with FullAtFirst() as peer, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as used:
+        used.bind(("", 0))
+        station = Station(peer)
+        threading.Thread(target=station.work, daemon=True).start()
+        station.order(Order(5, LinkWish("slave", "udp", port=used.getsockname()[1])))
+        generation, status = unpack_status(peer.taken.get(timeout=DEADLINE_S)[1:])
+        assert (generation, status.state) == (5, "failed")
+        station.order(None)
 
 
 @pytest.fixture

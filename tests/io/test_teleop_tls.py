@@ -1,5 +1,6 @@
 """A zenoh link behind the TLS of etc/: strangers neither lead, nor follow, nor hear anything."""
 
+import base64
 import json
 import shutil
 import socket
@@ -114,6 +115,36 @@ def test_a_follower_does_not_believe_a_leader_of_another_authority(links: Make) 
     assert follower.receive(0.0) == []
 
 
+def test_certificates_within_the_configuration_are_used_as_those_in_files(
+    folder: Path, tmp_path: Path, links: Make
+) -> None:
+    def inside(name: str) -> str:
+        return base64.b64encode((folder / "own" / "localhost" / name).read_bytes()).decode()
+
+    tls: dict[str, object] = {"enable_mtls": True, "root_ca_certificate_base64": inside("ca.pem")}
+    for end in ("listen", "connect"):
+        tls[f"{end}_certificate_base64"] = inside("own.pem")
+        tls[f"{end}_private_key_base64"] = inside("own.key")
+    file = tmp_path / "zenoh.json5"
+    file.write_text(json.dumps({"transport": {"link": {"tls": tls}}}), encoding="utf-8")
+    port = free_port(socket.SOCK_STREAM)
+    within = TeleopLinks(str(file))
+    try:
+        leader = opened(within, LinkWish("master", port=port))
+        follower = opened(links("own/127.0.0.1"), LinkWish("slave", host="localhost", port=port))
+        heard: list[bytes] = []
+
+        def is_heard() -> bool:
+            leader.publish(FRAME, 0.0)
+            heard.extend(arrival.payload for arrival in follower.receive(0.0))
+            return len(heard) > 20
+
+        until(leader, is_heard)
+        assert leader.status.is_protected is follower.status.is_protected is True
+    finally:
+        within.close()
+
+
 def access_list(*, enabled: bool, otherwise: str) -> dict[str, object]:
     rule = {
         "id": "teleop",
@@ -137,7 +168,8 @@ def access_list(*, enabled: bool, otherwise: str) -> dict[str, object]:
     ("content", "leads", "follows"),
     [
         ({}, False, False),
-        (access_list(enabled=True, otherwise="deny"), True, True),
+        ({"transport": {"link": {"tls": {"enable_mtls": True}}}}, False, False),
+        (access_list(enabled=True, otherwise="deny"), True, False),
         (access_list(enabled=True, otherwise="allow"), False, False),
         (access_list(enabled=False, otherwise="deny"), False, False),
     ],

@@ -1,15 +1,20 @@
 """What a stranger on an open zenoh link can do, and what not; and how ends are closed."""
 
 import json
+import os
+import signal
 import socket
 import struct
+import time
+from collections.abc import Callable
 
+import pytest
 import zenoh
 
 from litegripd.io.teleop_links import TeleopLinks
-from litegripd.model.teleop import LinkWish
+from litegripd.model.teleop import LinkKind, LinkWish
 from tests.control.reflection_pair import force_frame
-from tests.io.test_teleop_links import free_port, until
+from tests.io.test_teleop_links import DEADLINE_S, free_port, until
 
 FRAME = struct.pack(">4d", 0.25, 30.0, 0.0, 1.0)
 FORGED = struct.pack(">4d", 0.0, 0.0, 0.0, 2.0)
@@ -85,5 +90,67 @@ def test_a_leader_that_reflects_can_be_closed_and_opened_on_the_same_session() -
             leader.close()
             assert links.pid == pid
         assert links.deaths == 0
+    finally:
+        links.close()
+
+
+def is_open(links: TeleopLinks) -> bool | None:
+    return links.is_open_to_network
+
+
+def keep_polling(links: TeleopLinks, condition: Callable[[], bool]) -> None:
+    """Let ticks without a link pass until a condition holds."""
+    ends_s = time.monotonic() + DEADLINE_S
+    while not condition():
+        assert time.monotonic() < ends_s
+        links.poll(time.monotonic())
+
+
+def test_a_leaders_session_that_stays_open_is_told_until_it_is_gone() -> None:
+    port = free_port(socket.SOCK_STREAM)
+    links = TeleopLinks()
+    try:
+        leader = links.open(LinkWish("master", port=port))
+        until(leader, lambda: leader.status.state == "open")
+        leader.close()
+        links.poll(time.monotonic())
+        with socket.create_connection(("127.0.0.1", port)):
+            assert is_open(links) is True
+        with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as taken:
+            taken.bind(("", 0))
+            taken.listen()
+            other = links.open(LinkWish("master", port=taken.getsockname()[1]))
+            assert is_open(links) is True
+            until(other, lambda: other.status.state == "failed")
+            assert is_open(links) is None
+            with pytest.raises(ConnectionRefusedError):
+                socket.create_connection(("127.0.0.1", port))
+            other.close()
+        again = links.open(LinkWish("master", port=port))
+        until(again, lambda: again.status.state == "open")
+        again.close()
+        assert links.pid is not None
+        os.kill(links.pid, signal.SIGKILL)
+        keep_polling(links, lambda: links.pid is None)
+        assert is_open(links) is None
+    finally:
+        links.close()
+
+
+@pytest.mark.parametrize("followed_by", [None, "udp"])
+def test_a_leader_that_is_closed_while_it_opens_may_be_open_nevertheless(
+    followed_by: LinkKind | None,
+) -> None:
+    links = TeleopLinks()
+    try:
+        leader = links.open(LinkWish("master", port=free_port(socket.SOCK_STREAM)))
+        until(leader, lambda: leader.is_ordered)  # type: ignore[attr-defined]
+        leader.close()
+        if followed_by is not None:
+            wish = LinkWish("slave", followed_by, port=free_port(socket.SOCK_DGRAM))
+            other = links.open(wish)
+            until(other, lambda: other.status.state == "open")
+            other.close()
+        keep_polling(links, lambda: links.is_open_to_network is True)
     finally:
         links.close()

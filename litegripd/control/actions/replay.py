@@ -76,7 +76,7 @@ class Replay(PlainAction):
 
     def change_speed(self, speed: float) -> Refusal | None:
         """Go on at another speed, a multiple of the one that was taught."""
-        refusal = None if self._path is None else self._speed_refusal(speed, self._path)
+        refusal = None if self._path is None else self._speed_refusal(speed)
         if refusal is None:
             self.speed = speed
         return refusal
@@ -142,7 +142,7 @@ class Replay(PlainAction):
         refusal = unfit(
             self._request, loading.path, self._geometry, self._config, feedback.position_rad
         )
-        refusal = refusal or self._speed_refusal(self.speed, loading.path)
+        refusal = refusal or self._speed_refusal(self.speed)
         refusal = refusal or grips_refusal(self._request.force, loading)
         if refusal is not None:
             return Step(outcome=refusal)
@@ -152,9 +152,8 @@ class Replay(PlainAction):
         self.phase = "align" if self._request.align else "play"
         return Step()
 
-    def _speed_refusal(self, speed: float, path: Path) -> Refusal | None:
-        refusal = speed_refusal(speed, self._loading.max_rate_s, self._geometry)
-        return None if self._is_pose(path) else refusal
+    def _speed_refusal(self, speed: float) -> Refusal | None:
+        return speed_refusal(speed, self._loading.max_rate_s, self._geometry)
 
     def _go(self, now_s: float, elapsed_s: float, feedback: Feedback, path: Path) -> Step:
         if self.phase == "align":

@@ -1,7 +1,7 @@
 """What leader and follower have in common: the link, its events, and what can be told of them."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
@@ -11,10 +11,21 @@ from litegripd.control.teleop.loop_rate import LoopRate
 from litegripd.model.events import Event
 from litegripd.model.motor import Feedback, MotorView, Status, status_name
 from litegripd.model.results import TeleopResult
-from litegripd.model.teleop import LinkStatus, LinkWish, TeleopStatus
+from litegripd.model.teleop import LinkStatus, LinkWish, TeleopMode, TeleopStatus
 
 Tell: TypeAlias = Callable[[Event], None]
 """Takes what happens on the way, for log and subscribers."""
+
+_OPEN: Mapping[TeleopMode, str] = {
+    "master": (
+        "whoever reaches the link can take part: zenoh_config asks neither for certificates of"
+        " both ends nor for an access list or passwords"
+    ),
+    "slave": (
+        "whoever answers at the leader's address can move these jaws: zenoh_config names no"
+        " authority for the leader's certificate"
+    ),
+}
 
 
 class TeleopAction(PlainAction, ABC):
@@ -67,11 +78,7 @@ class TeleopAction(PlainAction, ABC):
             self.tell(f"the link is {status.state}{why}", warning=failed, link=status.state)
             if status.is_protected is False and not self.is_warned:
                 self.is_warned = True
-                text = (
-                    "whoever reaches the link can take part: zenoh_config asks neither for"
-                    " certificates of both ends nor for an access list or passwords"
-                )
-                self.tell(text, warning=True)
+                self.tell(_OPEN[self.wish.mode], warning=True)
 
     def base_status(self) -> TeleopStatus:
         """Return what is the same for both ends."""
@@ -107,6 +114,9 @@ def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:
         status,
         active=False,
         fault=why or status.fault,
+        link_state=None,  # the action has let go of it
+        link_protected=None,
+        matching=None,
         dq_cmd=0.0,
         loop_hz=0.0,
         reflected_n=None,
