@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 MODULE = "litegripd.app.main"
 SUCCESSOR_OPTION = "--successor"
 
-READY_WITHIN_S = 20.0  # so long a successor may take until it has taken over
+READY_WITHIN_S = 60.0  # so long a successor may take until it has taken over
 
 TAKE_WITHIN_S = 0.04
 """So long it may take from the state to its first command. The motor's watchdog disarms after
