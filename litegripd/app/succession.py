@@ -34,7 +34,7 @@ SUCCESSOR_OPTION = "--successor"
 
 READY_WITHIN_S = 60.0  # so long a successor may take until it has taken over
 
-TAKE_WITHIN_S = 0.04
+TAKE_WITHIN_S = 0.06
 """So long it may take from the state to its first command. The motor's watchdog disarms after
 0.1 s without one: what is left is for ending the successor and going on."""
 _DIE_WITHIN_S = 0.5

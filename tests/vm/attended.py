@@ -22,7 +22,7 @@ from tests.vm.unit import (
     status_of,
 )
 
-RESTARTS_AT_MOST = 5
+RESTARTS_AT_MOST = 12
 """An emulated machine may need longer for the handover than the motor can wait; then the daemon
 goes on as it was, and it is tried again."""
 
