@@ -1,0 +1,13 @@
+"""What a test run in the background has inherited must not decide: Ctrl-C and hang-ups are heard.
+
+A shell starts background jobs with SIGINT ignored, nohup with SIGHUP; whatever they start inherits
+that, and programs that tests start would be deaf to them. A handler is not inherited: they get the
+default.
+"""
+
+import signal
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+    signal.signal(signal.SIGHUP, lambda _number, _frame: None)
