@@ -48,8 +48,9 @@ def probe_bounds(config: MotionConfig) -> Bounds:
 class LastWord:
     """Keeps commands finite, inside the travel and within the torque that the motor bears.
 
-    The torque of a command is bounded by kp·|lead| + kd·|dv| + |torque|. A command beyond that
-    is scaled towards what the motor does now, which lowers each term alike.
+    The torque of a command is bounded by kp·|lead| + kd·|dv| + |torque|. Where that is too much,
+    each term is lowered alike: lead, damping and torque. The velocity is not led to the measured
+    one, which is a tick or two old: jaws that are thrown would be driven on by it, to and fro.
     """
 
     def __init__(self) -> None:
@@ -147,11 +148,11 @@ def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) ->
     if bound_nm <= budget_nm:
         return command
     share = budget_nm / bound_nm
-    position_rad, velocity_rad_s = feedback.position_rad, feedback.velocity_rad_s
+    position_rad = feedback.position_rad
     return replace(
         command,
         position_rad=position_rad + share * (command.position_rad - position_rad),
-        velocity_rad_s=velocity_rad_s + share * (command.velocity_rad_s - velocity_rad_s),
+        kd_nm_s_rad=share * command.kd_nm_s_rad,
         torque_nm=share * command.torque_nm,
     )
 
