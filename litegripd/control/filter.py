@@ -49,8 +49,9 @@ class LastWord:
     """Keeps commands finite, inside the travel and within the torque that the motor bears.
 
     The torque of a command is bounded by kp·|lead| + kd·|dv| + |torque|. Where that is too much,
-    each term is lowered alike: lead, damping and torque. The velocity is not led to the measured
-    one, which is a tick or two old: jaws that are thrown would be driven on by it, to and fro.
+    damping comes first, and lead and torque share what it leaves. The velocity is not led to the
+    measured one, which is a tick or two old: jaws that are thrown would be driven on by it, to and
+    fro.
     """
 
     def __init__(self) -> None:
@@ -147,12 +148,16 @@ def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) ->
     bound_nm = torque_bound_nm(command, feedback)
     if bound_nm <= budget_nm:
         return command
-    share = budget_nm / bound_nm
+    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
+    damping_nm = command.kd_nm_s_rad * slip_rad_s
+    braked_nm = min(damping_nm, budget_nm)
+    pushing_nm = bound_nm - damping_nm
+    share = (budget_nm - braked_nm) / pushing_nm if pushing_nm > 0.0 else 1.0
     position_rad = feedback.position_rad
     return replace(
         command,
         position_rad=position_rad + share * (command.position_rad - position_rad),
-        kd_nm_s_rad=share * command.kd_nm_s_rad,
+        kd_nm_s_rad=braked_nm / slip_rad_s if damping_nm > budget_nm else command.kd_nm_s_rad,
         torque_nm=share * command.torque_nm,
     )
 
