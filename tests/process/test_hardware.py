@@ -154,7 +154,8 @@ def test_an_adapter_that_is_unplugged_while_holding_and_plugged_in_again(tmp_pat
         state = client.until(
             lambda state: bool(state["bus"] == "up" and state["motor"] in ("disabled", "fault"))
         )
-        assert state["opening_mm"] == pytest.approx(held_mm, abs=2.0)
+        # The stop on which they pressed springs back.
+        assert state["opening_mm"] == pytest.approx(held_mm, abs=3.0)
         assert client.refusal("motion.open") in ("not_enabled", "motor_fault")
         assert client.despite_silence("motor.enable")["ok"]
         assert client.despite_silence("motion.open", speed_mm_s=100)["ok"]
