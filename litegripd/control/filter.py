@@ -48,10 +48,8 @@ def probe_bounds(config: MotionConfig) -> Bounds:
 class LastWord:
     """Keeps commands finite, inside the travel and within the torque that the motor bears.
 
-    The torque of a command is bounded by kp·|lead| + kd·|dv| + |torque|. Where that is too much,
-    damping comes first, and lead and torque share what it leaves. The velocity is not led to the
-    measured one, which is a tick or two old: jaws that are thrown would be driven on by it, to and
-    fro.
+    The torque of a command is bounded by kp·|lead| + kd·|dv| + |torque|. A command beyond that
+    is scaled towards what the motor does now, which lowers each term alike.
     """
 
     def __init__(self) -> None:
@@ -148,16 +146,12 @@ def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) ->
     bound_nm = torque_bound_nm(command, feedback)
     if bound_nm <= budget_nm:
         return command
-    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
-    damping_nm = command.kd_nm_s_rad * slip_rad_s
-    braked_nm = min(damping_nm, budget_nm)
-    pushing_nm = bound_nm - damping_nm
-    share = (budget_nm - braked_nm) / pushing_nm if pushing_nm > 0.0 else 1.0
-    position_rad = feedback.position_rad
+    share = budget_nm / bound_nm
+    position_rad, velocity_rad_s = feedback.position_rad, feedback.velocity_rad_s
     return replace(
         command,
         position_rad=position_rad + share * (command.position_rad - position_rad),
-        kd_nm_s_rad=braked_nm / slip_rad_s if damping_nm > budget_nm else command.kd_nm_s_rad,
+        velocity_rad_s=velocity_rad_s + share * (command.velocity_rad_s - velocity_rad_s),
         torque_nm=share * command.torque_nm,
     )
 
