@@ -28,16 +28,15 @@ goes on as it was, and it is tried again."""
 
 WATCHDOG_OF_400_MS = "08005509401F0000"  # write register 9 of motor 8: 8000 times 50 µs
 HOLDER = """
-import os, sys, time
+import os, signal
 from litegrip_client import LiteGrip
 gripper = LiteGrip("can0")
 gripper.connect()
 with gripper.lease("scene"):
     if os.fork() == 0:
-        time.sleep(600)  # has the connection, too
-        os._exit(0)
+        signal.pause()  # has the connection, too
     print("leased", flush=True)
-    time.sleep(600)
+    signal.pause()
 """
 
 
@@ -98,7 +97,7 @@ def clients_of_others() -> None:
             os.kill(row["pid"], signal.SIGKILL)
             lost = reaches(lambda: rpc.call("lease.get").get("owner") is None)
             check("its end is noticed though a fork has the socket", lost)
-            run("pkill", "-KILL", "-u", "alice", "-f", "time.sleep")
+            run("pkill", "-KILL", "-u", "alice", "-f", "signal.pause")
 
 
 def links() -> None:

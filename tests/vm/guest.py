@@ -10,7 +10,8 @@ import socket
 import subprocess
 import threading
 import time
-from collections.abc import Callable, Iterator
+import traceback
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -32,6 +33,21 @@ def check(what: str, passed: bool, detail: object = "") -> None:
     print(f"{'PASS' if passed else 'FAIL'}  {what}{seen}", flush=True)
     if not passed:
         failed.append(what)
+
+
+def play(scenes: Iterable[Callable[[], None]]) -> int:
+    """Run scenes one after the other, whatever becomes of each; return 0 when all checks passed."""
+    for scene in scenes:
+        print(f"----  {scene.__doc__}", flush=True)
+        began_s = time.monotonic()
+        try:
+            scene()
+        except Exception:  # noqa: BLE001 - the other scenes still have something to tell
+            check(f"{scene.__name__} runs to its end", False, traceback.format_exc())
+        print(f"      {time.monotonic() - began_s:.0f} s", flush=True)
+    print(f"      repeated after a stall of the machine: {stalls or 'nothing'}", flush=True)
+    print(f"{len(failed)} checks failed" if failed else "all checks passed", flush=True)
+    return 1 if failed else 0
 
 
 def reaches(is_true: Callable[[], bool], limit_s: float = LIMIT_S) -> bool:

@@ -4,8 +4,6 @@ The machine is emulated and stalls: nothing here is about timing, and every limi
 """
 
 import sys
-import time
-import traceback
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -25,10 +23,10 @@ from tests.vm.guest import (
     Rpc,
     check,
     daemon,
-    failed,
     figures,
     ip,
     pause,
+    play,
     reaches,
     reasons,
     simulator,
@@ -253,19 +251,7 @@ def main() -> int:
         restart_while_holding,
     )
     names = sys.argv[1:]
-    for scene in scenes:
-        if names and scene.__name__ not in names:
-            continue
-        print(f"----  {scene.__doc__}", flush=True)
-        began_s = time.monotonic()
-        try:
-            scene()
-        except Exception:  # noqa: BLE001 - the other scenes still have something to tell
-            check(f"{scene.__name__} runs to its end", False, traceback.format_exc())
-        print(f"      {time.monotonic() - began_s:.0f} s", flush=True)
-    print(f"      repeated after a stall of the machine: {stalls or 'nothing'}", flush=True)
-    print(f"{len(failed)} checks failed" if failed else "all checks passed", flush=True)
-    return 1 if failed else 0
+    return play([scene for scene in scenes if not names or scene.__name__ in names])
 
 
 if __name__ == "__main__":

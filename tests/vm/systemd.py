@@ -4,14 +4,12 @@ The scenes build on each other. Nothing here is about timing: the machine is emu
 """
 
 import sys
-import time
-import traceback
 from functools import partial
 from pathlib import Path
 
 from tests.vm.attended import ATTENDED, patient_motor
 from tests.vm.failing_units import FAILING_UNITS
-from tests.vm.guest import check, failed, reaches, stalls
+from tests.vm.guest import check, play, reaches
 from tests.vm.unit import (
     CONFIGURATION,
     PROGRAMS,
@@ -154,19 +152,9 @@ SECOND = (after_reboot, removal)
 def main() -> int:
     """Run the scenes of one boot, or those that are named; return 0 when every check passed."""
     boot, *names = sys.argv[1:]
-    for scene in FIRST if boot == "1" else SECOND:
-        if names and scene.__name__ not in (*names, "installation"):
-            continue
-        print(f"----  {scene.__doc__}", flush=True)
-        began_s = time.monotonic()
-        try:
-            scene()
-        except Exception:  # noqa: BLE001 - the other scenes still have something to tell
-            check(f"{scene.__name__} runs to its end", False, traceback.format_exc())
-        print(f"      {time.monotonic() - began_s:.0f} s", flush=True)
-    print(f"      repeated after a stall of the machine: {stalls or 'nothing'}", flush=True)
-    print(f"{len(failed)} checks failed" if failed else "all checks passed", flush=True)
-    return 1 if failed else 0
+    wanted = (*names, "installation")
+    scenes = FIRST if boot == "1" else SECOND
+    return play([scene for scene in scenes if not names or scene.__name__ in wanted])
 
 
 if __name__ == "__main__":

@@ -11,8 +11,8 @@ from typing import Literal, TypeAlias
 from litegripd.control.actions.base import PlainAction, Step
 from litegripd.control.actions.replay_grips import ReplayGrips
 from litegripd.control.actions.replay_request import (
-    FASTEST_MM_S,
     ReplayRequest,
+    fastest_rad_s,
     grips_refusal,
     speed_refusal,
     unfit,
@@ -29,9 +29,6 @@ from litegripd.model.path import Path
 from litegripd.model.results import Progress, ReplayOutcome, ReplayProgress, ReplayResult
 
 Phase: TypeAlias = Literal["load", "align", "play", "approach", "hold", "settle"]
-CATCH_UP = 1.2
-"""Jaws that were held up go so much faster than the path's fastest part, to reach it again."""
-
 _GIVE_UP_S = 2.0
 _ROUNDING_RAD = 1e-9
 
@@ -272,10 +269,7 @@ class Replay(PlainAction):
 
     def _fastest_rad_s(self) -> float:
         """Return how fast the command may move: enough for the path, and to catch up with it."""
-        taught_rad_s = self._loading.max_rate_s * self._geometry.travel_rad * self.speed
-        usual_rad_s = self._geometry.to_rad(self._config.speed_mm_s)
-        most_rad_s = self._geometry.to_rad(FASTEST_MM_S)
-        return min(CATCH_UP * max(taught_rad_s, usual_rad_s), most_rad_s)
+        return fastest_rad_s(self.speed, self._loading.max_rate_s, self._geometry, self._config)
 
     def _is_pose(self, path: Path) -> bool:
         """Whether the path is over before a tick has passed."""

@@ -1,4 +1,4 @@
-"""What a caller wants of a replay, and why a trajectory that was loaded cannot be gone so."""
+"""What a caller wants of a replay, and whether and how fast a loaded trajectory can be gone so."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,6 +14,9 @@ Force: TypeAlias = Literal["path", "replay"]
 
 FASTEST_MM_S = RANGES["speed_mm_s"][1]
 """No path is replayed faster than any other motion may be."""
+
+CATCH_UP = 1.2
+"""Jaws that were held up go so much faster than the path's fastest part, to reach it again."""
 
 LONGEST_S = 86_400.0
 
@@ -64,6 +67,15 @@ def speed_refusal(speed: float, max_rate_s: float, geometry: Geometry) -> Refusa
         f" {rate_mm_s * speed:.4g} mm/s; at most {most:.3g} goes, {FASTEST_MM_S:g} mm/s"
     )
     return Refusal("out_of_limits", text, {"field": "speed", "requested": speed, "limit": most})
+
+
+def fastest_rad_s(
+    speed: float, max_rate_s: float, geometry: Geometry, config: MotionConfig
+) -> float:
+    """Return how fast commands may move along a path whose fastest part is `max_rate_s`."""
+    taught_rad_s = max_rate_s * geometry.travel_rad * speed
+    usual_rad_s = geometry.to_rad(config.speed_mm_s)
+    return min(CATCH_UP * max(taught_rad_s, usual_rad_s), geometry.to_rad(FASTEST_MM_S))
 
 
 def grips_refusal(force: Force, loading: Loading) -> Refusal | None:
