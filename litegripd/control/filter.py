@@ -18,6 +18,8 @@ PEAK_IMPULSE_NM_S = 2.0
 _KP_MAX = 500.0
 _KD_MAX = 5.0
 _BRAKE_KD_NM_S_RAD = 1.0
+_THROWN_RAD_S = 3.0
+"""Faster than any probe, and a third of the speed from which held jaws began to shake."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,8 @@ class LastWord:
     """Keeps commands finite, inside the travel and within the torque that the motor bears.
 
     The torque of a command is bounded by kp·|lead| + kd·|dv| + |torque|. A command beyond that
-    is scaled towards what the motor does now, which lowers each term alike.
+    is scaled towards what the motor does now, which lowers each term alike; jaws that are thrown
+    are only braked.
     """
 
     def __init__(self) -> None:
@@ -84,7 +87,11 @@ class LastWord:
             limited.append("travel")
         self._charge(now_s)
         budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
-        within = _within_torque(inside, feedback, min(budget_nm, allowance_nm))
+        allowed_nm = min(budget_nm, allowance_nm)
+        if _is_thrown(inside, feedback, allowed_nm):
+            within = _brake(inside, feedback, allowed_nm)
+        else:
+            within = _within_torque(inside, feedback, allowed_nm)
         if within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
         within = _within_ranges(within, ranges)  # scaling may round to just beyond a range
@@ -140,6 +147,29 @@ def _inside(command: MitCommand, feedback: Feedback, bounds: Bounds) -> MitComma
     if command.position_rad < low_rad or measured_rad <= bounds.low_rad:
         velocity_rad_s = max(velocity_rad_s, 0.0)
     return replace(command, position_rad=position_rad, velocity_rad_s=velocity_rad_s)
+
+
+def _is_thrown(command: MitCommand, feedback: Feedback, budget_nm: float) -> bool:
+    """Tell whether slowing the jaws to the velocity wanted would alone take more than there is."""
+    slip_rad_s = command.velocity_rad_s - feedback.velocity_rad_s
+    brakes = slip_rad_s * feedback.velocity_rad_s < 0.0
+    fast = abs(feedback.velocity_rad_s) > _THROWN_RAD_S
+    return fast and brakes and command.kd_nm_s_rad * abs(slip_rad_s) > budget_nm
+
+
+def _brake(command: MitCommand, feedback: Feedback, budget_nm: float) -> MitCommand:
+    """Lower the damping and keep its aim.
+
+    What was measured is two ticks old: damping towards that velocity would drive on what it
+    should brake, to and fro, for ever.
+    """
+    slip_rad_s = command.velocity_rad_s - feedback.velocity_rad_s
+    return replace(
+        command,
+        position_rad=feedback.position_rad,
+        kd_nm_s_rad=budget_nm / abs(slip_rad_s),
+        torque_nm=0.0,
+    )
 
 
 def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) -> MitCommand:

@@ -65,3 +65,30 @@ def test_holding_what_is_held_keeps_its_force() -> None:
         client.result("motion.hold")
         world.run(0.2)
     assert world.commands_since(world.now_s - 0.02)[-1][1].position_rad == held_rad
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("thrown_rad_s", [4.0, 9.0, 14.0, 20.0])
+def test_held_jaws_that_are_thrown_come_to_rest(mount: str, thrown_rad_s: float) -> None:
+    """What was measured is two ticks old: no limit may feed it back, or they shake for ever."""
+    world = World(mount)
+    world.enabled().result("motion.move", opening_mm=60, speed_mm_s=100)
+    world.gripper.push(6.0)
+    world.run_until(lambda: "torque" in world.state.limited)  # the peak is used up
+    world.gripper.push(0.0)
+    world.gripper._plant._velocity = thrown_rad_s
+    world.run(1.0)
+    for _ in range(20):
+        world.tick()
+        assert abs(world.gripper.velocity_rad_s) < 0.05
+
+
+@pytest.mark.parametrize("thrown_rad_s", [4.0, 9.0, 14.0, 20.0])
+def test_jaws_of_unknown_travel_that_are_thrown_come_to_rest(thrown_rad_s: float) -> None:
+    world = World(calibrated=False)
+    world.enabled()
+    world.gripper._plant._velocity = thrown_rad_s
+    world.run(1.0)
+    for _ in range(20):
+        world.tick()
+        assert abs(world.gripper.velocity_rad_s) < 0.05
