@@ -113,7 +113,8 @@ def in_the_journal(unit: Unit) -> None:
     found = reaches(lambda: "open by" in journal("LITEGRIP_CHANNEL=can0", job))
     check("journalctl finds a job", found, journal(job))
     check("but not in another channel", "open by" not in journal("LITEGRIP_CHANNEL=can9", job))
-    all_of_it = journal("LITEGRIP_CHANNEL=can0")
+    check("and all that it says", "listening on" in journal("LITEGRIP_CHANNEL=can0"))
+    all_of_it = journal("--unit=litegripd@can0")
     check("and systemd's own lines", "Started" in all_of_it and "listening on" in all_of_it)
 
 
