@@ -24,6 +24,18 @@ _DESCRIPTOR = struct.Struct("i")
 _BUFFER_BYTES = 212_992  # the kernel's usual ceiling without privileges (net.core.wmem_max)
 MAX_PACKET_BYTES = 65_536
 
+_RUN = """import sys; sys.path[:] = {path!r}; import runpy
+runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)"""
+
+
+def module_command(module: str, arguments: Sequence[str] = ()) -> list[str]:
+    """Return what runs `module` from where this process has its own modules.
+
+    `python -m module` would look in the current directory first, and run what lies there: any
+    `json.py`, for one.
+    """
+    return [sys.executable, "-c", _RUN.format(path=sys.path), module, *arguments]
+
 
 class Child:
     """One running child process: a non-blocking socket to it and a pidfd that tells its end."""
@@ -31,7 +43,7 @@ class Child:
     def __init__(
         self, module: str, arguments: Sequence[str] = (), memory_fd: int | None = None
     ) -> None:
-        """Start `python -m module arguments...`; raises `OSError` when that is impossible."""
+        """Run `module` with its arguments; raises `OSError` when that is impossible."""
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         ours.setblocking(False)
         ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
@@ -45,7 +57,7 @@ class Child:
         try:
             self.pid = os.posix_spawn(
                 sys.executable,
-                [sys.executable, "-m", module, *arguments],
+                module_command(module, arguments),
                 os.environ,
                 file_actions=inherited,
                 setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children

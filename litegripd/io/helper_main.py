@@ -1,7 +1,7 @@
 """The helper process: does, one after the other, what the control thread must never wait for.
 
-Run by the daemon as `python -m litegripd.io.helper_main`. It ends at end-of-file on its socket,
-that is, with the daemon; where that has not said goodbye, the flight recorder is written before.
+Run by the daemon. It ends at end-of-file on its socket, that is, with the daemon; where that has
+not said goodbye, the flight recorder is written before.
 """
 
 import json
@@ -17,6 +17,7 @@ from litegripd.io.child import (
     MAX_PACKET_BYTES,
     MEMORY_FD,
     inherited_socket,
+    module_command,
     receive_descriptors,
     use_all_cpus,
 )
@@ -51,15 +52,15 @@ def dump_recorder(parameters: Parameters) -> dict[str, object]:
 
 
 def start_successor(parameters: Parameters) -> dict[str, int]:
-    """Start `python -m arguments...` with the one descriptor of `descriptors`; return its pid.
+    """Run the module and arguments with the one descriptor of `descriptors`; return its pid.
 
     Here and not in the control thread, which has to wait until a new process runs its program.
     """
     (inherited,) = cast("list[int]", parameters["descriptors"])
-    arguments = cast("list[str]", parameters["arguments"])
+    module, *arguments = cast("list[str]", parameters["arguments"])
     pid = os.posix_spawn(
         sys.executable,
-        [sys.executable, "-m", *arguments],
+        module_command(module, arguments),
         os.environ,
         file_actions=[
             (os.POSIX_SPAWN_DUP2, inherited, CHILD_FD),

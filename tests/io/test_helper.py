@@ -5,6 +5,7 @@ import select
 import signal
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -213,3 +214,15 @@ def test_a_helper_ends_with_its_daemon() -> None:
     finally:
         os.close(pidfd)
         child.close()
+
+
+def test_a_helper_runs_nothing_that_lies_in_the_current_directory(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "json.py").write_text("raise SystemExit('a module of somebody else')")
+    monkeypatch.chdir(tmp_path)
+    rig = Rig("litegripd.io.helper_main")
+    try:
+        assert rig.ask("calibration.templates").error is None
+    finally:
+        rig.helper.close()
