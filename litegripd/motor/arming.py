@@ -7,7 +7,7 @@ and a jump on enable is the commonest complaint about such grippers.
 
 from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import EnableMotor, Feedback, MitCommand, MotorIdentity, is_fault
+from litegripd.model.motor import EnableMotor, Feedback, MotorIdentity, is_fault
 from litegripd.motor import codec
 from litegripd.motor.faults import SILENT, fault_refusal
 from litegripd.motor.look import ANSWER_WITHIN_S, LONGEST_WATCHDOG_S
@@ -151,5 +151,5 @@ class Arming:
             self._until_zero = self._outstanding + 1
         self._outstanding += 1
         position_rad = 0.0 if feedback is None else feedback.position_rad
-        command = MitCommand(position_rad, 0.0, 0.0, 0.0, 0.0)
-        return CanFrame(self._identity.can_id, codec.encode_command(command, self._identity.ranges))
+        data = codec.encode_zero_gains(position_rad, self._identity.ranges)
+        return CanFrame(self._identity.can_id, data)

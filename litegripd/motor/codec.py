@@ -38,6 +38,11 @@ def encode_command(command: MitCommand, ranges: Ranges) -> bytes:
     return packed.to_bytes(FRAME_BYTES, "big")
 
 
+def encode_zero_gains(position_rad: float, ranges: Ranges) -> bytes:
+    """Pack the command that energises nothing, wherever a motor is or is enabled later."""
+    return encode_command(MitCommand(position_rad, 0.0, 0.0, 0.0, 0.0), ranges)
+
+
 def decode_command(data: bytes, ranges: Ranges) -> MitCommand:
     """Unpack a command frame; raises `ValueError` unless it has 8 bytes."""
     packed = _packed(data)

@@ -96,8 +96,9 @@ class Motor(Listener):
             return self._traffic.probe(now_s)
         if self._zeroing.is_pending:
             return self._zeroing.step(now_s)
-        looks = self._phase is Phase.LOOKING
-        return self._traffic.poll(now_s) + (self._look_again(now_s) if looks else [])
+        if self._phase is Phase.LOOKING:
+            return self._traffic.poll(now_s) + self._look_again(now_s)
+        return self._unstore() + self._traffic.poll(now_s)
 
     def _public_phase(self) -> MotorPhase:
         is_silent = self._silence.is_total(self._phase)
@@ -175,7 +176,13 @@ class Motor(Listener):
     def _disable(self, now_s: float) -> list[CanFrame]:
         if self._failure is None and now_s - self._entered_s >= DISABLE_GIVES_UP_S:
             self._failure = STILL_ENABLED
-        return [CanFrame(self._can_id, codec.DISABLE)]
+        return [*self._unstore(), CanFrame(self._can_id, codec.DISABLE)]
+
+    def _unstore(self) -> list[CanFrame]:
+        feedback = self._feedback
+        if feedback is None or self._identification.problem() is not None:
+            return []
+        return self._traffic.unstore(feedback.position_rad, self._identification.ranges)
 
     def _look_again(self, now_s: float) -> list[CanFrame]:
         """Read registers; a motor that is found enabled is disabled at once, whoever enabled it."""
