@@ -1,3 +1,4 @@
+import grp
 import os
 import socket
 from pathlib import Path
@@ -82,6 +83,25 @@ def test_without_the_right_the_error_names_the_group(monkeypatch: pytest.MonkeyP
     with pytest.raises(ConnectError, match="permission denied") as caught:
         connect("can0", "/somewhere")
     assert GROUP_HINT in str(caught.value)
+
+
+def test_the_group_is_that_of_the_socket(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def refuse(path: str, timeout_s: float) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(discovery, "Connection", refuse)
+    closed = tmp_path / "can0.sock"
+    closed.touch()
+    robots = grp.struct_group(("robots", "x", closed.stat().st_gid, []))
+    groups = {robots.gr_gid: robots}
+    monkeypatch.setattr(grp, "getgrgid", groups.__getitem__)
+    with pytest.raises(ConnectError, match="only for the group robots") as caught:
+        connect("can0", str(closed))
+    assert "sudo usermod -aG robots $USER" in str(caught.value)
+    assert GROUP_HINT not in str(caught.value)
+    groups[robots.gr_gid] = grp.struct_group(("root", "x", robots.gr_gid, []))
+    with pytest.raises(ConnectError, match=GROUP_HINT):
+        connect("can0", str(closed))
 
 
 def test_a_path_that_is_too_long_is_told(tmp_path: Path) -> None:
