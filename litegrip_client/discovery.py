@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 
 SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
 SYSTEM_DIRECTORY = "/run/litegripd"
+ENABLED_DIRECTORY = "/etc/systemd/system/litegripd.target.wants"
 GROUP = "litegrip"
 
 _CHANNEL = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
@@ -69,6 +70,11 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
     )
 
 
+def is_enabled(channel: str) -> bool:
+    """Whether systemd starts the daemon of a channel by itself; then it was stopped, or failed."""
+    return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
+
+
 def _names(directory: str) -> list[str]:
     try:
         return os.listdir(directory)  # noqa: PTH208 - pathlib takes long to import
@@ -116,6 +122,8 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
         f"start one with 'systemctl start litegripd@{channel}' or 'litegripd {channel}', or try "
         f"without hardware: 'litegripd {channel} --simulate'"
     )
+    if of_channel and is_enabled(channel):
+        hint = f"see why it does not run: systemctl status litegripd@{channel}"
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
         group = _group_of(denied[0])

@@ -16,13 +16,14 @@ def daemon(facts: Facts) -> Finding | None:
     """Check whether a daemon answers, and the one that is meant."""
     answering = facts.daemon
     if answering is None:
+        status = f"systemctl status litegripd@{facts.channel}"
         if _closed(facts):
-            return warning(
-                "not known whether it runs: its socket is closed to this user",
-                f"systemctl status litegripd@{facts.channel}",
-            )
+            return warning("not known whether it runs: its socket is closed to this user", status)
+        failure = facts.failure or "it does not answer"
+        if facts.is_unit_enabled:
+            return error(failure, status, "its unit is enabled: the status says why it has ended")
         return error(
-            facts.failure or "it does not answer",
+            failure,
             f"sudo systemctl start litegripd@{facts.channel}",
             f"without systemd: litegripd {facts.channel};"
             f" without hardware: litegripd {facts.channel} --simulate",

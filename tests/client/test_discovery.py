@@ -72,6 +72,19 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
     assert caught.value.reason == "no_daemon"
 
 
+def test_a_daemon_that_systemd_should_run_is_looked_at_before_it_is_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(discovery, "ENABLED_DIRECTORY", str(tmp_path))
+    (tmp_path / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
+    with pytest.raises(ConnectError, match=r"systemctl status litegripd@can3") as caught:
+        connect("can3")
+    assert "systemctl start" not in str(caught.value)
+    with pytest.raises(ConnectError, match=r"systemctl start litegripd@can4"):
+        connect("can4")
+
+
 GROUP_HINT = "group litegrip"
 
 

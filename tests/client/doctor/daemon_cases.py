@@ -28,6 +28,14 @@ DAEMON_CASES = [
     ),
     Case(
         "daemon",
+        facts(daemon=None, failure="nobody listens", sockets=(), is_unit_enabled=True),
+        "error",
+        "nobody listens",
+        "systemctl status litegripd@can0",
+        "its unit is enabled",
+    ),
+    Case(
+        "daemon",
         facts(daemon=None, failure="no daemon can be reached", sockets=CLOSED),
         "warning",
         "not known whether it runs",
