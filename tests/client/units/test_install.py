@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,6 +13,7 @@ from litegrip_client.ctl.main import main
 from litegrip_client.errors import CommandError
 from litegrip_client.units import install, plan
 from litegrip_client.units.install import Wishes
+from litegripd.app.main import EXIT_USAGE
 
 PROGRAMS = "/opt/grippers/bin"
 UNITS = "usr/local/lib/systemd/system"
@@ -44,6 +46,13 @@ def test_the_unit_runs_the_programs_of_the_environment(tmp_path: Path) -> None:
     assert f"ExecStart={PROGRAMS}/litegripd %i\n" in unit
     assert f"ExecReload={PROGRAMS}/litegripctl -c %i restart --hold\n" in unit
     assert plan.PROGRAMS not in unit
+
+
+def test_what_only_a_person_can_mend_is_not_tried_again() -> None:
+    unit = plan.units(PROGRAMS)[0].content
+    no_such_group, no_such_user = "216", "217"  # systemd.exec(5)
+    codes = {str(EXIT_USAGE), no_such_group, no_such_user}
+    assert set(re.findall(r"^RestartPreventExitStatus=(.*)$", unit, re.M)[0].split()) == codes
 
 
 def test_all_may_read_it_whatever_the_umask(tmp_path: Path) -> None:
