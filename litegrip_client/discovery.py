@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 
 SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
 SYSTEM_DIRECTORY = "/run/litegripd"
+ENABLED_DIRECTORY = "/etc/systemd/system/litegripd.target.wants"
 GROUP = "litegrip"
 
 _CHANNEL = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
@@ -69,6 +70,11 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
     )
 
 
+def is_enabled(channel: str) -> bool:
+    """Whether systemd starts the daemon of a channel by itself; then it was stopped, or failed."""
+    return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
+
+
 def _names(directory: str) -> list[str]:
     try:
         return os.listdir(directory)  # noqa: PTH208 - pathlib takes long to import
@@ -111,14 +117,18 @@ async def reach(
 def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectError:
     """Say what was tried; a single path was given, so that it and not the channel was asked for."""
     of_channel = f" for channel {channel}" if len(failures) > 1 else ""
-    tried = "; ".join(f"{path}: {_why(error)}" for path, error in failures)
+    tried = "; ".join(f"{path}: {_why(path, error)}" for path, error in failures)
     hint = (
         f"start one with 'systemctl start litegripd@{channel}' or 'litegripd {channel}', or try "
         f"without hardware: 'litegripd {channel} --simulate'"
     )
-    if any(error.errno in (errno.EACCES, errno.EPERM) for _, error in failures):
+    if of_channel and is_enabled(channel):
+        hint = f"see why it does not run: systemctl status litegripd@{channel}"
+    denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
+    if denied:
+        group = _group_of(denied[0])
         hint = (
-            f"join the group {GROUP} ('sudo usermod -aG {GROUP} $USER', then log in anew); {hint}"
+            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in anew); {hint}"
         )
     return ConnectError(
         f"no daemon can be reached{of_channel} ({tried})",
@@ -127,12 +137,23 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
     )
 
 
-def _why(error: OSError) -> str:
+def _group_of(path: str) -> str:
+    """Name the group that may open a socket, as far as this user can see it."""
+    import grp  # noqa: PLC0415 - seldom needed
+
+    try:
+        name = grp.getgrgid(os.stat(path).st_gid).gr_name  # noqa: PTH116 - see _names
+    except (OSError, KeyError):
+        return GROUP
+    return GROUP if name == "root" else name  # nobody is told to join that one
+
+
+def _why(path: str, error: OSError) -> str:
+    if error.errno in (errno.EACCES, errno.EPERM):
+        return f"permission denied: only for the group {_group_of(path)}"
     known = {
         errno.ENOENT: "missing",
         errno.ECONNREFUSED: "refused: nobody listens",
-        errno.EACCES: f"permission denied: only for the group {GROUP}",
-        errno.EPERM: f"permission denied: only for the group {GROUP}",
         errno.EAGAIN: "the daemon accepts no connection in time",
     }
     return known.get(error.errno or 0, error.strerror or str(error))

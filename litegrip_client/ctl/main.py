@@ -104,7 +104,9 @@ def _refuse(wrong: UsageError, output: Output) -> int:
 def _hint(error: LiteGripError, options: Namespace) -> str:
     if error.reason == "no_daemon" and not options.channel_chosen and options.socket is None:
         running = running_channels()
-        if running:  # which of them is meant is not guessed: it may be the one that must not move
+        # Which of them is meant is not guessed: it may be the one that must not move. Where the
+        # default's socket is there, it is known to be meant, and the error says what is wrong.
+        if running and options.channel not in running:
             return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
     own = _HINTS.get(error.reason or "") or error.hint
     if own:

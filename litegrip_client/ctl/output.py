@@ -64,7 +64,7 @@ class Output:
             )
         else:
             self.note(error.message)
-            if hint:
+            if hint and not error.message.endswith(hint):  # many a message ends in its remedy
                 print(f"  {one_line(hint)}", file=sys.stderr)
 
     def note(self, text: str) -> None:

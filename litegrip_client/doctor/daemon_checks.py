@@ -16,13 +16,14 @@ def daemon(facts: Facts) -> Finding | None:
     """Check whether a daemon answers, and the one that is meant."""
     answering = facts.daemon
     if answering is None:
+        status = f"systemctl status litegripd@{facts.channel}"
         if _closed(facts):
-            return warning(
-                "not known whether it runs: its socket is closed to this user",
-                f"systemctl status litegripd@{facts.channel}",
-            )
+            return warning("not known whether it runs: its socket is closed to this user", status)
+        failure = facts.failure or "it does not answer"
+        if facts.is_unit_enabled:
+            return error(failure, status, "its unit is enabled: the status says why it has ended")
         return error(
-            facts.failure or "it does not answer",
+            failure,
             f"sudo systemctl start litegripd@{facts.channel}",
             f"without systemd: litegripd {facts.channel};"
             f" without hardware: litegripd {facts.channel} --simulate",
@@ -60,7 +61,7 @@ def sockets(facts: Facts) -> Finding | None:
     if not closed:
         return ok(f"{facts.user.name} may open {' and '.join(s.path for s in facts.sockets)}")
     text = f"{facts.user.name} may not open {' and '.join(closed)}"
-    return error(text, _admit(facts), "groups count from the next login on")
+    return error(text, _admit(facts), _then(facts))
 
 
 def group(facts: Facts) -> Finding | None:
@@ -71,12 +72,12 @@ def group(facts: Facts) -> Finding | None:
     if user.group_exists and (user.uid == 0 or any(s.owner_uid == user.uid for s in facts.sockets)):
         return ok(f"{user.name} needs no group {user.group}")
     if not user.group_exists:
-        text = f"there is no group {user.group}: only root and the daemon's user may connect"
+        text = f"there is no group {user.group}, whose members are to connect"
     elif user.is_member:
         text = f"{user.name} is in group {user.group}, but not yet in this session"
     else:
         text = f"{user.name} is not in group {user.group}"
-    return warning(text, _admit(facts), "groups count from the next login on")
+    return warning(text, _admit(facts), _then(facts))
 
 
 def real_time(facts: Facts) -> Finding | None:
@@ -119,14 +120,22 @@ def _closed(facts: Facts) -> list[str]:
 
 
 def _admit(facts: Facts) -> str:
-    """Give the command that lets this user connect; a daemon looks for its group when it starts."""
-    user, restart = facts.user, f"sudo systemctl restart litegripd@{facts.channel}"
+    """Give the command that lets this user connect."""
+    user = facts.user
     if user.has_group:
-        return restart
+        return f"sudo systemctl restart litegripd@{facts.channel}"
     if user.group_exists and user.is_member:
         return f"newgrp {user.group}"
     join = f"sudo usermod --append --groups {user.group} {user.name}"
     if user.group_exists:
         return join
     make = f"sudo groupadd --system {user.group}"
-    return " && ".join([make, *([join] if user.uid else []), restart])
+    return f"{make} && {join}" if user.uid else make
+
+
+def _then(facts: Facts) -> str:
+    """Say what else it takes; whether the daemon is systemd's is not known."""
+    login = "groups count from the next login on"
+    if facts.user.group_exists:
+        return login
+    return f"then start the daemon again, which looks for its group when it starts; {login}"

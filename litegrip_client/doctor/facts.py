@@ -113,6 +113,8 @@ class Facts:
     failure: str | None = None
     ctl: str = "litegripctl"
     asked_channel: str | None = None
+    is_unit_enabled: bool = False
+    """Whether systemd starts the channel's daemon by itself."""
     interface: str = "socketcan"
     bus_channel: str = "can0"
     now_s: float = 0.0

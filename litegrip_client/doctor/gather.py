@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import litegrip_client
-from litegrip_client.discovery import GROUP, connect, socket_paths
+from litegrip_client.discovery import GROUP, connect, is_enabled, socket_paths
 from litegrip_client.doctor import gather_system
 from litegrip_client.doctor.facts import Daemon, Facts
 from litegrip_client.errors import LiteGripError
@@ -40,6 +40,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         failure=failure,
         ctl=f"litegripctl {where}",
         asked_channel=asked,
+        is_unit_enabled=socket is None and is_enabled(channel),
         interface=interface,
         bus_channel=bus_channel,
         now_s=time.time(),

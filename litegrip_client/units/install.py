@@ -52,14 +52,26 @@ def hiding(root: Path) -> list[str]:
     return [str(path) for path in paths if path.is_file()]
 
 
+def channels(root: Path) -> list[str]:
+    """Return the CAN interfaces that are brought up by what was installed before."""
+    any_channel = (plan.EXAMPLE_CHANNEL,)
+    paths = [root / file.path for file in plan.udev(any_channel) + plan.networkd(any_channel)[:1]]
+    contents = [path.read_text(errors="replace") for path in paths if path.is_file()]
+    return list(dict.fromkeys(name for text in contents for name in plan.channels_in(text)))
+
+
 def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
-    """Install; raises `CommandError` where a file cannot be written."""
+    """Install what is wished for, and anew what was installed before.
+
+    Raises `CommandError` where a file cannot be written.
+    """
     files = plan.units(programs)
     done: list[Done] = []
-    if wishes.serial:
+    if wishes.serial or (root / plan.serial()[0].path).is_file():
         files += plan.serial()
-    if wishes.channels:
-        by_networkd, by_udev = plan.networkd(wishes.channels), plan.udev(wishes.channels)
+    named = list(dict.fromkeys([*channels(root), *wishes.channels]))
+    if named:
+        by_networkd, by_udev = plan.networkd(named), plan.udev(named)
         chosen, other = (by_networkd, by_udev) if uses_networkd(root) else (by_udev, by_networkd)
         files += chosen
         done += _remove_all(root, other)  # one of the two, or each would undo the other's

@@ -21,6 +21,7 @@ PROGRAMS = "/opt/litegripd/bin/"
 EXAMPLE_CHANNEL = "can0"
 _UNITS = "usr/local/lib/systemd/system"
 _NETWORKS = "usr/local/lib/systemd/network"
+_NAMED = re.compile(r'^(?:Name=|.*KERNEL==")([^"\n]+)', re.MULTILINE)
 _PLAIN = re.compile(r"[A-Za-z0-9_./+-]+")
 _HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # noqa: S108 - not used, refused
 """What the unit does not see: ProtectHome and PrivateTmp."""
@@ -65,6 +66,12 @@ def udev(channels: Sequence[str]) -> list[Planned]:
     return [Planned("usr/local/lib/udev/rules.d/80-litegrip.rules", content)]
 
 
+def channels_in(content: str) -> list[str]:
+    """Return the CAN interfaces that a file of `networkd` or `udev` names."""
+    found = _NAMED.search(content)
+    return found[1].replace("|", " ").split() if found else []
+
+
 def program_directory() -> str:
     """Return where the programs of the running environment are, and the unit can run them.
 
@@ -88,7 +95,7 @@ def _unusable(why: str) -> CommandError:
 
 def _for(channels: Sequence[str], name: str, separator: str) -> str:
     before = _read(name)
-    after = re.sub(rf"\b{EXAMPLE_CHANNEL}\b", separator.join(channels), before)
+    after = re.sub(rf"\b{EXAMPLE_CHANNEL}\b", lambda _: separator.join(channels), before)
     if after == before and list(channels) != [EXAMPLE_CHANNEL]:
         raise ValueError(f"{name} names no {EXAMPLE_CHANNEL} that could be replaced")
     return after

@@ -13,7 +13,9 @@ from litegripd.app.facts import daemon_version
 from litegripd.app.succession import SUCCESSOR_OPTION
 from litegripd.app.successor import succeed
 from litegripd.io.listener import InUseError
-from litegripd.io.log import goes_to_journal
+from litegripd.io.log import PriorityFormatter, goes_to_journal
+
+_log = logging.getLogger(__name__)
 
 EXIT_NOT_OFF = 1
 EXIT_USAGE = 2
@@ -40,9 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the daemon; return its exit code."""
     given = sys.argv[1:] if argv is None else list(argv)
     arguments = make_parser().parse_args(given)
-    # In the journal each line has the program's name already.
-    form = "%(message)s" if goes_to_journal() else "litegripd: %(message)s"
-    logging.basicConfig(level=logging.INFO, format=form)
+    _log_to_standard_error()
     faulthandler.enable()  # a watchdog's SIGABRT leaves in the log where the thread was
     logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs, and we tell it
     if arguments.successor:
@@ -52,12 +52,21 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         daemon = Daemon(_config(arguments), given)
     except ConfigError as error:
-        print(f"litegripd: {error}", file=sys.stderr)
+        _log.error("%s", error)
         return EXIT_USAGE
     except (InUseError, OSError) as error:
-        print(f"litegripd: {error}", file=sys.stderr)
+        _log.error("%s", error)
         return EXIT_IN_USE
     return 0 if daemon.run() else EXIT_NOT_OFF
+
+
+def _log_to_standard_error() -> None:
+    """Tell of the start there, until the daemon runs and has a log that never waits."""
+    handler = logging.StreamHandler()
+    # In the journal each line has the program's name already.
+    plain = logging.Formatter("litegripd: %(message)s")
+    handler.setFormatter(PriorityFormatter() if goes_to_journal() else plain)
+    logging.basicConfig(level=logging.INFO, handlers=[handler])
 
 
 def _config(arguments: argparse.Namespace) -> Config:

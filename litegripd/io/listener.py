@@ -182,6 +182,16 @@ def _give_to_group(path: Path, group: str | None) -> None:
         if path.stat().st_gid != gid:  # as in a unit with that Group=, which may not change owners
             os.chown(path, -1, gid)
     except KeyError:
-        _log.warning("there is no group %r: only this user may use %s", group, path)
+        _log.warning("there is no group %r: %s stays with group %s", group, path, _group_of(path))
     except PermissionError:
-        _log.warning("not allowed to give %s to group %r: only this user may use it", path, group)
+        _log.warning(
+            "not allowed to give %s to group %r: it stays with %s", path, group, _group_of(path)
+        )
+
+
+def _group_of(path: Path) -> str:
+    gid = path.stat().st_gid
+    try:
+        return grp.getgrgid(gid).gr_name
+    except KeyError:
+        return str(gid)

@@ -35,6 +35,14 @@ class LogHandler(logging.Handler):
         self.dropped += not taken
 
 
+class PriorityFormatter(logging.Formatter):
+    """For lines that reach the journal by standard error: the journal takes "<3>" in front off."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Put the priority in front."""
+        return f"<{_priority(record)}>{super().format(record)}"
+
+
 class JournalSink:
     """Sends lines to the journal in its native form; every one has the channel as a field."""
 
@@ -45,9 +53,8 @@ class JournalSink:
 
     def __call__(self, record: logging.LogRecord, text: str) -> bool:
         """Send a line; False when the journal does not take it now."""
-        priority = next((p for level, p in _PRIORITIES if record.levelno >= level), _DEBUG_PRIORITY)
         fields = {
-            "PRIORITY": priority,
+            "PRIORITY": _priority(record),
             "SYSLOG_IDENTIFIER": "litegripd",
             "LITEGRIP_CHANNEL": self._channel,
             **getattr(record, FIELDS, {}),
@@ -63,6 +70,10 @@ class JournalSink:
     def close(self) -> None:
         """Give the socket back."""
         self._socket.close()
+
+
+def _priority(record: logging.LogRecord) -> int:
+    return next((p for level, p in _PRIORITIES if record.levelno >= level), _DEBUG_PRIORITY)
 
 
 def _field(name: str, value: str) -> bytes:

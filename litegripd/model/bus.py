@@ -19,13 +19,14 @@ BUS_REMEDIES: Mapping[BusState, str] = MappingProxyType(
     {
         "link_down": "bring the link up: ip link set CHANNEL up type can bitrate 1000000"
         " restart-ms 100",
-        "adapter_gone": "plug the adapter in again: it is opened as soon as it is there",
+        "adapter_gone": "plug the adapter in, or correct its name ('ip link' lists interfaces): it"
+        " is opened as soon as it is there",
         "bus_off": "check wiring, termination and bit rate; with restart-ms set, the controller"
         " comes back by itself, else: ip link set CHANNEL type can restart",
         "bus_stalled": "nobody on the bus acknowledges a frame: check the cable and the motor's"
         " power",
         "motor_silent": "check the motor's 24 V supply, the CAN wiring and its id",
-        "down": "see the error; the bus is opened again and again by itself",
+        "down": "mend what the error names: the bus is opened again and again by itself",
     }
 )
 

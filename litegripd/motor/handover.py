@@ -78,8 +78,12 @@ def refusal(motor: Motor) -> Refusal | None:
     if view.phase in SETTLED and view.feedback is not None and view.zero.state != "pending":
         return None
     text = f"the motor is {view.phase.value}: it can be handed over once it answers and is settled"
-    plain = Refusal("restart_failed", text, {"hint": "try again, or restart without the hold"})
-    return view.problem or plain
+    problem = view.problem or Refusal("restart_failed", text)
+    hint = (
+        "the daemon holds nothing now: try again, or restart without the hold, which disables"
+        " the motor"
+    )
+    return Refusal(problem.reason, problem.message, {**problem.data, "hint": hint})
 
 
 def export(motor: Motor) -> dict[str, Any]:

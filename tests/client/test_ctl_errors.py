@@ -69,6 +69,16 @@ def test_there_is_always_a_hint(
     assert hint in then
 
 
+def test_a_remedy_that_the_message_ends_with_is_not_told_twice(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    daemon.handlers["state.get"] = lambda request: request.fail(
+        "bus_down", -32033, "no bus; mend it", hint="mend it"
+    )
+    code, _out, err = ctl("state")
+    assert (code, err) == (5, "litegripctl: no bus; mend it\n")
+
+
 def test_watch_and_a_daemon_that_goes_away(daemon: FakeDaemon, ctl: Ctl) -> None:
     def subscribe(request: Request) -> None:
         request.reply({"subscription": 1, "state": STATE})

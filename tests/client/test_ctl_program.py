@@ -110,6 +110,21 @@ def test_without_a_channel_the_running_ones_are_named_and_none_is_guessed(
     assert "sim7" not in capsys.readouterr().err
 
 
+def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(path: str, timeout_s: float) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr("litegrip_client.discovery.Connection", refuse)
+    (tmp_path / "can0.sock").touch()
+    assert main(["state"]) == 3
+    what, hint = capsys.readouterr().err.splitlines()
+    assert "permission denied: only for the group" in what
+    assert hint.strip().startswith("join the group")
+
+
 def test_a_channel_that_was_asked_for_must_be_the_daemons(
     daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

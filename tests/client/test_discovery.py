@@ -1,3 +1,4 @@
+import grp
 import os
 import socket
 from pathlib import Path
@@ -71,6 +72,19 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
     assert caught.value.reason == "no_daemon"
 
 
+def test_a_daemon_that_systemd_should_run_is_looked_at_before_it_is_started_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(discovery, "ENABLED_DIRECTORY", str(tmp_path))
+    (tmp_path / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
+    with pytest.raises(ConnectError, match=r"systemctl status litegripd@can3") as caught:
+        connect("can3")
+    assert "systemctl start" not in str(caught.value)
+    with pytest.raises(ConnectError, match=r"systemctl start litegripd@can4"):
+        connect("can4")
+
+
 GROUP_HINT = "group litegrip"
 
 
@@ -82,6 +96,25 @@ def test_without_the_right_the_error_names_the_group(monkeypatch: pytest.MonkeyP
     with pytest.raises(ConnectError, match="permission denied") as caught:
         connect("can0", "/somewhere")
     assert GROUP_HINT in str(caught.value)
+
+
+def test_the_group_is_that_of_the_socket(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def refuse(path: str, timeout_s: float) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(discovery, "Connection", refuse)
+    closed = tmp_path / "can0.sock"
+    closed.touch()
+    robots = grp.struct_group(("robots", "x", closed.stat().st_gid, []))
+    groups = {robots.gr_gid: robots}
+    monkeypatch.setattr(grp, "getgrgid", groups.__getitem__)
+    with pytest.raises(ConnectError, match="only for the group robots") as caught:
+        connect("can0", str(closed))
+    assert "sudo usermod -aG robots $USER" in str(caught.value)
+    assert GROUP_HINT not in str(caught.value)
+    groups[robots.gr_gid] = grp.struct_group(("root", "x", robots.gr_gid, []))
+    with pytest.raises(ConnectError, match=GROUP_HINT):
+        connect("can0", str(closed))
 
 
 def test_a_path_that_is_too_long_is_told(tmp_path: Path) -> None:

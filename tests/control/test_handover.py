@@ -259,7 +259,10 @@ def test_nothing_is_handed_over_while_another_motion_waits_or_the_motor_is_not_s
     client = world.enabled()
     world.lose_from_motor = lambda _frame: True
     world.run(0.1)
-    assert handover.unsettled(world.machine) is not None, "it does not answer"
+    silent = handover.unsettled(world.machine)
+    assert silent is not None, "it does not answer"
+    assert silent.reason == "motor_silent"
+    assert "restart without the hold" in str(silent.data["hint"])
     world.lose_from_motor = lambda _frame: False
     world.run_until(lambda: handover.unsettled(world.machine) is None)
     client.send("stop", level="disable")

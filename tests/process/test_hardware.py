@@ -45,6 +45,21 @@ def test_a_configuration_error_is_told(tmp_path: Path, content: str, told: str) 
     assert "Traceback" not in running.log
 
 
+def test_the_journal_has_a_configuration_error_as_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, journal = tmp_path / "wrong.toml", tmp_path / "journal"
+    path.write_text("[control]\nrate = 200\n", encoding="utf-8")
+    for is_journal, in_front in ((False, "litegripd: "), (True, "<3>")):
+        with journal.open("w+b") as file:
+            status = os.fstat(file.fileno())
+            stream = f"{status.st_dev}:{status.st_ino}" if is_journal else ""
+            monkeypatch.setenv("JOURNAL_STREAM", stream)
+            running = DaemonProcess(tmp_path, "can0", "--config", str(path), log=file.fileno())
+            assert running.exit_code() == 2
+        assert journal.read_text().startswith(f"{in_front}{path}: [control] rate is unknown")
+
+
 @pytest.mark.parametrize("arguments", [(), ("../x",), ("can0", "--config", "/no/such/file.toml")])
 def test_wrong_usage_is_told(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     running = DaemonProcess(tmp_path, *arguments)

@@ -36,7 +36,7 @@ def install_units(run: Run) -> int:
 
 def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str]) -> list[str]:
     following = ["systemd-sysusers", "systemctl daemon-reload"]
-    if channels:
+    if channels or any(one.what != "unchanged" and _is_of_network(one.path) for one in done):
         if install.uses_networkd(root):
             following.append("networkctl reload")
         following.append("udevadm control --reload")
@@ -45,19 +45,36 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
             for channel in channels
         ]
     running = [name for name in install.enabled(root) if "@" in name]
-    replaced = any(one.what == "replaced" for one in done)
     if running:
-        verb = "restart" if replaced else "reload"
-        return [*following, f"systemctl {verb} {' '.join(running)}"]
-    following.append("usermod --append --groups litegrip USER   # who may use the grippers")
-    names = " ".join(f"litegripd@{channel}" for channel in channels or [plan.EXAMPLE_CHANNEL])
-    return [*following, f"systemctl enable litegripd.target {names}", f"systemctl start {names}"]
+        verb = "restart" if _has_new_settings(done) else "reload"
+        following.append(f"systemctl {verb} {' '.join(running)}")
+    elif not channels:
+        channels = install.channels(root) or [plan.EXAMPLE_CHANNEL]
+    new = [name for name in map("litegripd@{}".format, channels) if name not in running]
+    if new:
+        following += [
+            "usermod --append --groups litegrip USER   # who may use the grippers",
+            f"systemctl enable litegripd.target {' '.join(new)}",
+            f"systemctl start {' '.join(new)}",
+        ]
+    return following
+
+
+def _has_new_settings(done: Sequence[Done]) -> bool:
+    """Whether the daemons' unit is not what it was, its drop-in included."""
+    return any(
+        one.what in ("installed", "replaced") and "/litegripd@.service" in one.path for one in done
+    )
+
+
+def _is_of_network(path: str) -> bool:
+    return "/network/" in path or "/rules.d/" in path
 
 
 def _after_removal(done: Sequence[Done]) -> list[str]:
     removed = [one.path for one in done if one.what == "removed"]
     following = ["systemctl daemon-reload"] if removed else []
-    if any("/network/" in path or "/rules.d/" in path for path in removed):
+    if any(map(_is_of_network, removed)):
         following.append("udevadm control --reload")
     return following
 

@@ -8,7 +8,8 @@ from litegrip_client.ctl.options.values import interface
 _INSTALL_UNITS = """\
 Install what lets systemd run the daemons of this installation: units, a user
 and a group, a configuration to begin with. Says what it did, and which commands
-come next; runs none of them. A configuration that is there stays as it is.
+come next; runs none of them. A configuration that is there stays as it is. What
+an earlier call had brought up or allowed stays so, and is renewed.
 """
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from litegrip_client.doctor import gather_system
 from litegrip_client.doctor.facts import Device, Link, Socket, System
+from litegrip_client.doctor.gather import gather
 from tests.client.doctor.known import LINKS, link
 
 
@@ -52,6 +53,16 @@ def test_iproute2_is_asked_for_one_link(net: Path, programs: Path) -> None:
     assert gather_system.system("socketcan", "can0", net) == System(
         link("healthy"), None, ("can0", "can1"), "gs_usb", "candleLight USB to CAN adapter"
     )
+
+
+def test_whether_systemd_should_run_the_daemon_is_asked(
+    tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("litegrip_client.discovery.ENABLED_DIRECTORY", str(programs))
+    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    (programs / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
+    assert gather("can3", None, channel_chosen=True).is_unit_enabled
+    assert not gather("can4", None, channel_chosen=True).is_unit_enabled
 
 
 def test_a_link_that_there_is_not(net: Path, programs: Path) -> None:

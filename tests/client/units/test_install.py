@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -12,6 +13,7 @@ from litegrip_client.ctl.main import main
 from litegrip_client.errors import CommandError
 from litegrip_client.units import install, plan
 from litegrip_client.units.install import Wishes
+from litegripd.app.main import EXIT_USAGE
 
 PROGRAMS = "/opt/grippers/bin"
 UNITS = "usr/local/lib/systemd/system"
@@ -44,6 +46,13 @@ def test_the_unit_runs_the_programs_of_the_environment(tmp_path: Path) -> None:
     assert f"ExecStart={PROGRAMS}/litegripd %i\n" in unit
     assert f"ExecReload={PROGRAMS}/litegripctl -c %i restart --hold\n" in unit
     assert plan.PROGRAMS not in unit
+
+
+def test_what_only_a_person_can_mend_is_not_tried_again() -> None:
+    unit = plan.units(PROGRAMS)[0].content
+    no_such_group, no_such_user = "216", "217"  # systemd.exec(5)
+    codes = {str(EXIT_USAGE), no_such_group, no_such_user}
+    assert set(re.findall(r"^RestartPreventExitStatus=(.*)$", unit, re.M)[0].split()) == codes
 
 
 def test_all_may_read_it_whatever_the_umask(tmp_path: Path) -> None:
@@ -83,10 +92,25 @@ def test_an_older_unit_is_replaced_but_no_configuration(tmp_path: Path) -> None:
 def test_udev_brings_exactly_the_named_interfaces_up(tmp_path: Path) -> None:
     put(tmp_path, "can0", "arm_can1")
     assert 'KERNEL=="can0|arm_can1"' in (tmp_path / RULES).read_text()
-    put(tmp_path, "can7")
-    rule = (tmp_path / RULES).read_text()
-    assert 'KERNEL=="can7"' in rule
-    assert "bitrate 1000000 restart-ms 100" in rule
+    assert "bitrate 1000000 restart-ms 100" in (tmp_path / RULES).read_text()
+
+
+def test_interfaces_of_an_earlier_call_stay(tmp_path: Path) -> None:
+    put(tmp_path, "can0", "arm_can1")
+    put(tmp_path, "can7", "can0")
+    assert 'KERNEL=="can0|arm_can1|can7"' in (tmp_path / RULES).read_text()
+
+
+def test_an_upgrade_renews_what_earlier_calls_installed(tmp_path: Path) -> None:
+    put(tmp_path, "can0", "can1", serial=True)
+    drop_in = tmp_path / UNITS / "litegripd@.service.d/serial.conf"
+    rule = tmp_path / RULES
+    contents = [path.read_text() for path in (rule, drop_in)]
+    rule.write_text('# old\nACTION=="add", SUBSYSTEM=="net", KERNEL=="can0|can1", RUN+="old"\n')
+    drop_in.write_text("# old")
+    done = put(tmp_path)
+    assert (done[RULES], done[str(drop_in.relative_to(tmp_path))]) == ("replaced", "replaced")
+    assert [path.read_text() for path in (rule, drop_in)] == contents
 
 
 def test_networkd_does_where_it_is_enabled_and_udev_no_longer(tmp_path: Path) -> None:
@@ -94,8 +118,9 @@ def test_networkd_does_where_it_is_enabled_and_udev_no_longer(tmp_path: Path) ->
     wants = tmp_path / "etc/systemd/system/multi-user.target.wants"
     wants.mkdir(parents=True)
     (wants / "systemd-networkd.service").symlink_to("/lib/systemd/system/systemd-networkd.service")
-    done = put(tmp_path, "can0", "can1")
+    done = put(tmp_path, "can1")
     assert done[RULES] == "removed"
+    put(tmp_path, "can1")
     network = tmp_path / "usr/local/lib/systemd/network"
     assert "\nName=can0 can1\n" in (network / "80-litegrip.network").read_text()
     assert "\nOriginalName=can0 can1\n" in (network / "80-litegrip.link").read_text()
@@ -199,6 +224,33 @@ def test_after_an_upgrade_the_command_says_to_restart(
     assert json.loads(capsys.readouterr().out)["next"][-1] == "systemctl reload litegripd@can0"
     (tmp_path / UNITS / "litegripd@.service").write_text("old")
     assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["next"][-1] == "systemctl restart litegripd@can0"
+
+
+@pytest.mark.usefixtures("usable")
+def test_a_second_interface_leaves_the_first_daemon_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(tmp_path, "can0")
+    enable(tmp_path, "litegripd@can0.service")
+    assert main(["install-units", "--root", str(tmp_path), "--can", "can1", "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    assert {"path": f"{tmp_path}/{RULES}", "what": "replaced"} in result["files"]
+    assert result["next"][-4:] == [
+        "systemctl reload litegripd@can0",
+        "usermod --append --groups litegrip USER   # who may use the grippers",
+        "systemctl enable litegripd.target litegripd@can1",
+        "systemctl start litegripd@can1",
+    ]
+
+
+@pytest.mark.usefixtures("usable")
+def test_a_new_drop_in_counts_from_a_restart_on(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    put(tmp_path)
+    enable(tmp_path, "litegripd@can0.service")
+    assert main(["install-units", "--root", str(tmp_path), "--serial", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["next"][-1] == "systemctl restart litegripd@can0"
 
 
