@@ -80,7 +80,7 @@ def refusal(motor: Motor) -> Refusal | None:
     text = f"the motor is {view.phase.value}: it can be handed over once it answers and is settled"
     problem = view.problem or Refusal("restart_failed", text)
     hint = (
-        "the daemon holds nothing now: try again, or restart without the hold, which disables"
+        "try again once it answers and is settled, or restart without the hold, which disables"
         " the motor"
     )
     return Refusal(problem.reason, problem.message, {**problem.data, "hint": hint})
