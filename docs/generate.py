@@ -86,7 +86,7 @@ def errors_page() -> str:
         (
             "# Errors",
             "",
-            "<!-- Made by docs/generate.py from daemon's and client's tables; not to be edited. -->",
+            "<!-- Made by docs/generate.py from two tables of the code; not to be edited. -->",
             "",
             "Every error on the wire carries a number for JSON-RPC, a message for a person and,",
             "in `data`, a `reason` that does not change. `litegrip_client` raises the exception",
