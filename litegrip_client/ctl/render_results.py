@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from litegrip_client.ctl.hints import CHOOSE_MOUNT
 from litegrip_client.ctl.render import Data, figure, plain
-from litegrip_client.ctl.run import CHOOSE_MOUNT
 
 TEMPLATES = ("normal", "reverse")
 
