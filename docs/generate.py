@@ -20,6 +20,7 @@ sys.path.insert(0, str(ROOT))
 
 from docs.configuration_page import configuration_page, default_file  # noqa: E402
 from docs.manual import client_page, daemon_page, simulator_page  # noqa: E402
+from litegrip_client.reasons import OWN_REASONS  # noqa: E402
 from litegripd.io.stop_listener import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.model.state import GripperState  # noqa: E402
@@ -77,11 +78,15 @@ def errors_page() -> str:
         f"| {'yes' if row.retryable else 'no'} | {row.meaning} |"
         for row in ERROR_TABLE
     )
+    own = (
+        f"| `{reason}` | `{exception}` | {code} | {meaning} |"
+        for reason, (exception, code, meaning) in OWN_REASONS.items()
+    )
     return "\n".join(
         (
             "# Errors",
             "",
-            "<!-- Made by docs/generate.py from the daemon's table; not to be edited. -->",
+            "<!-- Made by docs/generate.py from two tables of the code; not to be edited. -->",
             "",
             "Every error on the wire carries a number for JSON-RPC, a message for a person and,",
             "in `data`, a `reason` that does not change. `litegrip_client` raises the exception",
@@ -91,6 +96,15 @@ def errors_page() -> str:
             "| reason | code | exception | exit code | retryable | meaning |",
             "| --- | --- | --- | --- | --- | --- |",
             *rows,
+            "",
+            "## Without the daemon",
+            "",
+            "What `litegrip_client` and `litegripctl` find out themselves has no number: `code` is",
+            "`None`, in JSON `null`. Measuring the travel that fails has its `outcome` as reason.",
+            "",
+            "| reason | exception | exit code | meaning |",
+            "| --- | --- | --- | --- |",
+            *own,
             "",
         )
     )

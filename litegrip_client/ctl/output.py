@@ -9,6 +9,7 @@ import json
 import sys
 from collections.abc import Mapping
 
+from litegrip_client.ctl.hints import in_commands
 from litegrip_client.errors import LiteGripError
 
 TYPE_CHECKING = False
@@ -55,6 +56,8 @@ class Output:
         self.end_line()
         if self.as_json:
             data = {"reason": error.reason, **error.data}
+            if hint:
+                data.setdefault("hint", hint)
             print(
                 json.dumps(
                     {"error": {"code": error.code, "message": error.message, "data": data}},
@@ -63,7 +66,7 @@ class Output:
                 flush=True,
             )
         else:
-            self.note(error.message)
+            self.note(in_commands(error.message))
             if hint and not error.message.endswith(hint):  # many a message ends in its remedy
                 print(f"  {one_line(hint)}", file=sys.stderr)
 

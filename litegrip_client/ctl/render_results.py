@@ -7,10 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from litegrip_client.ctl.hints import CHOOSE_MOUNT
 from litegrip_client.ctl.render import Data, figure, plain
-from litegrip_client.ctl.run import CHOOSE_MOUNT
+
+TEMPLATES = ("normal", "reverse")
 
 _BAR_WIDTH = 24
+_IN_USE = "in use until the daemon restarts"
+_MEASURE = (
+    "nominal: it was not measured on this gripper; measure and store it with:"
+    " litegripctl enable && litegripctl zero"
+)
 
 
 def progress(data: Data) -> str:
@@ -105,10 +112,11 @@ def templates(rows: Iterable[Data]) -> str:
     )
 
 
-def loaded(data: Data, *, found: bool) -> str:
+def loaded(data: Data, *, source: str | None) -> str:
     """Show what was loaded, what was not and why, and whether it is stored.
 
-    `found` says that the daemon found it itself, so that it will do so again.
+    Without a `source` the daemon has found it itself, and will do so again. A template is no
+    measurement: what is to be done next is to measure.
     """
     lines = [f"skipped: {plain(reason)}" for reason in data.get("skipped") or ()]
     if not data.get("loaded"):
@@ -118,8 +126,12 @@ def loaded(data: Data, *, found: bool) -> str:
         saved = data.get("saved")
         if saved is not None:
             lines.append(stored(saved))
+        elif source is None:
+            lines.append(f"found in {plain(data.get('file'))}")
         else:
-            lines.append(f"found in {plain(data.get('file'))}" if found else _unstored())
+            lines.append(_IN_USE if source in TEMPLATES else _unstored())
+        if source in TEMPLATES:
+            lines.append(_MEASURE)
     return "\n".join(lines)
 
 
@@ -172,4 +184,4 @@ def _travel(data: Data) -> str:
 
 
 def _unstored() -> str:
-    return "in use until the daemon restarts; store it with: litegripctl calibration save"
+    return f"{_IN_USE}; store it with: litegripctl calibration save"

@@ -30,6 +30,15 @@ def line(data: Data) -> str:
     return plain("  ".join(parts + _troubles(data)))
 
 
+def ended(data: Data, *, holding: bool = False) -> str:
+    """Show in one line how it ended; `holding` says that it was told to, so that the jaws hold."""
+    if data.get("mode") is None:
+        return "no teleoperation so far"
+    by = f" by {data['fault']}" if data.get("fault") else ""
+    parts = [f"{data['mode']} ended{by} after {data.get('frames')} frames", *_counts(data)]
+    return plain(", ".join(parts)) + ("; the jaws hold" if holding and not by else "")
+
+
 def status(data: Data) -> str:
     """Show a status in aligned lines."""
     if data.get("mode") is None:
@@ -80,8 +89,11 @@ def _troubles(data: Data) -> list[str]:
         found.append(f"link failed: {data.get('link_error')}")
     if data.get("mode") == "master" and data.get("matching") is False:
         found.append("nobody follows")
-    found += [f"{name} {data[name]}" for name in _COUNTS if data.get(name)]
-    return found
+    return found + _counts(data)
+
+
+def _counts(data: Data) -> list[str]:
+    return [f"{name} {data[name]}" for name in _COUNTS if data.get(name)]
 
 
 def _percent(data: Data) -> str:

@@ -23,9 +23,6 @@ NOT_OK = 1
 WRONG_USAGE = 2
 INTERRUPTED = 130
 
-CHOOSE_MOUNT = "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero"
-"""What to do when there is no calibration."""
-
 ENDING = ("cancelled", "running")
 """States of a job after its cancelling; one that still runs ends with the next tick."""
 

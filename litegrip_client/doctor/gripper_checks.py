@@ -167,14 +167,14 @@ def calibration(facts: Facts) -> Finding | None:
             f" then measure: {facts.ctl} enable && {facts.ctl} zero",
         )
     text = f"mount {gripper.get('mount')}, travel {gripper.get('travel_mm', 0.0):.1f} mm"
-    file = source.get("file")
-    if file is None:
-        return warning(f"{text}, in no file: lost at a restart", f"{facts.ctl} calibration save")
     if source.get("nominal"):
         return warning(
             f"{text}, nominal: it was not measured on this gripper",
             f"{facts.ctl} enable && {facts.ctl} zero",
         )
+    file = source.get("file")
+    if file is None:
+        return warning(f"{text}, in no file: lost at a restart", f"{facts.ctl} calibration save")
     return ok(f"{text}, {_age(facts.now_s, source.get('saved_s'))}, {file}")
 
 

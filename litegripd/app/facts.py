@@ -13,7 +13,6 @@ from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.app.parts import Parts
 from litegripd.control.in_use import CalibrationInUse
-from litegripd.io.calibration_files import is_nominal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.motor import MotorIdentity, MotorPhase
 from litegripd.motor.look import warnings
@@ -176,10 +175,10 @@ class DaemonFacts:
 
 def _calibration(in_use: CalibrationInUse) -> Mapping[str, object]:
     """Tell where the calibration came from; `saved_s` is the file's date, in Unix time."""
-    calibration, file = in_use.calibration, in_use.file
+    calibration = in_use.calibration
     return {
-        "file": file,
-        "nominal": file is not None and is_nominal(file),
+        "file": in_use.file,
+        "nominal": calibration is not None and calibration.nominal,
         "channel": None if calibration is None else calibration.channel,
         "saved_s": None if calibration is None else calibration.saved_s,
     }

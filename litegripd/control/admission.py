@@ -66,6 +66,15 @@ def busy_with(running: Job) -> Refusal:
     )
 
 
+def stopped_under_way(running: Job, stopped: Refusal) -> Refusal:
+    """Say that a stop has broken off what was running, which must not read as never begun."""
+    return Refusal(
+        stopped.reason,
+        f"job {running.number}, {running.kind}, was broken off: {stopped.message}",
+        {**stopped.data, "job": running.number, "kind": running.kind},
+    )
+
+
 def motor_refusal(motor: MotorView) -> Refusal | None:
     """Say why no motion may begin or go on, if so."""
     if motor.phase is MotorPhase.ENABLED:

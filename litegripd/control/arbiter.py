@@ -4,7 +4,7 @@ What happens here happens between two ticks; it reaches the motor only by the en
 """
 
 from litegripd.control import announce
-from litegripd.control.admission import ENDING, busy_with
+from litegripd.control.admission import ENDING, busy_with, stopped_under_way
 from litegripd.control.grip import Grip
 from litegripd.control.lease import Grant, Loss, LossCause, OnAnswer, Wish
 from litegripd.control.running import Running
@@ -29,7 +29,7 @@ class Arbiter(Running):
         if refusal is not None:
             running = self.jobs.running
             if running is not None and running.kind != "disable":
-                self.end(refusal)
+                self.end(stopped_under_way(running, refusal))
             self._drop_queued(refusal, lambda _job: True)
             if stop is not before:
                 self.events.append(announce.stopped(stop.level, refusal))

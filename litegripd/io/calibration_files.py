@@ -77,11 +77,6 @@ def _plain(channel: str) -> str:
     return channel
 
 
-def is_nominal(path: str) -> bool:
-    """Whether a file is one that comes with the daemon: measured on no gripper of its own."""
-    return Path(path).parent == DATA
-
-
 def find_configured(channel: str, mount: str | None) -> Found:
     """Return the calibration that a daemon starts with.
 

@@ -33,6 +33,11 @@ GRASP_TORQUE_THRESHOLD_NM = 0.5
 """What the vendor's factory file says; the daemon itself does not use it."""
 
 
+NOMINAL = (Geometry(0.114, -1.491, 74.8), Geometry(-1.491, 0.114, 74.8))
+"""What the templates say of the two mounts (and the factory's file, of the first). No measurement
+hits these figures, so whoever has them was never measured, in whatever file they stand."""
+
+
 class CalibrationError(ValueError):
     """A calibration that cannot be used, and why."""
 
@@ -53,6 +58,11 @@ class Calibration:
     kd_nm_s_rad: float | None = None
     content: Mapping[str, Any] = field(default_factory=dict)
     saved_s: float | None = None
+
+    @property
+    def nominal(self) -> bool:
+        """Whether its figures are a template's, and were measured on no gripper."""
+        return self.geometry in NOMINAL
 
     def direction_only(self) -> "Calibration":
         """Return what a template may bring: limits and scale, but no ids and no gains."""

@@ -86,7 +86,8 @@ READING: tuple[Method, ...] = (
         "info.get",
         "Tell what does not change: motor, calibration, configuration.",
         "Facts: what hello tells, the motor's registers, motor_warnings, the calibration's file,"
-        " channel and date (saved_s, Unix time; nominal: a template), motion, configuration.",
+        " channel and date (saved_s, Unix time; nominal: a template's figures, measured on no"
+        " gripper), motion, configuration.",
     ),
     Method("job.list", "List the jobs that are kept, the oldest first.", "The jobs."),
     Method("job.get", "Tell about one job.", "The job.", (JOB,)),

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
+from litegripd.control.admission import conflict_refusal
 from litegripd.control.calibrating import Calibrating
 from litegripd.control.engine import Engine
 from litegripd.control.saving import content_of
@@ -10,6 +11,7 @@ from litegripd.model.calibration import CalibrationError, from_plain, read_conte
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import RANGES
+from litegripd.model.motion_limits import fast_conflict
 from litegripd.model.motor import RegisterReply
 from litegripd.motor.registers import REGISTERS, Register
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, Later, later
@@ -158,6 +160,10 @@ class Settings:
         config = call.config(engine.config, engine.period_s)
         if isinstance(config, Refusal):
             return config
+        # No motion could use such defaults; what depends on the calibration is the motions' to say.
+        refusal = conflict_refusal(fast_conflict(config, config.speed_mm_s, engine.period_s))
+        if refusal is not None:
+            return refusal
         keeps = call.params.get("keep", False)
         engine.config, engine.config_is_kept = config, False
         if not keeps:

@@ -89,7 +89,8 @@ SETTINGS: tuple[Method, ...] = (
     Method("config.get", "Tell the daemon's motion configuration.", "Fields and ranges."),
     Method(
         "config.set",
-        "Change the daemon's motion configuration, for everybody who does not say otherwise.",
+        "Change the daemon's motion configuration, for everybody who does not say otherwise."
+        " A speed_mm_s that does not go with stop_lead_mm is refused, as the motions would.",
         "As config.get.",
         (
             replace(CONFIG, required=True, description="The fields that change."),

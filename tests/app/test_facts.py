@@ -9,6 +9,8 @@ from litegripd.io.calibration_files import DATA
 from litegripd.model.calibration import to_plain
 from tests.world import World
 
+MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
+
 
 def info(world: World) -> Any:
     config = Config("can0", BusSettings("socketcan", "can0", 1_000_000))
@@ -24,11 +26,20 @@ def test_a_template_is_nominal_and_has_no_date() -> None:
     assert told == {"file": file, "nominal": True, "channel": None, "saved_s": None}
 
 
+def test_a_saved_template_was_still_measured_on_no_gripper() -> None:
+    world = World()
+    client = world.start().client()
+    client.result("calibration.load", template="reverse")
+    client.result("calibration.save")
+    told = info(world)["calibration"]
+    assert (told["file"], told["nominal"]) == ("/state/calibration.save", True)
+
+
 def test_a_content_of_a_client_is_in_no_file_until_it_is_saved() -> None:
     world = World()
     client = world.start().client()
     content = client.result("calibration.get")["content"]
-    client.result("calibration.load", content={**content, "channel": "can7"})
+    client.result("calibration.load", content={**content, **MEASURED, "channel": "can7"})
     told = info(world)["calibration"]
     assert told == {"file": None, "nominal": False, "channel": "can7", "saved_s": None}
     client.result("calibration.save")

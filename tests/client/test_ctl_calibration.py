@@ -43,6 +43,11 @@ MEASURED: dict[str, Any] = {
 }
 TRAVEL = "closed +0.1040 rad, open -1.5130 rad, travel 1.6170 rad or 119.98 mm, mount normal\n"
 IN_USE = "in use until the daemon restarts; store it with: litegripctl calibration save\n"
+MEASURE = (
+    "nominal: it was not measured on this gripper; measure and store it with:"
+    " litegripctl enable && litegripctl zero"
+)
+NOMINAL = f"in use until the daemon restarts\n{MEASURE}\n"
 CHOOSE = "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero"
 
 
@@ -169,8 +174,8 @@ def test_loading(daemon: FakeDaemon, ctl: Ctl, tmp_path: Path) -> None:
     text = "loaded: mount normal, travel 1.6050 rad or 120.05 mm\n"
     found = "found in /var/lib/litegripd/can0_calibration.json\n"
     for source, params, end in (
-        ("normal", {"template": "normal"}, IN_USE),
-        ("reverse", {"template": "reverse"}, IN_USE),
+        ("normal", {"template": "normal"}, NOMINAL),
+        ("reverse", {"template": "reverse"}, NOMINAL),
         (str(path), {"content": CONTENT}, IN_USE),
         ("--chain", {}, found),
     ):
@@ -182,7 +187,7 @@ def test_loading_and_storing(daemon: FakeDaemon, ctl: Ctl) -> None:
     daemon.handlers["calibration.load"] = lambda request: LOADED
     daemon.handlers["calibration.save"] = lambda request: STORED
     code, out, _ = ctl("calibration", "load", "normal", "--keep")
-    assert (code, out.splitlines()[1:]) == (0, ["stored in /var/lib/x.json"])
+    assert (code, out.splitlines()[1:]) == (0, ["stored in /var/lib/x.json", MEASURE])
     out = ctl("calibration", "load", "normal", "--keep", "--json")[1]
     assert json.loads(out) == {**LOADED, "saved": STORED}
 

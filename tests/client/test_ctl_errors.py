@@ -6,7 +6,9 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.ctl import hints
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
+from litegripd.rpc.methods import METHODS
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
 
@@ -77,6 +79,72 @@ def test_a_remedy_that_the_message_ends_with_is_not_told_twice(
     )
     code, _out, err = ctl("state")
     assert (code, err) == (5, "litegripctl: no bus; mend it\n")
+
+
+def test_what_says_itself_that_it_may_be_tried_again_needs_no_hint(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    text = "the motor's registers are still being read: try again"
+    daemon.handlers["state.get"] = lambda request: request.fail(
+        "motor_silent", -32032, text, retryable=True
+    )
+    assert ctl("state")[2] == f"litegripctl: {text}\n"
+
+
+@pytest.mark.parametrize(
+    ("told", "shown"),
+    [
+        ("clear it with stop.clear first", "clear it with litegripctl clear first"),
+        (
+            "wait for it (job.wait), cancel it (job.cancel) or stop",
+            "wait for it (see: litegripctl jobs), cancel it (litegripctl cancel JOB) or stop",
+        ),
+        (
+            "wait for it (lease.acquire with wait_s), or take it over (lease.take)",
+            "wait for it (see: litegripctl lease), or take it over (litegripctl lease take REASON)",
+        ),
+        ("no 'x'; trajectory.list tells which", "no 'x'; litegripctl trajectories tells which"),
+        ("motion.movement and /a/stop.clear.json", "motion.movement and /a/stop.clear.json"),
+    ],
+)
+def test_remedies_are_commands_and_not_the_protocols_methods(
+    daemon: FakeDaemon, ctl: Ctl, told: str, shown: str
+) -> None:
+    daemon.handlers["state.get"] = lambda request: request.fail("x", -1, told, hint=f"now {told}")
+    assert ctl("state")[2] == f"litegripctl: {shown}\n  now {shown}\n"
+    assert json.loads(ctl("--json", "state")[1])["error"]["message"] == told
+
+
+def test_all_that_stands_for_a_command_is_a_method() -> None:
+    methods = {name.partition(" ")[0] for name in hints._COMMANDS}
+    assert methods <= {method.name for method in METHODS}
+
+
+def test_json_has_the_hint_too(ctl: Ctl) -> None:
+    code, out, _ = ctl("--json", "zero")
+    hint = "if that is safe: litegripctl zero --yes"
+    assert (code, json.loads(out)["error"]["data"]["hint"]) == (2, hint)
+
+
+@pytest.mark.parametrize(
+    ("line", "helps"),
+    [
+        ("grasp --force x", "litegripctl grasp"),
+        ("grasp --width 4", "litegripctl grasp"),
+        ("grasp --no-such-option", "litegripctl grasp"),
+        ("teleop slave --no-such-option", "litegripctl teleop slave"),
+        ("calibration load", "litegripctl calibration load"),
+        ("nothing", "litegripctl"),
+    ],
+)
+def test_wrong_usage_points_to_the_help_of_its_command(ctl: Ctl, line: str, helps: str) -> None:
+    code, _, err = ctl(*line.split())
+    assert (code, err.splitlines()[-1]) == (2, f"  see: {helps} --help")
+
+
+def test_a_refused_value_points_to_the_help_of_its_command(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["motion.grasp"] = lambda request: request.fail("out_of_limits", -32011, "60")
+    assert ctl("grasp", "--force", "60")[2].splitlines()[-1] == "  see: litegripctl grasp --help"
 
 
 def test_watch_and_a_daemon_that_goes_away(daemon: FakeDaemon, ctl: Ctl) -> None:

@@ -206,7 +206,7 @@ def test_a_target_needs_a_number_and_its_unit(
 ) -> None:
     assert main(["move", text]) == 2
     error = capsys.readouterr().err
-    assert f"{text!r} is no target: say 45mm (opening), 0.3rad" in error
+    assert f"{text!r} is no target: say 45mm (opening), -0.3rad" in error
     assert "50% (of the travel" in error
 
 

@@ -38,6 +38,8 @@ def test_dump_copies_the_file(daemon: FakeDaemon, ctl: Ctl, tmp_path: Path) -> N
     shown = f"60 s (12000 ticks, 0.8 MB) in {copy}\n"
     assert ctl("dump", "-o", str(copy)) == (0, shown, "")
     assert copy.read_bytes() == b"content"
+    told = json.loads(ctl("dump", "-o", str(tmp_path / "x2.mcap"), "--json")[1])
+    assert told == {**answer(path), "file": str(tmp_path / "x2.mcap")}
     asked = len(daemon.requests)
     code, _shown, error = ctl("dump", "-o", str(copy))
     assert (code, error) == (

@@ -127,8 +127,7 @@ def test_it_is_watched_until_it_ends_by_itself(
     daemon.handlers["teleop.status"] = status
     code, out, _ = ctl("teleop", "slave", "--host", "b")
     assert code == 1
-    assert "slave, does not run" in out
-    assert "ended by     driver_hot" in out
+    assert out == "slave ended by driver_hot after 1234 frames\n"
     assert started == [{"mode": "slave", "host": "b"}]
 
 
@@ -149,7 +148,7 @@ def test_ctrl_c_ends_it_and_is_a_good_end(
     daemon.handlers["teleop.stop"] = stop
     code, out, _ = ctl("teleop", "slave", "--host", "b")
     assert code == 0
-    assert "does not run" in out
+    assert out == "slave ended after 1234 frames; the jaws hold\n"
     assert stops == [1]
 
 
@@ -161,18 +160,27 @@ def test_a_refusal_has_its_own_hint(daemon: FakeDaemon, ctl: Ctl) -> None:
 
 
 def test_status_and_stop(ctl: Ctl, started: list[dict[str, Any]]) -> None:
-    for action in ("status", "stop"):
-        code, out, _ = ctl("teleop", action)
-        assert code == 0
-        assert "60.10 mm, 50.0 % open" in out
-        assert "1234, the last 3 ms ago" in out
+    code, out, _ = ctl("teleop", "status")
+    assert code == 0
+    assert "60.10 mm, 50.0 % open" in out
+    assert "1234, the last 3 ms ago" in out
+    assert ctl("teleop", "stop") == (0, "slave ended after 1234 frames\n", "")
     code, out, _ = ctl("--json", "teleop", "status")
     assert json.loads(out) == ENDED
+
+
+def test_what_went_wrong_on_the_way_is_told_at_the_end(
+    daemon: FakeDaemon, ctl: Ctl, started: list[dict[str, Any]]
+) -> None:
+    daemon.handlers["teleop.stop"] = lambda _request: {**ENDED, "stale": True, "torque_trips": 2}
+    assert ctl("teleop", "stop")[1] == "slave ended after 1234 frames, torque_trips 2\n"
 
 
 def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
     daemon.handlers["teleop.status"] = lambda _request: {"active": False, "mode": None}
     assert ctl("teleop", "status")[1] == "no teleoperation so far\n"
+    daemon.handlers["teleop.stop"] = daemon.handlers["teleop.status"]
+    assert ctl("teleop", "stop")[1] == "no teleoperation so far\n"
 
 
 def test_the_live_line_says_what_matters() -> None:

@@ -16,7 +16,7 @@ from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories
 from tests.client.helpers import Ctl, interrupt_main_thread
 from tests.trajectories import lgt
 
-SLACK = "The jaws go slack for 3 s: push them. Ctrl-C ends it.\n"
+SLACK = "The jaws are slack for 3 s: push them. Ctrl-C breaks it off and keeps nothing.\n"
 
 
 @pytest.fixture
@@ -96,10 +96,20 @@ def test_record_as_json(there: FakeTrajectories, ctl: Ctl) -> None:
     assert json.loads(shown)["error"]["data"]["reason"] == "recording_failed"
 
 
+def test_jaws_that_do_not_go_slack_are_not_said_to(daemon: FakeDaemon, ctl: Ctl) -> None:
+    FakeTrajectories(daemon)
+    daemon.handlers["trajectory.record_start"] = lambda request: request.fail(
+        "not_enabled", -32010, "the motor is not enabled"
+    )
+    code, shown, error = ctl("record", "pick", "--seconds", "3")
+    assert (code, shown) == (5, "")
+    assert error == "litegripctl: the motor is not enabled\n  first: litegripctl enable\n"
+
+
 def test_record_shows_a_bar_on_a_terminal(daemon: FakeDaemon) -> None:
     there = FakeTrajectories(daemon, looks=3)
     terminal = Terminal("--socket", daemon.path, "record", "pick", "--seconds", "0.2")
-    terminal.expect("The jaws go slack for 0.2 s")
+    terminal.expect("The jaws are slack for 0.2 s")
     terminal.expect("[............")
     terminal.expect("[############............]")
     code, shown = terminal.end()

@@ -1,7 +1,11 @@
+import re
+from pathlib import Path
+
 import pytest
 
 import litegrip_client
 from litegrip_client.errors import LiteGripError, exit_code, from_error_object
+from litegrip_client.reasons import OWN_REASONS
 from litegripd.model.errors import ERROR_TABLE, ErrorKind, Refusal
 from litegripd.rpc.wire import error_object
 
@@ -42,6 +46,25 @@ def test_what_is_not_known_at_all_is_the_base(data: dict[str, object]) -> None:
 
 def test_an_error_that_is_no_object_is_a_protocol_error() -> None:
     assert type(from_error_object("oops")) is litegrip_client.ProtocolError
+
+
+def test_every_reason_of_the_client_is_in_one_of_the_two_tables() -> None:
+    sources = Path(litegrip_client.__file__).parent.rglob("*.py")
+    texts = (source.read_text(encoding="utf-8") for source in sources)
+    used = {reason for text in texts for reason in re.findall(r'reason="(\w+)"', text)}
+    assert "no_daemon" in used
+    daemons = {kind.reason for kind in ERROR_TABLE}
+    assert used == (used & daemons) | set(OWN_REASONS)
+    assert not daemons & set(OWN_REASONS)
+
+
+OF_THE_SHELL = {"wrong_usage", "not_wanted", "interrupted"}
+
+
+@pytest.mark.parametrize("reason", sorted(set(OWN_REASONS) - OF_THE_SHELL))
+def test_the_exit_code_of_the_clients_reasons_is_as_documented(reason: str) -> None:
+    exception, code, _ = OWN_REASONS[reason]
+    assert exit_code(getattr(litegrip_client, exception)("m", reason=reason)) == code
 
 
 def test_the_clients_own_errors_have_the_exit_code_of_their_class() -> None:

@@ -45,6 +45,20 @@ def test_a_stop_is_in_force_with_the_next_tick_and_latched(state: str, level: st
     assert world.gripper.motor.status != Status.ENABLED or (state in POWERED and level != "disable")
 
 
+def test_what_a_stop_broke_off_does_not_read_as_never_begun() -> None:
+    world = World()
+    client = world.enabled()
+    opening = client.send("motion.open")
+    world.run(0.2)
+    world.client().result("stop", why="a hand")
+    world.run_until(lambda: client.has_answer(opening))
+    error = client.answers[opening]["error"]
+    job = error["data"]["job"]
+    assert error["data"]["reason"] == "stopped"
+    assert error["message"].startswith(f"job {job}, open, was broken off: a stop (hold) by ")
+    assert client.call("motion.open")["error"]["message"].startswith("a stop (hold) by ")
+
+
 @pytest.mark.parametrize("first", LEVELS)
 @pytest.mark.parametrize("second", LEVELS)
 def test_a_latched_stop_is_only_raised(first: str, second: str) -> None:

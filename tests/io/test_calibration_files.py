@@ -167,6 +167,16 @@ def test_a_template_brings_the_direction_only(root: Path, mount: str) -> None:
     assert found.calibration is not None
     assert found.calibration.geometry.mount == mount
     assert (found.calibration.content, found.calibration.kp_nm_rad) == ({}, None)
+    assert found.calibration.nominal
+
+
+def test_the_factorys_file_is_nominal_and_a_measured_one_is_not(root: Path) -> None:
+    factory = find_calibration("can0", None).calibration
+    put(own(root)[0])
+    measured = find_calibration("can0", None).calibration
+    assert factory is not None
+    assert measured is not None
+    assert (factory.nominal, measured.nominal) == (True, False)
 
 
 def answered(channel: str, mount: str | None) -> Found:

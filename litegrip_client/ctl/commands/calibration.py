@@ -17,8 +17,6 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
 
-_TEMPLATES = ("normal", "reverse")
-
 
 def zero(run: Run) -> int:
     """Measure the travel by moving to both stops, once that is confirmed."""
@@ -61,14 +59,14 @@ def load(run: Run) -> int:
     """Have the daemon use a template, a file of this side, or what it finds itself."""
     source = run.options.source
     params: dict[str, Any] = {}
-    if source in _TEMPLATES:
+    if source in render.TEMPLATES:
         params["template"] = source
     elif source is not None:
         params["content"] = files.read(source)
     data = run.connection.call("calibration.load", params)
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
-    run.output.result(data, render.loaded(data, found=source is None))
+    run.output.result(data, render.loaded(data, source=source))
     return OK if data["loaded"] else NOT_OK
 
 

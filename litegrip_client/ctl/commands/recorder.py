@@ -21,7 +21,7 @@ def dump(run: Run) -> int:
     path = data["path"]
     if target is not None:
         files.put(target, _content(run, path))
-        path = target
+        path, data = target, {**data, "file": target}
     size = figure(data["bytes"] / 1e6, ".1f", "MB")
     length = figure(data["seconds"], ".0f", "s")
     run.output.result(data, f"{length} ({data['ticks']} ticks, {size}) in {plain(path)}")

@@ -59,7 +59,7 @@ def _start(run: Run, mode: str) -> int:
         return _watch(run)
     except KeyboardInterrupt:
         run.output.end_line()
-        return _stop(run)
+        return _stop(run, holding=True)
 
 
 def _watch(run: Run) -> int:
@@ -67,16 +67,16 @@ def _watch(run: Run) -> int:
     while True:
         data = run.connection.call("teleop.status")
         if not data["active"]:
-            run.output.result(data, render.status(data))
+            run.output.result(data, render.ended(data))
             return NOT_OK
         if run.output.live:
             run.output.line(render.line(data))
         time.sleep(_LOOK_EVERY_S)
 
 
-def _stop(run: Run) -> int:
+def _stop(run: Run, *, holding: bool = False) -> int:
     data = run.connection.call("teleop.stop")
-    run.output.result(data, render.status(data))
+    run.output.result(data, render.ended(data, holding=holding))
     return OK
 
 

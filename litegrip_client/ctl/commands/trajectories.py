@@ -18,14 +18,22 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
 
 
+_CTRL_C = "Ctrl-C breaks it off and keeps nothing."
+
+
 def record(run: Run) -> int:
     """Record for a while; the daemon keeps it under a name. It ends with this program."""
     options = run.options
     if not options.overwrite:
         refuse_kept(run, options.name)
     samples = max(1, round(options.seconds * options.rate))
+    told = options.no_zero_gravity
 
     def show(status: dict[str, Any]) -> None:
+        nonlocal told
+        if not told:  # not before: where recording is refused the jaws are not slack
+            told = True
+            terminal.say(f"The jaws are slack for {options.seconds:g} s: push them. {_CTRL_C}")
         if run.output.live:
             run.output.line(render.recording(status, samples))
 
@@ -38,8 +46,6 @@ def record(run: Run) -> int:
         name=options.name,
         on_status=show,
     )
-    if not options.no_zero_gravity:
-        terminal.say(f"The jaws go slack for {options.seconds:g} s: push them. Ctrl-C ends it.")
     try:
         data = wait(recording.run())
     except KeyboardInterrupt:

@@ -38,14 +38,18 @@ def parse(given: list[str]) -> argparse.Namespace:
     `channel_chosen` tells whether a channel was asked for, by option or by environment.
     """
     parser = whole_parser()
-    options = parser.parse_args([protect_target(argument) for argument in given])
+    options, rest = parser.parse_known_args([protect_target(argument) for argument in given])
+    if rest:
+        message = f"unrecognized arguments: {' '.join(rest)}"
+        raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
     options.socket = getattr(options, "socket", None)
     options.ssh_host = getattr(options, "ssh_host", None)
     options.json = getattr(options, "json", False)
     if options.command == "grasp" and (options.width is None) != (options.tolerance is None):
-        parser.error("grasp: --width and --tolerance go together: give both")
+        message = "grasp: --width and --tolerance go together: give both"
+        raise UsageError(message, parser.format_usage(), options.help_of)
     try:
         options.channel = check_channel(chosen or DEFAULT_CHANNEL)
     except CommandError as error:

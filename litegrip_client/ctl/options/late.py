@@ -19,12 +19,13 @@ Fill: TypeAlias = "Callable[[LateParser], None]"
 
 
 class UsageError(Exception):
-    """The command line is wrong; `usage` says what would be right."""
+    """The command line is wrong; `usage` says what would be right, the help of `program` more."""
 
-    def __init__(self, message: str, usage: str) -> None:
+    def __init__(self, message: str, usage: str, program: str) -> None:
         super().__init__(message)
         self.message = message
         self.usage = usage
+        self.program = program
 
 
 class Parser(argparse.ArgumentParser):
@@ -43,7 +44,7 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raise `UsageError`."""
-        raise UsageError(message, self.format_usage())
+        raise UsageError(message, self.format_usage(), self.prog)
 
     def arguments(self) -> list[argparse.Action]:
         """Return the options and the positional arguments, in their order."""
@@ -64,9 +65,12 @@ class LateParser(Parser):
             self._fill(self)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Become a parser, and parse."""
+        """Become a parser, and parse; note in `help_of` whose help tells of what was given."""
         self.become()
-        return super().parse_known_args(args, namespace)
+        options, rest = super().parse_known_args(args, namespace)
+        if not hasattr(options, "help_of"):  # else an action of this command has noted its own
+            options.help_of = self.prog
+        return options, rest
 
 
 def common() -> argparse.ArgumentParser:

@@ -83,7 +83,7 @@ def move(parser: LateParser) -> None:
         "target",
         type=target,
         metavar="TARGET",
-        help="with its unit: 45mm (opening), 0.3rad (position of the motor), 50%% (of the travel)",
+        help="with its unit: 45mm (opening), -0.3rad (position of the motor), 50%% (of the travel)",
     )
     pace = parser.add_mutually_exclusive_group()
     _speed(pace)

@@ -7,8 +7,8 @@ from litegrip_client.ctl.options.values import count, positive
 
 _RECORD = """\
 Record a motion: the jaws go slack, you push them through it, and the daemon
-keeps what it measured under NAME. The motor must be enabled. Ctrl-C ends it and
-keeps nothing; the jaws hold at the end in any case.
+keeps what it measured under NAME. The motor must be enabled. Ctrl-C breaks it
+off and keeps nothing; the jaws hold at the end in any case.
 """
 _PLAY = """\
 Replay a recorded motion: go to its start, then along its path, then hold. It

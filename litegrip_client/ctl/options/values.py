@@ -26,7 +26,7 @@ def target(text: str) -> tuple[str, float]:
     found = _TARGET.fullmatch(text.strip())
     if found is None:
         raise ArgumentTypeError(
-            f"{text.strip()!r} is no target: say 45mm (opening), 0.3rad (position of the motor) "
+            f"{text.strip()!r} is no target: say 45mm (opening), -0.3rad (position of the motor) "
             "or 50% (of the travel, 0% is closed)"
         )
     value = float(found[1])
