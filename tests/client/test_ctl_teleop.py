@@ -115,6 +115,40 @@ def test_detached_it_returns_at_once(ctl: Ctl, started: list[dict[str, Any]]) ->
     assert (code, out) == (0, "slave: it runs; end it with: litegripctl teleop stop\n")
 
 
+@pytest.mark.parametrize(
+    ("link_state", "code", "told"),
+    [
+        ("open", 0, "slave: it runs; end it with: litegripctl teleop stop\n"),
+        ("failed", 1, "slave: ended, the link has failed: port 17448 is in use\n"),
+    ],
+)
+def test_detached_it_returns_when_the_link_is_open_or_has_failed(
+    daemon: FakeDaemon, ctl: Ctl, link_state: str, code: int, told: str
+) -> None:
+    opening = {**STATUS, "link_state": "opening"}
+    later = {**STATUS, "link_state": link_state, "link_error": "port 17448 is in use"}
+    looks = iter((opening, later))
+    stops: list[int] = []
+
+    def stop(_request: Request) -> dict[str, Any]:
+        stops.append(1)
+        return ENDED
+
+    daemon.handlers["teleop.start"] = lambda _request: opening
+    daemon.handlers["teleop.status"] = lambda _request: next(looks)
+    daemon.handlers["teleop.stop"] = stop
+    assert ctl("teleop", "slave", "--host", "b", "--detach")[:2] == (code, told)
+    assert len(stops) == code
+
+
+def test_detached_it_tells_of_an_end_while_the_link_opened(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["teleop.start"] = lambda _request: {**STATUS, "link_state": "opening"}
+    daemon.handlers["teleop.status"] = lambda _request: {**ENDED, "fault": "driver_hot"}
+    code, out, _ = ctl("teleop", "slave", "--host", "b", "--detach")
+    assert code == 1
+    assert "ended by     driver_hot" in out
+
+
 def test_it_is_watched_until_it_ends_by_itself(
     daemon: FakeDaemon, ctl: Ctl, started: list[dict[str, Any]]
 ) -> None:
