@@ -37,7 +37,8 @@ def status(data: Data) -> str:
     verdict = "runs" if data.get("active") else "does not run"
     rows = [
         ("teleop", f"{data.get('mode')}, {verdict} ({data.get('phase')})"),
-        ("link", f"{data.get('link')} {data.get('link_state') or 'closed'}, {data.get('topic')}"),
+        ("link", f"{data.get('link')} {data.get('link_state') or 'closed'}{_where(data)}"),
+        ("topic", f"{data.get('topic')}"),
         ("opening", f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open"),
         ("force", figure(data.get("force_n"), "+.1f", "N")),
         ("torque", figure(data.get("torque_nm"), "+.2f", "N·m")),
@@ -55,6 +56,27 @@ def status(data: Data) -> str:
     return "\n".join(f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows)
 
 
+def _where(data: Data) -> str:
+    """Name the other end where this one goes to it, else the port at which it listens."""
+    host, port = data.get("host"), data.get("port")
+    if port is None:
+        return ""
+    return f", port {port}" if host is None else f", {_address(host, port)}"
+
+
+def _leader(data: Data) -> str:
+    host, port = data.get("host"), data.get("port")
+    if host is None:
+        return "a leader" if port is None else f"a leader at port {port}"
+    return _address(host, port)
+
+
+def _address(host: object, port: object) -> str:
+    """Put the port behind a host; several hosts may have ports of their own."""
+    text = str(host)
+    return f"[{text}]:{port}" if text.count(":") > 1 and "," not in text else f"{text}:{port}"
+
+
 def _felt(data: Data) -> list[str]:
     """Tell of force reflection: what a slave told last, or with what a master pushes now."""
     force_n = data.get("reflected_n")
@@ -68,6 +90,8 @@ def _felt(data: Data) -> list[str]:
 def _troubles(data: Data) -> list[str]:
     """Name what is not as it should be."""
     found = []
+    if data.get("active") and data.get("mode") == "slave" and not data.get("frames"):
+        found.append(f"nothing heard from {_leader(data)} yet")
     if data.get("stale"):
         found.append(f"STALE {_age(data)}")
     if data.get("over_torque"):

@@ -11,9 +11,9 @@ from litegripd.rpc.method import CONFIG, DETACH, Method
 from litegripd.rpc.schema import Param
 
 _STATUS = (
-    "active, mode, phase, topic, link, link_state, link_error, link_protected, matching, frames,"
-    " last_frame_age_ms, stale, openness, position_mm, force_n, dq_cmd, loop_hz, rejected,"
-    " out_of_order, other_leaders, dropped, send_failed, fault, torque_nm, over_torque,"
+    "active, mode, phase, topic, link, host, port, link_state, link_error, link_protected, "
+    " matching, frames, last_frame_age_ms, stale, openness, position_mm, force_n, dq_cmd, loop_hz,"
+    " rejected, out_of_order, other_leaders, dropped, send_failed, fault, torque_nm, over_torque,"
     " torque_trips, force_limited, reflects, reflected_n, followers, round_trip_ms, late and the"
     " job."
 )

@@ -16,6 +16,8 @@ STATUS: dict[str, Any] = {
     "phase": "following",
     "topic": "litearm/v4/gripA/gripper_teleop",
     "link": "zenoh",
+    "host": "10.0.0.20",
+    "port": 17448,
     "link_state": "open",
     "link_error": None,
     "matching": None,
@@ -236,6 +238,28 @@ def test_reflection_and_limits_are_shown_where_there_are_any() -> None:
     for protected, told in ((True, False), (None, False), (False, True)):
         text = render_teleop.status({**STATUS, "link_protected": protected})
         assert ("open to" in text) is told
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "where", "leader"),
+    [
+        ("10.0.0.20", 17448, "zenoh open, 10.0.0.20:17448\n", "10.0.0.20:17448"),
+        ("fe80::1", 5, "zenoh open, [fe80::1]:5\n", "[fe80::1]:5"),
+        (None, 5, "zenoh open, port 5\n", "a leader at port 5"),
+        (None, None, "zenoh open\n", "a leader"),
+    ],
+)
+def test_a_leader_that_was_not_heard_yet_is_no_good_link(
+    host: str | None, port: int | None, where: str, leader: str
+) -> None:
+    waiting = {**STATUS, "host": host, "port": port, "frames": 0, "phase": "waiting"}
+    told = f"nothing heard from {leader} yet"
+    text = render_teleop.status(waiting)
+    assert f"link         {where}" in text
+    assert told in text
+    assert told in render_teleop.line(waiting)
+    for other in ({**waiting, "frames": 1}, {**waiting, "mode": "master"}):
+        assert "nothing heard" not in render_teleop.status(other)
 
 
 def test_what_is_not_known_is_shown_as_such() -> None:

@@ -4,10 +4,11 @@ import csv
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from examples import collect, policy
+from examples import collect, policy, teleop
 from litegrip_client import LiteGrip
 from tests.drop_in import Daemon, Site, a_site
 
@@ -61,3 +62,25 @@ def test_what_a_follower_does_is_collected_tick_by_tick(
     seen = [float(row["openness"]) for row in rows]
     true = [moment.opening_mm / 120.05 for moment in moments]
     assert (max(seen), min(seen)) == pytest.approx((max(true), min(true)), abs=0.02)
+
+
+def test_the_line_of_a_teleoperation_is_rounded_and_tells_why_a_link_failed() -> None:
+    status: dict[str, Any] = {
+        "phase": "following",
+        "link_state": "open",
+        "link_error": None,
+        "frames": 12,
+        "openness": 0.123456,
+        "torque_nm": -0.5678,
+        "loop_hz": 199.96,
+        "stale": False,
+        "torque_trips": 0,
+    }
+    shown = teleop.line(status)
+    assert "openness 0.123  torque -0.57 N·m  200 Hz" in shown
+    assert shown.endswith("trips 0")
+    failed = {**status, "link_state": "failed", "link_error": "port 17448 is in use"}
+    shown = teleop.line({**failed, "openness": None, "torque_nm": None})
+    assert "link failed" in shown
+    assert "openness -  torque - N·m" in shown
+    assert shown.endswith("  port 17448 is in use")
