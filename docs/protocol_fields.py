@@ -28,7 +28,8 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
     "state.sample": (
         "A subscription to the state.",
         (
-            "`subscription`, `seq`, `dropped`, `monotonic_s`, `state`. The latest wins: a client that"
+            "`subscription`, `seq`, `dropped`, `monotonic_s`, `state`. The latest wins: a client"
+            " that"
             " does not read loses samples and is told how many. `seq` counts the samples that were"
             " due, `dropped` those of them that were not sent."
         ),
@@ -36,7 +37,8 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
     "state.batch": (
         'A subscription to the state with `"batch": n`.',
         (
-            "`subscription`, `seq` (of the last row), `dropped`, `fields`, and `rows`, each the values"
+            "`subscription`, `seq` (of the last row), `dropped`, `fields`, and `rows`, each the"
+            " values"
             " of the fields in one sample. A batch for a client that does not read is dropped as a"
             " whole."
         ),
@@ -44,8 +46,10 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
     "event": (
         "A subscription to events.",
         (
-            "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, other for each"
-            " kind). `seq` counts all events since the daemon's start, those of other kinds included."
+            "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, other"
+            " for each"
+            " kind). `seq` counts all events since the daemon's start, those of other kinds"
+            " included."
             " No event is dropped."
         ),
     ),
@@ -55,7 +59,8 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
     ),
     "stream.refused": (
         (
-            "A `stream.set` without an `id` that was refused. Only the first of several with the same"
+            "A `stream.set` without an `id` that was refused. Only the first of several with the"
+            " same"
             " reason is told, and again after one that was taken."
         ),
         "An error's: `code`, `message`, `data` with `reason` ([errors.md](errors.md)).",
@@ -63,7 +68,8 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
     "lease.lost": (
         "The lease that this connection had is lost. Nobody has to subscribe to it.",
         (
-            "`client` and `pid` of the loser, `cause` (`connection`, `process`, `expired` or `taken`),"
+            "`client` and `pid` of the loser, `cause` (`connection`, `process`, `expired` or"
+            " `taken`),"
             " `why` (a text of the taker's, or null) and, where it was taken, `by` (`pid`, `uid`,"
             " `program`)."
         ),
@@ -181,7 +187,8 @@ def jobs_section() -> str:
             _section("## Jobs", "What `job.get`, `job.wait` and `job.list` tell of one.", job),
             _section("## Progress", "The `params` of `job.progress`.", progress),
             (
-                f"A replay's has {replay}, too: what the path has now, and what `ReplayResult` counts,"
+                f"A replay's has {replay}, too: what the path has now, and what `ReplayResult`"
+                f" counts,"
                 " so far.\n"
             ),
         )
