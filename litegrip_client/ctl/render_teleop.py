@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from litegrip_client.ctl.render import Data, figure, plain
 
-_LABEL_WIDTH = 12
+_LABEL_WIDTH = 17
 _COUNTS = (
     "torque_trips",
     "rejected",
@@ -18,11 +18,12 @@ _COUNTS = (
 
 def line(data: Data) -> str:
     """Show how it goes in one line."""
+    whose, own = ("leader's ", "own ") if data.get("mode") == "slave" else ("", "")
     parts = [
         f"{data.get('mode')!s} {data.get('phase')!s:<9}",
-        f"{_percent(data):>6}",
+        f"{whose}{_percent(data):>6}",
         f"{figure(data.get('position_mm'), '7.2f', 'mm'):>10}",
-        f"{figure(data.get('torque_nm'), '+.2f', 'N·m'):>10}",
+        f"{own}{figure(data.get('torque_nm'), '+.2f', 'N·m'):>10}",
         *_felt(data),
         f"{figure(data.get('loop_hz'), '.0f', 'Hz'):>6}",
         f"frames {data.get('frames')}",
@@ -35,13 +36,17 @@ def status(data: Data) -> str:
     if data.get("mode") is None:
         return "no teleoperation so far"
     verdict = "runs" if data.get("active") else "does not run"
+    whose, own = ("leader's ", "own ") if data.get("mode") == "slave" else ("", "")
     rows = [
         ("teleop", f"{data.get('mode')}, {verdict} ({data.get('phase')})"),
         ("link", f"{data.get('link')} {data.get('link_state') or 'closed'}{_where(data)}"),
         ("topic", f"{data.get('topic')}"),
-        ("opening", f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open"),
-        ("force", figure(data.get("force_n"), "+.1f", "N")),
-        ("torque", figure(data.get("torque_nm"), "+.2f", "N·m")),
+        (
+            f"{whose}opening",
+            f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open",
+        ),
+        (f"{whose}force", figure(data.get("force_n"), "+.1f", "N")),
+        (f"{own}torque", figure(data.get("torque_nm"), "+.2f", "N·m")),
         ("frames", f"{data.get('frames')}, the last {_age(data)} ago"),
         ("loop", figure(data.get("loop_hz"), ".0f", "Hz")),
     ]

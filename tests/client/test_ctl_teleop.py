@@ -148,7 +148,7 @@ def test_detached_it_tells_of_an_end_while_the_link_opened(daemon: FakeDaemon, c
     daemon.handlers["teleop.status"] = lambda _request: {**ENDED, "fault": "driver_hot"}
     code, out, _ = ctl("teleop", "slave", "--host", "b", "--detach")
     assert code == 1
-    assert "ended by     driver_hot" in out
+    assert "ended by          driver_hot" in out
 
 
 def test_it_is_watched_until_it_ends_by_itself(
@@ -164,7 +164,7 @@ def test_it_is_watched_until_it_ends_by_itself(
     code, out, _ = ctl("teleop", "slave", "--host", "b")
     assert code == 1
     assert "slave, does not run" in out
-    assert "ended by     driver_hot" in out
+    assert "ended by          driver_hot" in out
     assert started == [{"mode": "slave", "host": "b"}]
 
 
@@ -206,6 +206,18 @@ def test_status_and_stop(ctl: Ctl, started: list[dict[str, Any]]) -> None:
     assert json.loads(out) == ENDED
 
 
+def test_whose_a_figure_is_stands_before_it() -> None:
+    rows = [line.split("  ")[0] for line in render_teleop.status(STATUS).splitlines()]
+    assert [row for row in rows if "'s" in row or "own" in row] == [
+        "leader's opening",
+        "leader's force",
+        "own torque",
+    ]
+    leads = render_teleop.status({**STATUS, "mode": "master", "phase": "leading"})
+    rows = [line.split("  ")[0] for line in leads.splitlines()]
+    assert {"opening", "force", "torque"} <= set(rows)
+
+
 def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
     daemon.handlers["teleop.status"] = lambda _request: {"active": False, "mode": None}
     assert ctl("teleop", "status")[1] == "no teleoperation so far\n"
@@ -214,8 +226,10 @@ def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
 def test_the_live_line_says_what_matters() -> None:
     line = render_teleop.line(STATUS)
     words = line.split()
-    assert words[:6] == ["slave", "following", "50.0", "%", "60.10", "mm"]
-    assert words[6:] == ["+0.20", "N·m", "200", "Hz", "frames", "1234"]
+    assert words[:7] == ["slave", "following", "leader's", "50.0", "%", "60.10", "mm"]
+    assert words[7:] == ["own", "+0.20", "N·m", "200", "Hz", "frames", "1234"]
+    master = {**STATUS, "mode": "master", "phase": "leading", "matching": True}
+    assert render_teleop.line(master).split()[:4] == ["master", "leading", "50.0", "%"]
     bad = {**STATUS, "stale": True, "over_torque": True, "torque_trips": 2, "rejected": 5}
     shown = render_teleop.line(bad)
     for note in ("STALE 3 ms", "RELEASED", "torque_trips 2", "rejected 5"):
@@ -234,7 +248,7 @@ def test_reflection_and_limits_are_shown_where_there_are_any() -> None:
     shown = render_teleop.line(master)
     for note in ("reflects +7.2 N (12 ms round)", "nobody tells a force", "late 3"):
         assert note in shown
-    assert "felt         reflects +7.2 N" in render_teleop.status(slave)
+    assert "felt              reflects +7.2 N" in render_teleop.status(slave)
     for protected, told in ((True, False), (None, False), (False, True)):
         text = render_teleop.status({**STATUS, "link_protected": protected})
         assert ("open to" in text) is told
@@ -255,7 +269,7 @@ def test_a_leader_that_was_not_heard_yet_is_no_good_link(
     waiting = {**STATUS, "host": host, "port": port, "frames": 0, "phase": "waiting"}
     told = f"nothing heard from {leader} yet"
     text = render_teleop.status(waiting)
-    assert f"link         {where}" in text
+    assert f"link              {where}" in text
     assert told in text
     assert told in render_teleop.line(waiting)
     for other in ({**waiting, "frames": 1}, {**waiting, "mode": "master"}):
