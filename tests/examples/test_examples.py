@@ -2,6 +2,9 @@
 
 import csv
 import itertools
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -84,3 +87,28 @@ def test_the_line_of_a_teleoperation_is_rounded_and_tells_why_a_link_failed() ->
     assert "link failed" in shown
     assert "openness -  torque - N·m" in shown
     assert shown.endswith("  port 17448 is in use")
+
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NAMES = sorted(
+    {path.stem for path in EXAMPLES.glob("*.py")} - {"__init__", "demo", "run_simulated"}
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_example_has_help_and_names_its_channel_in_the_same_way(name: str) -> None:
+    command = [sys.executable, str(EXAMPLES / f"{name}.py"), "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    for option in ("--left", "--right") if name == "two_grippers" else ("--channel",):
+        assert option in done.stdout
+
+
+def test_a_trajectory_that_is_not_there_is_answered_by_where_to_look(tmp_path: Path) -> None:
+    command = [sys.executable, str(EXAMPLES / "trajectory.py"), "--play", "nix"]
+    environment = {**os.environ, "LITEGRIP_TRAJ_DIR": str(tmp_path)}
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    assert "nix.lgt; --list shows what was saved" in done.stderr
