@@ -50,6 +50,8 @@ def status(data: Data) -> str:
         ("frames", f"{data.get('frames')}, the last {_age(data)} ago"),
         ("loop", figure(data.get("loop_hz"), ".0f", "Hz")),
     ]
+    if data.get("mode") == "master" and data.get("active"):
+        rows.append(("followers", _followers(data)))
     rows += [("felt", text) for text in _felt(data)]
     if data.get("active") and data.get("link_protected") is False:
         rows.append(("open to", "whoever reaches the link"))
@@ -59,6 +61,16 @@ def status(data: Data) -> str:
     if data.get("fault"):
         rows.append(("ended by" if not data.get("active") else "fault", str(data["fault"])))
     return "\n".join(f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows)
+
+
+def _followers(data: Data) -> str:
+    """Tell how many follow, as far as a leader can know: each is heard only with reflection."""
+    count = data.get("followers")
+    if count is not None:
+        return f"{count} heard"
+    if data.get("matching") is None:
+        return "not known: they are not heard"
+    return "at least one" if data["matching"] else "none"
 
 
 def _where(data: Data) -> str:

@@ -218,6 +218,24 @@ def test_whose_a_figure_is_stands_before_it() -> None:
     assert {"opening", "force", "torque"} <= set(rows)
 
 
+@pytest.mark.parametrize(
+    ("followers", "matching", "told"),
+    [
+        (2, True, "2 heard"),
+        (None, True, "at least one"),
+        (None, False, "none"),
+        (None, None, "not known: they are not heard"),
+    ],
+)
+def test_a_leader_tells_of_its_followers_what_it_knows(
+    followers: int | None, matching: bool | None, told: str
+) -> None:
+    leads = {**STATUS, "mode": "master", "followers": followers, "matching": matching}
+    assert f"followers         {told}" in render_teleop.status(leads).splitlines()
+    assert "followers" not in render_teleop.status(STATUS)
+    assert "followers" not in render_teleop.status({**leads, "active": False})
+
+
 def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
     daemon.handlers["teleop.status"] = lambda _request: {"active": False, "mode": None}
     assert ctl("teleop", "status")[1] == "no teleoperation so far\n"
