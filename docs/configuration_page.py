@@ -96,9 +96,25 @@ counts before all others but `mount`.
 """
 
 
+SIMULATOR = {
+    "mount": '"normal" or "reverse": which way closing runs. Say the same in `[gripper]`.',
+    "object_mm": "How wide an object between the jaws is, mm. Left out: there is none.",
+    "object_stiffness_nm_rad": "How stiff it is, N·m/rad; only with `object_mm`.",
+    "seed": "An integer: reports have a noise of at most one code. Left out: they are exact.",
+    "watchdog_s": "After so long without a command the motor disarms, 0.1 s unless given, at most"
+    " 0.4: a longer one the daemon sets back to 0.1 when it enables the motor.",
+}
+"""What a simulated gripper can be given in `[bus]`."""
+
+
 def configuration_page() -> str:
     """Make the page."""
     sections = [f"## [{table}]\n\n{about}\n\n{_table(table)}\n" for table, about in TABLES.items()]
+    rows = (f"| `{name}` | {meaning} |" for name, meaning in SIMULATOR.items())
+    head = (
+        'With `interface = "litegrip_sim"` it takes these, too:\n\n| key | meaning |\n| --- | --- |'
+    )
+    sections[0] += "\n".join(["", head, *rows, ""])
     fixed = _listed([f"`[{table}]`" for table in SAME_TABLES])
     free = _listed([f"`[{table}]`" for table in TABLES if table not in SAME_TABLES])
     motions = [

@@ -7,23 +7,26 @@ A further file is a further row of `GENERATED`: its path, and the function that 
 """
 
 import argparse
-import inspect
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
 from docs.configuration_page import configuration_page, default_file  # noqa: E402
 from docs.manual import client_page, daemon_page, simulator_page  # noqa: E402
+from docs.protocol_fields import (  # noqa: E402
+    jobs_section,
+    notifications_section,
+    results_section,
+    state_section,
+    teleop_section,
+)
 from litegrip_client.reasons import OWN_REASONS  # noqa: E402
 from litegripd.io.stop_listener import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
-from litegripd.model.state import GripperState  # noqa: E402
 from litegripd.rpc.method import Method  # noqa: E402
 from litegripd.rpc.methods import METHODS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
@@ -111,8 +114,16 @@ def errors_page() -> str:
 
 
 def protocol_page() -> str:
-    """Make the page on the protocol: what holds for all methods, and each method."""
-    sections = [PROTOCOL_HEAD, *map(_method_section, METHODS), _state_section()]
+    """Make the page on the protocol: what holds for all, each method, and what they tell."""
+    sections = [
+        PROTOCOL_HEAD,
+        *map(_method_section, METHODS),
+        notifications_section(),
+        results_section(),
+        jobs_section(),
+        teleop_section(),
+        state_section(),
+    ]
     return "\n".join(sections)
 
 
@@ -140,33 +151,6 @@ def _allowed(param: Param) -> str:
     return f"{low} to {high}" if low and high else f"at least {low}" if low else f"at most {high}"
 
 
-def _state_section() -> str:
-    hints = get_type_hints(GripperState)
-    rows = (f"| `{name}` | {_type_name(hint)} |" for name, hint in hints.items())
-    about = inspect.getdoc(GripperState) or ""
-    return "\n".join(
-        ("## The state", "", about, "", "| field | type |", "| --- | --- |", *rows, "")
-    )
-
-
-def _type_name(hint: Any) -> str:
-    """Name a type as JSON knows it; the names do not depend on Python's version."""
-    if get_origin(hint) is Literal:
-        return ", ".join(f'"{choice}"' for choice in get_args(hint))
-    if get_origin(hint) is tuple:
-        return "array of strings"
-    if get_origin(hint) in (Union, UnionType):
-        return ", or ".join(map(_type_name, get_args(hint)))
-    return JSON_NAMES.get(hint, "object")
-
-
-JSON_NAMES = {
-    int: "integer",
-    float: "number",
-    bool: "boolean",
-    str: "string",
-    type(None): "null",
-}
 PROTOCOL_HEAD = f"""# Protocol {PROTOCOL_VERSION}
 
 <!-- Made by docs/generate.py from the daemon's tables; not to be edited. -->
@@ -176,13 +160,16 @@ socket is `/run/litegripd/<channel>.sock`, or `$XDG_RUNTIME_DIR/litegripd/<chann
 user who may not write there.
 
 - A line is at most {MAX_LINE_BYTES} bytes; a longer one is refused and the connection closed.
-  Batches, duplicate keys, NaN, Infinity, unknown parameters and requests without an `id` are
-  refused and the connection stays open. `id` is a string or an integer.
+  Batches, duplicate keys, NaN, Infinity and unknown parameters are refused and the connection stays
+  open. So are requests without an `id`, a string or an integer, except `stream.set`: a set-point
+  without one gets no answer, and a `stream.refused` where it is refused.
 - Requests of one connection run concurrently: answers come when they are done, by `id`.
 - A motion answers with its result when it ends. With `"wait": false` it answers `{{"job": n}}` at
   once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
-  does. With `"progress": true` the connection gets `job.progress` notifications, at most 20 a
-  second, with the `request` that they belong to.
+  does. With `"progress": true` the connection gets `job.progress` [notifications](#notifications).
+- The lease belongs to the connection that acquired it: its own motions need no token. The token
+  (`lease`) is for another connection that is to act under it, and for `lease.resume`. Every request
+  of the holder's renews a lease with `ttl_s`, a set-point without an `id` as well.
 - A motion that could not run its course (cancelled, stopped, a fault, its client lost) answers
   with an error. [errors.md](errors.md) lists all reasons.
 - Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a
@@ -192,15 +179,6 @@ user who may not write there.
   answer has the latched `level` and the `generation`.
 - A stop makes an event when it is latched or raised. Every other one takes effect, too, but is only
   counted, in the state's `stop` as `repeats`, which the event `stop_cleared` tells.
-- Subscriptions to the state send `state.sample` notifications: `subscription`, `seq`, `dropped`,
-  `monotonic_s`, `state`. The latest wins: a client that does not read loses samples and is told
-  how many. `seq` counts the samples that were due, `dropped` those of them that were not sent.
-- With `"batch": n` they send `state.batch` notifications: `subscription`, `seq` (of the last row),
-  `dropped`, `fields`, and `rows`, each the values of the fields in one sample. A batch for a client
-  that does not read is dropped as a whole.
-- Subscriptions to events send `event` notifications: `subscription`, `seq`, `monotonic_s`, `kind`,
-  `message`, `data`. `seq` counts all events since the daemon's start, those of other kinds
-  included. No event is dropped.
 - A client that lets too much wait to be read is closed, with the reason `backlog_full`.
 - A connection that the daemon closes gets a last line first, an error whose `id` is null.
 

@@ -1,11 +1,13 @@
 """Watch the gripper on asyncio: one task prints what it does, another what happens to it.
 
-python examples/aio_watch.py [CHANNEL] [SOCKET]
+python examples/aio_watch.py [--channel can0]
 """
 
+import argparse
 import asyncio
 import contextlib
 import sys
+from collections.abc import Sequence
 
 from litegrip_client import LiteGripError
 from litegrip_client.aio import LiteGrip
@@ -28,11 +30,13 @@ async def print_events(gripper: LiteGrip) -> None:
             print(f"event {event.kind}: {event.message}", flush=True)
 
 
-async def main() -> None:
+async def main(arguments: Sequence[str] | None = None) -> None:
     """Print both until interrupted, or until the daemon ends."""
-    channel = sys.argv[1] if len(sys.argv) > 1 else "can0"
-    socket_path = sys.argv[2] if len(sys.argv) > 2 else None
-    async with LiteGrip(channel, socket_path=socket_path) as gripper:
+    parser = argparse.ArgumentParser(description="Show states and events until Ctrl-C.")
+    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--socket", metavar="PATH", help="another socket than the channel's")
+    options = parser.parse_args(arguments)
+    async with LiteGrip(options.channel, socket_path=options.socket) as gripper:
         await asyncio.gather(print_states(gripper), print_events(gripper))
 
 

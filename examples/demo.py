@@ -73,8 +73,8 @@ def main() -> int:
         processes, threads = {"daemon": daemon}, []
         for name, script in (("watcher", "watch_state.py"), ("mover", "open_close.py")):
             processes[name] = start(
-                f"python examples/{script} {CHANNEL}",
-                sys.executable, str(HERE / script), CHANNEL, str(path),
+                f"python examples/{script} --channel {CHANNEL}",
+                sys.executable, str(HERE / script), "--channel", CHANNEL, "--socket", str(path),
             )  # fmt: skip
         for name, process in processes.items():
             if process.stdout is not None:

@@ -1,9 +1,11 @@
 """Enable, open and close with a progress bar: what a script for the gripper looks like.
 
-python examples/open_close.py [CHANNEL] [SOCKET]
+python examples/open_close.py [--channel can0]
 """
 
+import argparse
 import sys
+from collections.abc import Sequence
 
 from litegrip_client import LiteGrip, LiteGripError, MoveProgress
 
@@ -22,11 +24,13 @@ def show(progress: MoveProgress) -> None:
     )
 
 
-def main() -> int:
+def main(arguments: Sequence[str] | None = None) -> int:
     """Run the example; return 0 when both motions pressed home."""
-    channel = sys.argv[1] if len(sys.argv) > 1 else "can0"
-    socket_path = sys.argv[2] if len(sys.argv) > 2 else None
-    with LiteGrip(channel, socket_path=socket_path) as gripper:
+    parser = argparse.ArgumentParser(description="Open and close once.")
+    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--socket", metavar="PATH", help="another socket than the channel's")
+    options = parser.parse_args(arguments)
+    with LiteGrip(options.channel, socket_path=options.socket) as gripper:
         enabled = gripper.enable()
         print(f"enabled: {enabled.ok} after {enabled.tries} try")
         for motion in (gripper.open, gripper.close):

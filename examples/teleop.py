@@ -10,8 +10,21 @@ Ctrl-C ends it; leaving the block then disables the motor.
 import argparse
 import sys
 from collections.abc import Sequence
+from typing import Any
 
 from litegrip_client import LiteGrip, LiteGripError
+
+
+def line(status: dict[str, Any]) -> str:
+    """Show how it goes in one line; a link that has failed is told, with its reason."""
+    openness, torque_nm = status["openness"], status["torque_nm"]
+    shown = (
+        f"{status['phase']:<9} link {status['link_state']}  frames {status['frames']:>6}"
+        f"  openness {'-' if openness is None else f'{openness:.3f}'}"
+        f"  torque {'-' if torque_nm is None else f'{torque_nm:+.2f}'} N·m"
+        f"  {status['loop_hz']:.0f} Hz  stale {status['stale']}  trips {status['torque_trips']}"
+    )
+    return shown if status["link_error"] is None else f"{shown}  {status['link_error']}"
 
 
 def follow_along(gripper: LiteGrip, seconds: float | None) -> None:
@@ -20,12 +33,7 @@ def follow_along(gripper: LiteGrip, seconds: float | None) -> None:
         began_s: float | None = None
         for tick in ticks:
             status = gripper.teleop_status()
-            print(
-                f"{status['phase']:<9} frames {status['frames']:>6}  openness {status['openness']}"
-                f"  torque {status['torque_nm']} N·m  {status['loop_hz']:.0f} Hz"
-                f"  stale {status['stale']}  trips {status['torque_trips']}",
-                flush=True,
-            )
+            print(line(status), flush=True)
             began_s = tick["monotonic_s"] if began_s is None else began_s
             is_over = seconds is not None and tick["monotonic_s"] - began_s >= seconds
             if is_over or not status["active"]:

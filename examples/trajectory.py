@@ -35,14 +35,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for path in list_trajectories():
             print(path)
         return 0
+    taught = None if options.play is None else Trajectory.load(options.play)
     with LiteGrip(options.channel) as gripper:
         gripper.enable()
-        if options.record is not None:
+        if taught is None:
             record(gripper, options.record, options.save)
             return 0
-        result = gripper.play(
-            Trajectory.load(options.play), speed=options.speed, repeat=options.repeat
-        )
+        result = gripper.play(taught, speed=options.speed, repeat=options.repeat)
         print(f"ok={result.ok} ({result.outcome})")
         return 0 if result else 1
 
@@ -51,4 +50,5 @@ if __name__ == "__main__":
     try:
         sys.exit(main())
     except LiteGripError as error:
-        sys.exit(f"trajectory: {error}")
+        hint = "; --list shows what was saved" if error.reason == "unknown_trajectory" else ""
+        sys.exit(f"trajectory: {error}{hint}")

@@ -1,21 +1,25 @@
 """Watch the gripper while somebody else moves it: a second process, reading only.
 
-python examples/watch_state.py [CHANNEL] [SOCKET]
+python examples/watch_state.py [--channel can0]
 """
 
+import argparse
 import contextlib
 import sys
+from collections.abc import Sequence
 
 from litegrip_client import LiteGrip, LiteGripError
 
 BAR_WIDTH = 40
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Print the state five times a second until interrupted or until the daemon ends."""
-    channel = sys.argv[1] if len(sys.argv) > 1 else "can0"
-    socket_path = sys.argv[2] if len(sys.argv) > 2 else None
-    with LiteGrip(channel, socket_path=socket_path) as gripper:
+    parser = argparse.ArgumentParser(description="Show the state until Ctrl-C.")
+    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--socket", metavar="PATH", help="another socket than the channel's")
+    options = parser.parse_args(arguments)
+    with LiteGrip(options.channel, socket_path=options.socket) as gripper:
         for state in gripper.states(hz=5):
             opening_mm = state.opening_mm or 0.0
             filled = round(BAR_WIDTH * (state.openness or 0.0))

@@ -91,7 +91,7 @@ class Trajectory:
 
     def __repr__(self) -> str:
         mount = f", mount {self.mount}" if self.mount else ""
-        grips = f", {len(self.grips)} grips" if self.grips else ""
+        grips = f", {grips_counted(len(self.grips))}" if self.grips else ""
         return f"<Trajectory: {len(self)} samples, {self.duration_s:.2f} s{mount}{grips}>"
 
     @property
@@ -168,6 +168,11 @@ class Trajectory:
         check_length(len(content), count)
         samples = map(TrajectorySample._make, SAMPLE.iter_unpack(content[HEADER.size :]))
         return cls(tuple(samples), **header)
+
+
+def grips_counted(grips: int) -> str:
+    """Count grips in words."""
+    return f"{grips} grip" if grips == 1 else f"{grips} grips"
 
 
 def read_header(content: bytes) -> dict[str, Any]:

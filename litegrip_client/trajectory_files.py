@@ -6,6 +6,7 @@ What is in the files is `trajectory`'s. The daemon's own store is another one.
 from __future__ import annotations
 
 import errno
+import math
 import os
 import stat
 from dataclasses import dataclass
@@ -21,6 +22,7 @@ from litegrip_client.trajectory import (
     SAMPLE,
     Trajectory,
     check_length,
+    grips_counted,
     read_header,
     unusable,
 )
@@ -37,7 +39,8 @@ class TrajectoryFile:
 
     `error` says why it cannot be used, if so; then the figures are 0. The samples themselves are
     not looked at before `Trajectory.load`. `grips` counts those that are kept beside it;
-    `grip_problem` says why these cannot be used, if so.
+    `grip_problem` says why these cannot be used, if so. `duration_s` is the time from the first to
+    the last sample, None where the two are no course of time.
     """
 
     name: str
@@ -49,14 +52,15 @@ class TrajectoryFile:
     error: str | None = None
     grips: int = 0
     grip_problem: str | None = None
+    duration_s: float | None = None
 
     def __str__(self) -> str:
         if self.error is not None:
             return f"{self.name}: {self.error}"
-        seconds = max(self.samples - 1, 0) / self.sample_hz
+        seconds = "-" if self.duration_s is None else f"{self.duration_s:.2f}"
         mount = f", mount {self.mount}" if self.mount else ""
-        grips = f", {self.grips} grips" if self.grips else ""
-        return f"{self.name}: {seconds:.2f} s, {self.samples} samples{mount}{grips}"
+        grips = f", {grips_counted(self.grips)}" if self.grips else ""
+        return f"{self.name}: {seconds} s, {self.samples} samples{mount}{grips}"
 
 
 def directory() -> Path:
@@ -154,6 +158,7 @@ def _entry(path: Path) -> TrajectoryFile:
             header = read_header(file.read(HEADER.size))
             count = header.pop("count")
             check_length(os.fstat(file.fileno()).st_size, count)
+            duration_s = _duration_s(file, count)
         Trajectory((), **header)  # which judges its figures
     except OSError as error:
         return TrajectoryFile(name, str(path), error=error.strerror or str(error))
@@ -162,8 +167,25 @@ def _entry(path: Path) -> TrajectoryFile:
     figures = {key: header[key] for key in ("sample_hz", "created", "mount")}
     grips, problem = _grips_beside(path)
     return TrajectoryFile(
-        name, str(path), samples=count, grips=grips, grip_problem=problem, **figures
+        name,
+        str(path),
+        samples=count,
+        grips=grips,
+        grip_problem=problem,
+        duration_s=duration_s,
+        **figures,
     )
+
+
+def _duration_s(file: BinaryIO, samples: int) -> float | None:
+    """Return the last sample's time since the first; the file's length is that of all of them."""
+    if not samples:
+        return 0.0
+    file.seek(HEADER.size)
+    first_s = SAMPLE.unpack(file.read(SAMPLE.size))[0]
+    file.seek(HEADER.size + (samples - 1) * SAMPLE.size)
+    duration_s: float = SAMPLE.unpack(file.read(SAMPLE.size))[0] - first_s
+    return duration_s if 0.0 <= duration_s < math.inf else None
 
 
 def _grips_beside(path: Path) -> tuple[int, str | None]:

@@ -29,7 +29,9 @@ class Daemon {
     }
 };
 
-int main(int, char **arguments) try {
+int main(int count, char **arguments) try {
+    if (count != 2)
+        throw std::runtime_error("usage: grasp SOCKET, for example /run/litegripd/can0.sock");
     Daemon gripper(arguments[1]);
     gripper.call("motor.enable");
     puts(gripper.call("motion.grasp", R"({"force_n":10,"until":"verdict"})").c_str());

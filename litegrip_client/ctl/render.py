@@ -72,7 +72,9 @@ def state_line(data: Data) -> str:
         f"{figure(data.get('coil_temperature_c'), '.0f', '°C'):>6}",
     ]
     if data.get("job"):
-        parts.append(f"job {data['job'].get('job')} {data['job'].get('kind')}")
+        job = data["job"]
+        phase = f" {job.get('phase')}" if job.get("kind") == "teleop" and job.get("phase") else ""
+        parts.append(f"job {job.get('job')} {job.get('kind')}{phase}")
     if data.get("stop"):
         parts.append(f"STOP {data['stop'].get('level')}")
     if data.get("stale"):

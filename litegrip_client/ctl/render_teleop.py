@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from litegrip_client.ctl.render import Data, figure, plain
 
-_LABEL_WIDTH = 12
+_LABEL_WIDTH = 17
 _COUNTS = (
     "torque_trips",
     "rejected",
@@ -18,11 +18,12 @@ _COUNTS = (
 
 def line(data: Data) -> str:
     """Show how it goes in one line."""
+    whose, own = ("leader's ", "own ") if data.get("mode") == "slave" else ("", "")
     parts = [
         f"{data.get('mode')!s} {data.get('phase')!s:<9}",
-        f"{_percent(data):>6}",
+        f"{whose}{_percent(data):>6}",
         f"{figure(data.get('position_mm'), '7.2f', 'mm'):>10}",
-        f"{figure(data.get('torque_nm'), '+.2f', 'N·m'):>10}",
+        f"{own}{figure(data.get('torque_nm'), '+.2f', 'N·m'):>10}",
         *_felt(data),
         f"{figure(data.get('loop_hz'), '.0f', 'Hz'):>6}",
         f"frames {data.get('frames')}",
@@ -44,15 +45,22 @@ def status(data: Data) -> str:
     if data.get("mode") is None:
         return "no teleoperation so far"
     verdict = "runs" if data.get("active") else "does not run"
+    whose, own = ("leader's ", "own ") if data.get("mode") == "slave" else ("", "")
     rows = [
         ("teleop", f"{data.get('mode')}, {verdict} ({data.get('phase')})"),
-        ("link", f"{data.get('link')} {data.get('link_state') or 'closed'}, {data.get('topic')}"),
-        ("opening", f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open"),
-        ("force", figure(data.get("force_n"), "+.1f", "N")),
-        ("torque", figure(data.get("torque_nm"), "+.2f", "N·m")),
+        ("link", f"{data.get('link')} {data.get('link_state') or 'closed'}{_where(data)}"),
+        ("topic", f"{data.get('topic')}"),
+        (
+            f"{whose}opening",
+            f"{figure(data.get('position_mm'), '.2f', 'mm')}, {_percent(data)} open",
+        ),
+        (f"{whose}force", figure(data.get("force_n"), "+.1f", "N")),
+        (f"{own}torque", figure(data.get("torque_nm"), "+.2f", "N·m")),
         ("frames", f"{data.get('frames')}, the last {_age(data)} ago"),
         ("loop", figure(data.get("loop_hz"), ".0f", "Hz")),
     ]
+    if data.get("mode") == "master" and data.get("active"):
+        rows.append(("followers", _followers(data)))
     rows += [("felt", text) for text in _felt(data)]
     if data.get("active") and data.get("link_protected") is False:
         rows.append(("open to", "whoever reaches the link"))
@@ -62,6 +70,37 @@ def status(data: Data) -> str:
     if data.get("fault"):
         rows.append(("ended by" if not data.get("active") else "fault", str(data["fault"])))
     return "\n".join(f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows)
+
+
+def _followers(data: Data) -> str:
+    """Tell how many follow, as far as a leader can know: each is heard only with reflection."""
+    count = data.get("followers")
+    if count is not None:
+        return f"{count} heard"
+    if data.get("matching") is None:
+        return "not known: they are not heard"
+    return "at least one" if data["matching"] else "none"
+
+
+def _where(data: Data) -> str:
+    """Name the other end where this one goes to it, else the port at which it listens."""
+    host, port = data.get("host"), data.get("port")
+    if port is None:
+        return ""
+    return f", port {port}" if host is None else f", {_address(host, port)}"
+
+
+def _leader(data: Data) -> str:
+    host, port = data.get("host"), data.get("port")
+    if host is None:
+        return "a leader" if port is None else f"a leader at port {port}"
+    return _address(host, port)
+
+
+def _address(host: object, port: object) -> str:
+    """Put the port behind a host; several hosts may have ports of their own."""
+    text = str(host)
+    return f"[{text}]:{port}" if text.count(":") > 1 and "," not in text else f"{text}:{port}"
 
 
 def _felt(data: Data) -> list[str]:
@@ -77,6 +116,8 @@ def _felt(data: Data) -> list[str]:
 def _troubles(data: Data) -> list[str]:
     """Name what is not as it should be."""
     found = []
+    if data.get("active") and data.get("mode") == "slave" and not data.get("frames"):
+        found.append(f"nothing heard from {_leader(data)} yet")
     if data.get("stale"):
         found.append(f"STALE {_age(data)}")
     if data.get("over_torque"):

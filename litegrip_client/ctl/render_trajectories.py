@@ -74,11 +74,10 @@ def _count(grips: object) -> str:
 
 
 def _figures(row: Data) -> tuple[str, ...]:
-    samples, hz = row.get("samples") or 0, row.get("sample_hz") or 0.0
-    length_s = max(samples - 1, 0) / hz if hz > 0.0 else None
+    hz = row.get("sample_hz") or 0.0
     return (
-        str(samples),
-        figure(length_s, ".2f", "s"),
+        str(row.get("samples") or 0),
+        figure(row.get("duration_s"), ".2f", "s"),
         figure(hz, "g", "Hz"),
         plain(row.get("mount") or "-"),
         str(row.get("grips") or "-"),

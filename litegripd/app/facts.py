@@ -13,6 +13,7 @@ from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.app.parts import Parts
 from litegripd.control.in_use import CalibrationInUse
+from litegripd.control.teleop.base import TeleopAction
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.motor import MotorIdentity, MotorPhase
 from litegripd.motor.look import warnings
@@ -132,9 +133,7 @@ class DaemonFacts:
         degraded = [f"not granted: {refused}" for refused in parts.rights.refused]
         if not parts.helper.is_running:
             degraded.append("the helper process is not running")
-        link = parts.links.status
-        if link is not None and link.state == "failed":
-            degraded.append(f"the teleoperation link has failed: {link.error}")
+        degraded += self._teleop_complaints(parts)
         if self._machine.engine.geometry is None:
             degraded.append("no calibration is loaded")
         late_s = parts.reactor.recent_lateness.p99_s()
@@ -147,6 +146,16 @@ class DaemonFacts:
         if defects:
             degraded.append(f"{defects} ticks or requests failed by a defect; see the log")
         return down, degraded
+
+    def _teleop_complaints(self, parts: Parts) -> list[str]:
+        """Return what is not as it should be between leader and follower."""
+        found: list[str] = []
+        link, action = parts.links.status, self._machine.engine.action
+        if link is not None and link.state == "failed":
+            found.append(f"the teleoperation link has failed: {link.error}")
+        if isinstance(action, TeleopAction) and (complaint := action.complaint()) is not None:
+            found.append(complaint)
+        return found
 
     def _motor(self) -> dict[str, object]:
         identity: MotorIdentity | None = self._machine.motor.view().identity

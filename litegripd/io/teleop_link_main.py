@@ -5,7 +5,9 @@ opens and closes; whatever listens to the network has a thread of its own. The p
 geometry and no motor: payloads in, payloads out.
 """
 
+import errno
 import os
+import re
 import socket
 import threading
 import time
@@ -28,7 +30,7 @@ from litegripd.io.teleop_wire import (
     unpack_open,
     unpack_reply,
 )
-from litegripd.model.teleop import Arrival, LinkStatus
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
 
 if TYPE_CHECKING:
     from litegripd.io.teleop_zenoh import ZenohLeaders
@@ -36,6 +38,9 @@ if TYPE_CHECKING:
 _LOOK_EVERY_S = 0.1
 _RETRY_AFTER_S = 1.0
 _FASTEST_HZ = 1500.0
+_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
+"""Where in its sources an error of zenoh's was made."""
+_IN_USE = os.strerror(errno.EADDRINUSE)
 _BURST = 24
 """More than any leader sends is not passed on: a flood of the network's is none of the daemon's."""
 
@@ -140,7 +145,7 @@ class Station:
         try:
             endpoint = self._make(order)
         except Exception as error:  # noqa: BLE001 - whatever it is, the daemon is told, and it is tried again
-            self._tell(order, LinkStatus("failed", _worded(error)))
+            self._tell(order, LinkStatus("failed", _not_opened(error, order.wish)))
             return None
         self._endpoint = endpoint
         matching, is_protected = endpoint.matching, endpoint.is_protected
@@ -204,10 +209,21 @@ class Station:
         return True
 
 
+def _not_opened(error: Exception, wish: LinkWish) -> str:
+    """Say why a link could not be opened, and what to do where that is known."""
+    text = _worded(error)
+    if _IN_USE not in text:
+        return text
+    return (
+        f"port {wish.port} is in use, by another program or by the daemon of another channel (one"
+        " that has led keeps its port): give another --port at both ends, or restart that daemon"
+    )
+
+
 def _worded(error: Exception) -> str:
-    """Word an error; zenoh's have the place in its sources in brackets behind."""
+    """Word an error, without the places in zenoh's sources."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-    return text or type(error).__name__
+    return _PLACE.sub("", text) or type(error).__name__
 
 
 def main() -> None:

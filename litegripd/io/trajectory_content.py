@@ -7,6 +7,7 @@ import base64
 import binascii
 import errno
 import hashlib
+import math
 import os
 import stat
 from dataclasses import asdict, dataclass
@@ -90,20 +91,32 @@ def content_of(path: Path, whole: bytes) -> Content:
 
 
 def entry_of(name: str, path: Path) -> dict[str, Any]:
-    """Describe a file by its header and size, or by what is wrong; no sample is judged."""
+    """Describe a file by its header, size and length, or by what is wrong; no sample is judged."""
     try:
         with open_file(path) as file:
             size = os.fstat(file.fileno()).st_size
             header = parse_header(memoryview(file.read(HEADER.size)))
-        if size != HEADER.size + header.samples * SAMPLE.size:
-            raise TrajectoryError(f"{size} bytes are not {header.samples} samples")
+            if size != HEADER.size + header.samples * SAMPLE.size:
+                raise TrajectoryError(f"{size} bytes are not {header.samples} samples")
+            duration_s = _duration_s(file, header.samples)
     except OSError as error:
         return {"name": name, "error": error.strerror}
     except (StoreError, TrajectoryError) as error:
         return {"name": name, "error": str(error)}
     described = {"samples", "sample_hz", "created_s", "mount"}
     known = {key: value for key, value in asdict(header).items() if key in described}
-    return {"name": name, "error": None, "bytes": size, **known}
+    return {"name": name, "error": None, "bytes": size, **known, "duration_s": duration_s}
+
+
+def _duration_s(file: BinaryIO, samples: int) -> float | None:
+    """Return the last sample's time since the first; None where the two are no course of time."""
+    if not samples:
+        return 0.0
+    file.seek(HEADER.size)
+    first_s = SAMPLE.unpack(file.read(SAMPLE.size))[0]
+    file.seek(HEADER.size + (samples - 1) * SAMPLE.size)
+    duration_s: float = SAMPLE.unpack(file.read(SAMPLE.size))[0] - first_s
+    return duration_s if 0.0 <= duration_s < math.inf else None
 
 
 def unknown(name: str) -> StoreError:

@@ -104,13 +104,14 @@ class TeleopStatus:
     motor did not answer. `fault` names the motor's status where it is not "enabled", or why it all
     ended.
 
-    `link_protected` is False where anybody may take part who reaches the link; like `link_state`
-    and `matching` it is None once all is over. `force_limited` says that a slave would press
-    harder, but for its limits. With force reflection `reflected_n` is what
-    a slave has told its leader last (squeezing positive), or with what a master's jaws push now
-    (opening positive); `followers` counts those whose force a master hears, `round_trip_ms` is the
-    age of the position that the newest force answers. `late` counts frames that lay in the network
-    while it was silent, or, of a master, forces that came too late.
+    `host` and `port` are the wish's: where a slave's leader is, with UDP also whom a master sends
+    to; None where there is no network. `link_protected` is False where anybody may take part who
+    reaches the link; like `link_state` and `matching` it is None once all is over. `force_limited`
+    says that a slave would press harder, but for its limits. With force reflection `reflected_n` is
+    what a slave has told its leader last (squeezing positive), or with what a master's jaws push
+    now (opening positive); `followers` counts those whose force a master hears, `round_trip_ms` is
+    the age of the position that the newest force answers. `late` counts frames that lay in the
+    network while it was silent, or, of a master, forces that came too late.
     """
 
     active: bool
@@ -118,6 +119,8 @@ class TeleopStatus:
     phase: str | None = None
     topic: str | None = None
     link: LinkKind | None = None
+    host: str | None = None
+    port: int | None = None
     link_state: LinkState | None = None
     link_error: str | None = None
     link_protected: bool | None = None

@@ -10,14 +10,6 @@ from litegripd.model.teleop import (
 from litegripd.rpc.method import CONFIG, DETACH, Method
 from litegripd.rpc.schema import Param
 
-_STATUS = (
-    "active, mode, phase, topic, link, link_state, link_error, link_protected, matching, frames,"
-    " last_frame_age_ms, stale, openness, position_mm, force_n, dq_cmd, loop_hz, rejected,"
-    " out_of_order, other_leaders, dropped, send_failed, fault, torque_nm, over_torque,"
-    " torque_trips, force_limited, reflects, reflected_n, followers, round_trip_ms, late and the"
-    " job."
-)
-
 _WHERE = (
     Param(
         "mode",
@@ -124,7 +116,7 @@ TELEOP: tuple[Method, ...] = (
     Method(
         "teleop.start",
         "Begin to lead another gripper, or to follow one, until teleop.stop. It answers at once.",
-        f"The status: {_STATUS}",
+        "The status.",
         (*_WHERE, *_HOW, CONFIG, DETACH),
         role="operator",
         needs_lease=True,
@@ -134,13 +126,13 @@ TELEOP: tuple[Method, ...] = (
         "teleop.stop",
         "End teleoperation, if it runs: the jaws hold where they are, except those that the torque"
         " guard has let go of: they stay free.",
-        f"The status, as at the end: {_STATUS}",
+        "The status, as at the end.",
         role="operator",
         needs_lease=True,
     ),
     Method(
         "teleop.status",
         "Tell how teleoperation goes, or how the last one went.",
-        _STATUS,
+        "The status.",
     ),
 )

@@ -158,7 +158,8 @@ TRAJECTORIES: tuple[Method, ...] = (
     Method(
         "trajectory.list",
         "List the trajectories that the daemon keeps, by name.",
-        "trajectories: of each name, bytes, samples, sample_hz, created_s (unix time), mount, grips"
+        "trajectories: of each name, bytes, samples, sample_hz, created_s (unix time), mount,"
+        " duration_s (from the first to the last sample; null for times that cannot be), grips"
         " (how many are kept with it), grip_problem (why its grips cannot be used, else null), and"
         " error, which says why it cannot be used, if so; more: whether others follow.",
         (replace(_NAME, name="after", description="Only those after this name."),),

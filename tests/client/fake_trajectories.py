@@ -102,6 +102,7 @@ class FakeTrajectories:
                 "name": name,
                 "bytes": len(self.kept[name]),
                 "samples": 300,
+                "duration_s": 2.99,
                 "sample_hz": 100.0,
                 "created_s": 1.7e9,
                 "mount": "normal",

@@ -1,5 +1,3 @@
-import sys
-
 import pytest
 
 from examples import aio_watch
@@ -10,7 +8,7 @@ from tests.client.helpers import event, sample
 
 
 def test_the_example_prints_states_and_events_until_the_daemon_ends(
-    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def watch_states(request: Request) -> None:
         request.reply({"subscription": 5, "state": STATE})
@@ -25,9 +23,8 @@ def test_the_example_prints_states_and_events_until_the_daemon_ends(
 
     daemon.handlers["state.subscribe"] = watch_states
     daemon.handlers["events.subscribe"] = watch_events
-    monkeypatch.setattr(sys, "argv", ["aio_watch.py", "can0", daemon.path])
     with pytest.raises(ConnectError, match="ended the connection"):
-        run(aio_watch.main())
+        run(aio_watch.main(["--socket", daemon.path]))
     assert sorted(capsys.readouterr().out.splitlines()) == [
         "before stop: the job ended",
         "event job_ended: the job ended",

@@ -16,6 +16,8 @@ STATUS: dict[str, Any] = {
     "phase": "following",
     "topic": "litearm/v4/gripA/gripper_teleop",
     "link": "zenoh",
+    "host": "10.0.0.20",
+    "port": 17448,
     "link_state": "open",
     "link_error": None,
     "matching": None,
@@ -115,6 +117,40 @@ def test_detached_it_returns_at_once(ctl: Ctl, started: list[dict[str, Any]]) ->
     assert (code, out) == (0, "slave: it runs; end it with: litegripctl teleop stop\n")
 
 
+@pytest.mark.parametrize(
+    ("link_state", "code", "told"),
+    [
+        ("open", 0, "slave: it runs; end it with: litegripctl teleop stop\n"),
+        ("failed", 1, "slave: ended, the link has failed: port 17448 is in use\n"),
+    ],
+)
+def test_detached_it_returns_when_the_link_is_open_or_has_failed(
+    daemon: FakeDaemon, ctl: Ctl, link_state: str, code: int, told: str
+) -> None:
+    opening = {**STATUS, "link_state": "opening"}
+    later = {**STATUS, "link_state": link_state, "link_error": "port 17448 is in use"}
+    looks = iter((opening, later))
+    stops: list[int] = []
+
+    def stop(_request: Request) -> dict[str, Any]:
+        stops.append(1)
+        return ENDED
+
+    daemon.handlers["teleop.start"] = lambda _request: opening
+    daemon.handlers["teleop.status"] = lambda _request: next(looks)
+    daemon.handlers["teleop.stop"] = stop
+    assert ctl("teleop", "slave", "--host", "b", "--detach")[:2] == (code, told)
+    assert len(stops) == code
+
+
+def test_detached_it_tells_of_an_end_while_the_link_opened(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["teleop.start"] = lambda _request: {**STATUS, "link_state": "opening"}
+    daemon.handlers["teleop.status"] = lambda _request: {**ENDED, "fault": "driver_hot"}
+    code, out, _ = ctl("teleop", "slave", "--host", "b", "--detach")
+    assert code == 1
+    assert "ended by          driver_hot" in out
+
+
 def test_it_is_watched_until_it_ends_by_itself(
     daemon: FakeDaemon, ctl: Ctl, started: list[dict[str, Any]]
 ) -> None:
@@ -176,6 +212,36 @@ def test_what_went_wrong_on_the_way_is_told_at_the_end(
     assert ctl("teleop", "stop")[1] == "slave ended after 1234 frames, torque_trips 2\n"
 
 
+def test_whose_a_figure_is_stands_before_it() -> None:
+    rows = [line.split("  ")[0] for line in render_teleop.status(STATUS).splitlines()]
+    assert [row for row in rows if "'s" in row or "own" in row] == [
+        "leader's opening",
+        "leader's force",
+        "own torque",
+    ]
+    leads = render_teleop.status({**STATUS, "mode": "master", "phase": "leading"})
+    rows = [line.split("  ")[0] for line in leads.splitlines()]
+    assert {"opening", "force", "torque"} <= set(rows)
+
+
+@pytest.mark.parametrize(
+    ("followers", "matching", "told"),
+    [
+        (2, True, "2 heard"),
+        (None, True, "at least one"),
+        (None, False, "none"),
+        (None, None, "not known: they are not heard"),
+    ],
+)
+def test_a_leader_tells_of_its_followers_what_it_knows(
+    followers: int | None, matching: bool | None, told: str
+) -> None:
+    leads = {**STATUS, "mode": "master", "followers": followers, "matching": matching}
+    assert f"followers         {told}" in render_teleop.status(leads).splitlines()
+    assert "followers" not in render_teleop.status(STATUS)
+    assert "followers" not in render_teleop.status({**leads, "active": False})
+
+
 def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
     daemon.handlers["teleop.status"] = lambda _request: {"active": False, "mode": None}
     assert ctl("teleop", "status")[1] == "no teleoperation so far\n"
@@ -186,8 +252,10 @@ def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
 def test_the_live_line_says_what_matters() -> None:
     line = render_teleop.line(STATUS)
     words = line.split()
-    assert words[:6] == ["slave", "following", "50.0", "%", "60.10", "mm"]
-    assert words[6:] == ["+0.20", "N·m", "200", "Hz", "frames", "1234"]
+    assert words[:7] == ["slave", "following", "leader's", "50.0", "%", "60.10", "mm"]
+    assert words[7:] == ["own", "+0.20", "N·m", "200", "Hz", "frames", "1234"]
+    master = {**STATUS, "mode": "master", "phase": "leading", "matching": True}
+    assert render_teleop.line(master).split()[:4] == ["master", "leading", "50.0", "%"]
     bad = {**STATUS, "stale": True, "over_torque": True, "torque_trips": 2, "rejected": 5}
     shown = render_teleop.line(bad)
     for note in ("STALE 3 ms", "RELEASED", "torque_trips 2", "rejected 5"):
@@ -206,10 +274,32 @@ def test_reflection_and_limits_are_shown_where_there_are_any() -> None:
     shown = render_teleop.line(master)
     for note in ("reflects +7.2 N (12 ms round)", "nobody tells a force", "late 3"):
         assert note in shown
-    assert "felt         reflects +7.2 N" in render_teleop.status(slave)
+    assert "felt              reflects +7.2 N" in render_teleop.status(slave)
     for protected, told in ((True, False), (None, False), (False, True)):
         text = render_teleop.status({**STATUS, "link_protected": protected})
         assert ("open to" in text) is told
+
+
+@pytest.mark.parametrize(
+    ("host", "port", "where", "leader"),
+    [
+        ("10.0.0.20", 17448, "zenoh open, 10.0.0.20:17448\n", "10.0.0.20:17448"),
+        ("fe80::1", 5, "zenoh open, [fe80::1]:5\n", "[fe80::1]:5"),
+        (None, 5, "zenoh open, port 5\n", "a leader at port 5"),
+        (None, None, "zenoh open\n", "a leader"),
+    ],
+)
+def test_a_leader_that_was_not_heard_yet_is_no_good_link(
+    host: str | None, port: int | None, where: str, leader: str
+) -> None:
+    waiting = {**STATUS, "host": host, "port": port, "frames": 0, "phase": "waiting"}
+    told = f"nothing heard from {leader} yet"
+    text = render_teleop.status(waiting)
+    assert f"link              {where}" in text
+    assert told in text
+    assert told in render_teleop.line(waiting)
+    for other in ({**waiting, "frames": 1}, {**waiting, "mode": "master"}):
+        assert "nothing heard" not in render_teleop.status(other)
 
 
 def test_what_is_not_known_is_shown_as_such() -> None:

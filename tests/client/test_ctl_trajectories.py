@@ -221,7 +221,19 @@ def test_the_list_of_this_side_needs_no_daemon(
 
 def test_a_date_that_is_none_is_not_shown() -> None:
     row = {"name": "x", "samples": 2, "sample_hz": 100.0, "created_s": 1e300, "mount": None}
-    assert listed([row]).splitlines()[1].split()[2:] == ["0.01", "s", "100", "Hz", "-", "-", "--"]
+    assert listed([row]).splitlines()[1].split()[2:] == ["--", "s", "100", "Hz", "-", "-", "--"]
+
+
+def test_the_length_in_the_list_is_that_of_the_samples_also_where_some_are_missing(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    row = {"name": "x", "samples": 193, "sample_hz": 100.0, "duration_s": 1.99, "mount": None}
+    assert listed([row]).splitlines()[1].split()[1:4] == ["193", "1.99", "s"]
+    (folder / "gap.lgt").write_bytes(lgt([(1.0, 0.5), (1.01, 0.5), (2.99, 0.5)]))
+    (folder / "odd.lgt").write_bytes(lgt([(1.0, 0.5), (0.5, 0.5)]))
+    assert main(["--socket", "/nowhere", "trajectories", "--local"]) == 0
+    lines = [line.split()[:4] for line in capsys.readouterr().out.splitlines()[1:]]
+    assert lines == [["gap", "3", "1.99", "s"], ["odd", "2", "--", "s"]]
 
 
 def test_get_copies_one_to_this_side(there: FakeTrajectories, ctl: Ctl, folder: Path) -> None:

@@ -10,6 +10,7 @@ import pytest
 from rich.console import Console
 
 from litegrip_client.ctl.live.view import picture
+from litegrip_client.ctl.render import state_line
 from litegrip_client.ctl.watching import Scene
 from litegrip_client.feeds import Event
 from tests.client.ctl_terminal import Terminal
@@ -135,7 +136,7 @@ def test_a_daemon_that_goes_is_waited_for(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("plain", [True, False])
-def test_without_the_view_it_is_one_line(
+def test_without_the_view_it_is_a_line_for_each_state(
     daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, *, plain: bool
 ) -> None:
     if not plain:
@@ -143,7 +144,7 @@ def test_without_the_view_it_is_one_line(
     options = ["--plain"] if plain else []
     command = ["--socket", live(daemon).path, "watch", "--count", "4", *options]
     code, out = Terminal(*command).end()
-    assert (code, out.count("\n"), out.count("\r")) == (0, 1, 4)
+    assert (code, out.count("\n"), out.count("\x1b")) == (0, 4, 0)
     assert daemon.methods() == ["hello", "state.subscribe", "state.unsubscribe"]
 
 
@@ -156,7 +157,8 @@ def test_without_rich_it_says_so_once_and_shows_lines(
     code, out = Terminal("--socket", live(daemon).path, "watch", "--count", "3").end()
     assert code == 0
     word = "litegripctl: lines only: the live view needs the library rich: "
-    assert out.startswith(f"{word}pip install 'litegripd[watch]'\n\r")
+    assert out.startswith(f"{word}pip install 'litegripd[watch]'\n")
+    assert out.count("\n") == 4
     assert out.count("rich") == 1
     assert (TAKEN not in out, LAST_LINE in out) == (True, True)
 
@@ -165,3 +167,9 @@ def test_json_on_a_terminal_is_lines(daemon: FakeDaemon) -> None:
     command = ["--socket", live(daemon).path, "watch", "--count", "3", "--json"]
     code, out = Terminal(*command).end()
     assert (code, [json.loads(line)["mode"] for line in out.splitlines()]) == (0, ["holding"] * 3)
+
+
+def test_a_line_tells_the_phase_of_teleoperation() -> None:
+    job = {"job": 3, "kind": "teleop", "phase": "stale", "owner": OWNER}
+    assert "job 3 teleop stale" in state_line({**STATE, "job": job})
+    assert state_line({**STATE, "job": {**job, "phase": None}}).endswith("job 3 teleop")

@@ -61,6 +61,7 @@ def test_grips_lie_beside_the_file_which_stays_the_vendors(folder: Path) -> None
     assert (file.grips, file.grip_problem) == (2, None)
     assert str(file) == "pick: 2.99 s, 300 samples, mount normal, 2 grips"
     assert "2 grips" in repr(TAUGHT)
+    assert repr(replace(TAUGHT, grips=TAUGHT.grips[:1])).endswith(", 1 grip>")
 
 
 def test_a_path_that_is_used_as_written_has_them_beside_it(tmp_path: Path) -> None:

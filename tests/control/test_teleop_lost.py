@@ -4,7 +4,16 @@ from itertools import pairwise
 
 import pytest
 
-from tests.control.teleop_scene import CODE_RAD, MM_RAD, Follower, following, packed, sweep
+from litegripd.control.teleop.base import TeleopAction
+from tests.control.teleop_scene import (
+    CODE_RAD,
+    MM_RAD,
+    Follower,
+    TeleopWorld,
+    following,
+    packed,
+    sweep,
+)
 from tests.world import PERIOD_S
 
 MAX_LEAD_RAD = 4.0 / MM_RAD
@@ -268,3 +277,32 @@ def test_however_frames_jump_the_command_steps_by_no_more_than_the_leads_cap() -
         assert follower.lead_mm <= 4.0 + 0.03
     steps = [abs(later - earlier) for earlier, later in pairwise(wanted)]
     assert 3.0 < max(steps) <= 4.0 + 1e-9
+
+
+def complaint(follower: Follower) -> str | None:
+    action = follower.world.engine.action
+    assert isinstance(action, TeleopAction)
+    return action.complaint()
+
+
+def test_a_leader_that_is_not_heard_for_long_is_complained_of() -> None:
+    follower = following(aligned=False)
+    follower.world.run(2.9)
+    assert complaint(follower) is None
+    follower.world.run(0.2)
+    words = "from a leader at leader, port 17448, for 3 s"
+    assert complaint(follower) == f"teleoperation: nothing heard yet {words}"
+    follower.stay(0.5, 0.3)
+    assert complaint(follower) is None
+    follower.world.run(2.9)
+    assert complaint(follower) is None
+    follower.world.run(0.2)
+    assert complaint(follower) == f"teleoperation: nothing heard {words}"
+
+
+def test_a_leader_itself_does_not_complain() -> None:
+    world = TeleopWorld()
+    world.enabled().result("teleop.start", mode="master")
+    world.run(5.0)
+    assert isinstance(world.engine.action, TeleopAction)
+    assert world.engine.action.complaint() is None

@@ -2,12 +2,16 @@
 
 import csv
 import itertools
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from examples import collect, policy
+from examples import collect, policy, teleop
 from litegrip_client import LiteGrip
 from tests.drop_in import Daemon, Site, a_site
 
@@ -61,3 +65,50 @@ def test_what_a_follower_does_is_collected_tick_by_tick(
     seen = [float(row["openness"]) for row in rows]
     true = [moment.opening_mm / 120.05 for moment in moments]
     assert (max(seen), min(seen)) == pytest.approx((max(true), min(true)), abs=0.02)
+
+
+def test_the_line_of_a_teleoperation_is_rounded_and_tells_why_a_link_failed() -> None:
+    status: dict[str, Any] = {
+        "phase": "following",
+        "link_state": "open",
+        "link_error": None,
+        "frames": 12,
+        "openness": 0.123456,
+        "torque_nm": -0.5678,
+        "loop_hz": 199.96,
+        "stale": False,
+        "torque_trips": 0,
+    }
+    shown = teleop.line(status)
+    assert "openness 0.123  torque -0.57 N·m  200 Hz" in shown
+    assert shown.endswith("trips 0")
+    failed = {**status, "link_state": "failed", "link_error": "port 17448 is in use"}
+    shown = teleop.line({**failed, "openness": None, "torque_nm": None})
+    assert "link failed" in shown
+    assert "openness -  torque - N·m" in shown
+    assert shown.endswith("  port 17448 is in use")
+
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+NAMES = sorted(
+    {path.stem for path in EXAMPLES.glob("*.py")} - {"__init__", "demo", "run_simulated"}
+)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_example_has_help_and_names_its_channel_in_the_same_way(name: str) -> None:
+    command = [sys.executable, str(EXAMPLES / f"{name}.py"), "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    for option in ("--left", "--right") if name == "two_grippers" else ("--channel",):
+        assert option in done.stdout
+
+
+def test_a_trajectory_that_is_not_there_is_answered_by_where_to_look(tmp_path: Path) -> None:
+    command = [sys.executable, str(EXAMPLES / "trajectory.py"), "--play", "nix"]
+    environment = {**os.environ, "LITEGRIP_TRAJ_DIR": str(tmp_path)}
+    done = subprocess.run(
+        command, env=environment, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    assert "nix.lgt; --list shows what was saved" in done.stderr

@@ -2,6 +2,7 @@
 
 import base64
 import json
+import math
 import os
 import select
 from collections.abc import Callable
@@ -252,9 +253,19 @@ def test_the_list_tells_what_there_is_and_what_is_wrong_with_it(rig: Rig) -> Non
     assert list(listed) == ["a", "b", "cut", "empty", "folder"]
     assert (listed["b"]["samples"], listed["b"]["bytes"]) == (301, len(TAUGHT))
     assert (listed["b"]["sample_hz"], listed["b"]["mount"]) == (100.0, "normal")
+    assert (listed["a"]["duration_s"], listed["b"]["duration_s"]) == (0.0, pytest.approx(3.0))
     assert (listed["a"]["mount"], listed["a"]["error"]) == ("reverse", None)
     for wrong in ("cut", "empty", "folder"):
         assert listed[wrong]["error"]
+
+
+def test_the_length_in_the_list_is_the_last_samples_time_since_the_first(rig: Rig) -> None:
+    rig.put(lgt([(1.0, 0.5), (1.01, 0.5), (2.99, 0.5)]), "gap")
+    (rig.directory / "back.lgt").write_bytes(lgt([(1.0, 0.5), (0.5, 0.5)]))
+    (rig.directory / "nan.lgt").write_bytes(lgt([(1.0, 0.5), (math.nan, 0.5)]))
+    listed = {one["name"]: one for one in rig.do("list", after=None)["trajectories"]}
+    assert listed["gap"]["duration_s"] == pytest.approx(1.99)
+    assert listed["back"]["duration_s"] is listed["nan"]["duration_s"] is None
 
 
 def test_a_long_list_comes_in_parts(rig: Rig) -> None:

@@ -102,6 +102,12 @@ def test_javascript(holding: DaemonProcess, javascript: list[str]) -> None:
     assert refused(holding, javascript).endswith(" stopped\n")
 
 
+def test_cpp_without_an_argument_tells_its_usage(cpp: list[str]) -> None:
+    done = subprocess.run(cpp, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+    assert done.returncode == 1
+    assert done.stderr.startswith("usage: grasp SOCKET")
+
+
 @pytest.mark.parametrize("client", ["cpp", "javascript"])
 def test_without_a_daemon(request: pytest.FixtureRequest, client: str, tmp_path: Path) -> None:
     command = request.getfixturevalue(client)

@@ -197,6 +197,26 @@ def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(tmp_path: Path
         assert times == sorted(set(times))
 
 
+def test_a_leader_that_is_not_there_is_told_by_status_and_health(tmp_path: Path) -> None:
+    with gripper(tmp_path, "alone") as running, running.connect() as client:
+        client.enabled()
+        port = free_port()
+        client.result("teleop.start", mode="slave", host="127.0.0.1", port=port)
+        status = until(client, lambda s: bool(s["link_state"] == "open"))
+        assert (status["phase"], status["frames"]) == ("waiting", 0)
+        assert (status["host"], status["port"]) == ("127.0.0.1", port)
+        told = f"teleoperation: nothing heard yet from a leader at 127.0.0.1, port {port}"
+
+        def is_told(_status: dict[str, Any]) -> bool:
+            health = client.result("health")
+            is_said = any(reason.startswith(told) for reason in health["reasons"])
+            return is_said and bool(health["verdict"] == "degraded")
+
+        until(client, is_told)
+        client.result("teleop.stop")
+        assert not any(told in reason for reason in client.result("health")["reasons"])
+
+
 @pytest.mark.parametrize("link", ["udp", "zenoh"])
 def test_noise_on_a_link_harms_nobody(tmp_path: Path, link: str) -> None:
     """Payloads of any length and content, as fast as a script can, and then a leader again."""

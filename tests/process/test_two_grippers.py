@@ -16,7 +16,7 @@ def run(places: Path, channels: list[str]) -> "subprocess.CompletedProcess[str]"
     environment = {**os.environ, "XDG_RUNTIME_DIR": str(places)}
     environment.pop("LITEGRIPD_SOCKET", None)
     return subprocess.run(
-        [sys.executable, str(EXAMPLE), *channels],
+        [sys.executable, str(EXAMPLE), "--left", channels[0], "--right", channels[1]],
         env=environment,
         capture_output=True,
         text=True,

@@ -13,6 +13,7 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
 
 _LOOK_EVERY_S = 0.2
+_OPEN_WITHIN_S = 5.0
 
 _OPTIONS = {
     "host": "host",
@@ -53,13 +54,33 @@ def _start(run: Run, mode: str) -> int:
         params["detach"] = True
     data = run.connection.run(run.connection.prepare_guarded("teleop.start", params))
     if options.detach:
-        run.output.result(data, f"{mode}: it runs; end it with: litegripctl teleop stop")
-        return OK
+        return _leave(run, data)
     try:
         return _watch(run)
     except KeyboardInterrupt:
         run.output.end_line()
         return _stop(run, holding=True)
+
+
+def _leave(run: Run, data: dict[str, Any]) -> int:
+    """Leave it running once its link is open; end it where that cannot be opened."""
+    ends_s = time.monotonic() + _OPEN_WITHIN_S
+    while data["active"] and data.get("link_state") == "opening" and time.monotonic() < ends_s:
+        time.sleep(_LOOK_EVERY_S)
+        data = run.connection.call("teleop.status")
+    if data["active"] and data.get("link_state") == "failed":
+        why = data.get("link_error")
+        data = run.connection.call("teleop.stop")
+        told = f"the link has failed: {why}"
+        run.output.result({**data, "link_error": why}, f"{data['mode']}: ended, {told}")
+        return NOT_OK
+    if not data["active"]:
+        run.output.result(data, render.status(data))
+        return NOT_OK
+    opening = ", its link is still opening" if data.get("link_state") == "opening" else ""
+    text = f"{data['mode']}: it runs{opening}; end it with: litegripctl teleop stop"
+    run.output.result(data, text)
+    return OK
 
 
 def _watch(run: Run) -> int:

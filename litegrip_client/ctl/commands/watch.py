@@ -61,14 +61,10 @@ def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
 
 
 def _lines(run: Run) -> int:
-    """Show a line for each state; on a terminal each takes the place of the one before."""
+    """Show a line for each state, on a terminal, too."""
     with run.connection.subscribe_state(run.options.hz) as samples:
         for sample in islice(samples, run.options.count):
-            if run.output.live:
-                run.output.line(render.state_line(sample.state))
-            else:
-                run.output.result(sample.state, render.state_line(sample.state))
-    run.output.end_line()
+            run.output.result(sample.state, render.state_line(sample.state))
     return OK
 
 

@@ -64,6 +64,10 @@ class TeleopAction(PlainAction, ABC):
     def status(self, now_s: float) -> TeleopStatus:
         """Return how it goes."""
 
+    def complaint(self) -> str | None:
+        """Say what the daemon's health should tell of, if anything; that of the link it has."""
+        return None
+
     def tell(self, text: str, *, warning: bool = False, **data: object) -> None:
         """Say what happened."""
         self._say(Event("teleop", f"teleop: {text}", {**data, "warning": warning}))
@@ -88,6 +92,8 @@ class TeleopAction(PlainAction, ABC):
             mode=self.wish.mode,
             topic=self.wish.topic,
             link=self.wish.kind,
+            host=self.wish.host,
+            port=None if self.wish.kind == "none" else self.wish.port,
             link_state=link.state,
             link_error=link.error,
             link_protected=link.is_protected,

@@ -27,6 +27,8 @@ from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
 
 Phase: TypeAlias = Literal["waiting", "aligning", "following", "stale", "released"]
 
+_SILENT_S = 3.0
+"""Without a frame for so long, the leader is missing, or somewhere else: no short disturbance."""
 _OTHERS_TOLD_EVERY_S = 5.0
 _PHASE_TOLD_EVERY_S = 1.0
 """A bad network may take a leader away and bring it back many times a second."""
@@ -63,6 +65,7 @@ class Follow(TeleopAction):
             course.settings.force_limit_n,
             course.period_s,
         )
+        self._began_s: float | None = None
         self._stepped_s = 0.0
         self._phases_told_s: dict[Phase, float] = {}
         self._begins = 0
@@ -75,6 +78,7 @@ class Follow(TeleopAction):
         if feedback is None:
             return Step()
         self.loop.tick(now_s)
+        self._began_s = now_s if self._began_s is None else self._began_s
         self.note_link()
         is_new = self.feedback is None or feedback.at_s > self.feedback.at_s
         self.send_failed += not is_new
@@ -139,6 +143,22 @@ class Follow(TeleopAction):
             torque_trips=self._guard.trips,
             force_limited=self._leading.is_limited,
             reflected_n=self._teller.told_n,
+        )
+
+    def complaint(self) -> str | None:
+        """Say that nothing is heard of the leader, once that has lasted."""
+        intake, began_s, now_s = self._intake, self._began_s, self._stepped_s
+        if began_s is None:
+            return None
+        age_s = intake.age_s(now_s)
+        silent_s = now_s - began_s if age_s is None else age_s
+        if silent_s < _SILENT_S:
+            return None
+        never = "" if intake.frames else " yet"
+        where = "" if self.wish.host is None else f" at {self.wish.host}"
+        return (
+            f"teleoperation: nothing heard{never} from a leader{where}, port {self.wish.port},"
+            f" for {silent_s:.0f} s"
         )
 
     # The command of a tick

@@ -1,0 +1,241 @@
+"""What the page on the protocol says of answers and notifications: their kinds and fields.
+
+Types come from the daemon's own values; a field without a meaning in these tables is an error.
+"""
+
+import inspect
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import fields
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from litegripd.model import results
+from litegripd.model.jobs import JobKind
+from litegripd.model.results import Progress, ReplayProgress
+from litegripd.model.state import GripperState
+from litegripd.model.teleop import TeleopStatus
+
+_JSON_NAMES = {
+    int: "integer",
+    float: "number",
+    bool: "boolean",
+    str: "string",
+    type(None): "null",
+}
+
+NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
+    "state.sample": (
+        "A subscription to the state.",
+        (
+            "`subscription`, `seq`, `dropped`, `monotonic_s`, `state`. The latest wins: a client"
+            " that"
+            " does not read loses samples and is told how many. `seq` counts the samples that were"
+            " due, `dropped` those of them that were not sent."
+        ),
+    ),
+    "state.batch": (
+        'A subscription to the state with `"batch": n`.',
+        (
+            "`subscription`, `seq` (of the last row), `dropped`, `fields`, and `rows`, each the"
+            " values"
+            " of the fields in one sample. A batch for a client that does not read is dropped as a"
+            " whole."
+        ),
+    ),
+    "event": (
+        "A subscription to events.",
+        (
+            "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, other"
+            " for each"
+            " kind). `seq` counts all events since the daemon's start, those of other kinds"
+            " included."
+            " No event is dropped."
+        ),
+    ),
+    "job.progress": (
+        'A motion that was asked for with `"progress": true`, at most 20 times a second.',
+        "See [below](#progress).",
+    ),
+    "stream.refused": (
+        (
+            "A `stream.set` without an `id` that was refused. Only the first of several with the"
+            " same"
+            " reason is told, and again after one that was taken."
+        ),
+        "An error's: `code`, `message`, `data` with `reason` ([errors.md](errors.md)).",
+    ),
+    "lease.lost": (
+        "The lease that this connection had is lost. Nobody has to subscribe to it.",
+        (
+            "`client` and `pid` of the loser, `cause` (`connection`, `process`, `expired` or"
+            " `taken`),"
+            " `why` (a text of the taker's, or null) and, where it was taken, `by` (`pid`, `uid`,"
+            " `program`)."
+        ),
+    ),
+}
+
+JOB: Mapping[str, str] = {
+    "job": "integer: its number",
+    "kind": "string: " + ", ".join(get_args(JobKind)),
+    "state": "string: queued, running, done, failed, cancelled",
+    "owner": "object: `client` (the connection's number), `pid`, `uid`, `program`",
+    "detached": "boolean: whether it outlives its connection",
+    "started_s": "number: when it began, CLOCK_MONOTONIC",
+    "ended_s": "number, or null while it runs",
+    "phase": "string, or null: where it is, while it runs",
+    "error": "object, or null: why it could not run its course, as an error's",
+    "result": "object, or null: what it ended with, as in [Results](#results)",
+}
+
+_PROGRESS: Mapping[str, str] = {
+    "phase": "part of the motion",
+    "step": "steps so far",
+    "total_steps": "steps that are expected; 0 where nobody can know",
+    "command_rad": "where the jaws are led to",
+    "position_rad": "where they are",
+    "torque_nm": "the motor's torque",
+}
+
+_OWN, _LEADERS, _LINK = "own", "leader's", "link"
+TELEOP: Mapping[str, tuple[str, str]] = {
+    "active": (_OWN, "whether it runs; else all is as at the end of the last one"),
+    "mode": (_OWN, "this end; null: there was none so far"),
+    "phase": (_OWN, "leading, or a follower's: waiting, aligning, following, stale, released"),
+    "topic": (_LINK, "the key of the frames"),
+    "link": (_LINK, "how frames travel"),
+    "host": (_LINK, "a slave's leader; with udp also whom a master sends to"),
+    "port": (_LINK, "the leader's port, with udp the follower's; null without a network"),
+    "link_state": (_LINK, "of this end alone: open does not say that somebody is there"),
+    "link_error": (_LINK, "why it failed; it is tried again every second"),
+    "link_protected": (_LINK, "false: whoever reaches it can take part; null: not open"),
+    "matching": (_LINK, "a master over zenoh: whether anybody listens; null: nobody can know"),
+    "frames": (_OWN, "sent by a master, followed by a slave"),
+    "last_frame_age_ms": (_OWN, "since the newest of them was sent, or came"),
+    "stale": (_OWN, "a slave: no frame for watchdog_s"),
+    "openness": (_LEADERS, "0 closed to 1 open, in the newest frame"),
+    "position_mm": (_LEADERS, "opening, in the newest frame"),
+    "force_n": (_LEADERS, "squeezing positive, in the newest frame"),
+    "dq_cmd": (_OWN, "a slave: velocity that is fed forward, rad/s"),
+    "loop_hz": (_OWN, "control loop"),
+    "rejected": (_OWN, "payloads that were no frame"),
+    "out_of_order": (_OWN, "frames that were overtaken"),
+    "other_leaders": (_OWN, "frames of a second leader, or of a clock that was set back"),
+    "dropped": (_LINK, "more than any leader sends, or from whom nobody listens to"),
+    "send_failed": (_OWN, "frames that did not leave; a slave: commands without an answer"),
+    "fault": (_OWN, "the motor's status where it is not enabled, or why it all ended"),
+    "torque_nm": (_OWN, "this gripper's motor"),
+    "over_torque": (_OWN, "a slave: the torque guard has let go"),
+    "torque_trips": (_OWN, "a slave: how often it has"),
+    "force_limited": (
+        _OWN,
+        "a slave would press harder, but for `force_limit_n` or the cap that every follower has",
+    ),
+    "reflects": (_OWN, "whether this end asked for force reflection"),
+    "reflected_n": (_OWN, "a slave: what it told last; a master: what its jaws push with now"),
+    "followers": (_OWN, "a master with reflection: whose force is heard now"),
+    "round_trip_ms": (_OWN, "a master with reflection: age of the position that is answered"),
+    "late": (_OWN, "frames kept by a network that was silent; a master: forces that came too late"),
+    "job": (_OWN, "the job's number"),
+}
+
+
+def notifications_section() -> str:
+    """Make the section on what comes without being an answer."""
+    rows = ((f"`{kind}`", why, params) for kind, (why, params) in NOTIFICATIONS.items())
+    return _section(
+        "## Notifications",
+        "Lines of the daemon's with a `method` and no `id`: `params` has these members.",
+        _table(("method", "for", "params"), rows),
+    )
+
+
+def results_section() -> str:
+    """Make the section on what motions end with."""
+    parts = [
+        _section(
+            "## Results",
+            "A motion's result has `job`, the fields of its kind, and `state`, the"
+            " [state](#the-state) in which it ended.",
+        )
+    ]
+    for kind in get_args(results.Result):
+        hints = get_type_hints(kind)
+        rows = ((f"`{name}`", type_name(hint)) for name, hint in hints.items())
+        title = f"### `{kind.__name__}`"
+        parts.append(_section(title, _about(kind), _table(("field", "type"), rows)))
+    return "\n".join(parts)
+
+
+def jobs_section() -> str:
+    """Make the sections on jobs and their progress."""
+    job = _table(("field", "what it is"), ((f"`{name}`", text) for name, text in JOB.items()))
+    own = [
+        ("`job`", "integer", "the job's number"),
+        ("`request`", "string, or integer", "the `id` of the request that wants it"),
+        ("`kind`", "string", "as the job's"),
+        ("`opening_mm`", "number, or null", "opening"),
+    ]
+    hints = get_type_hints(Progress)
+    own += [(f"`{field}`", type_name(hints[field]), _PROGRESS[field]) for field in hints]
+    more = {field.name for field in fields(ReplayProgress)} - set(hints)
+    replay = ", ".join(f"`{field.name}`" for field in fields(ReplayProgress) if field.name in more)
+    progress = _table(("field", "type", "meaning"), own)
+    return "\n".join(
+        (
+            _section("## Jobs", "What `job.get`, `job.wait` and `job.list` tell of one.", job),
+            _section("## Progress", "The `params` of `job.progress`.", progress),
+            (
+                f"A replay's has {replay}, too: what the path has now, and what `ReplayResult`"
+                f" counts,"
+                " so far.\n"
+            ),
+        )
+    )
+
+
+def teleop_section() -> str:
+    """Make the section on the status of teleoperation."""
+    hints = get_type_hints(TeleopStatus)
+    rows = (
+        (f"`{name}`", type_name(hint), TELEOP[name][0], TELEOP[name][1])
+        for name, hint in hints.items()
+    )
+    return _section(
+        "## The status of teleoperation",
+        "Whose a figure is: *own*, this gripper's or this end's; *leader's*, of the gripper that"
+        " leads, which is the own one at the leader and another one at a follower; *link*, the"
+        " link's. Counts begin anew with every `teleop.start`.",
+        _table(("field", "type", "whose", "meaning"), rows),
+    )
+
+
+def state_section() -> str:
+    """Make the section on the state."""
+    rows = ((f"`{name}`", type_name(hint)) for name, hint in get_type_hints(GripperState).items())
+    return _section("## The state", _about(GripperState), _table(("field", "type"), rows))
+
+
+def type_name(hint: Any) -> str:
+    """Name a type as JSON knows it; the names do not depend on Python's version."""
+    if get_origin(hint) is Literal:
+        return ", ".join(f'"{choice}"' for choice in get_args(hint))
+    if get_origin(hint) is tuple:
+        return "array of strings"
+    if get_origin(hint) in (Union, UnionType):
+        return ", or ".join(map(type_name, get_args(hint)))
+    return _JSON_NAMES.get(hint, "object")
+
+
+def _about(kind: type) -> str:
+    return re.sub(r"\bNone\b", "null", inspect.getdoc(kind) or "")
+
+
+def _section(*parts: str) -> str:
+    return "\n\n".join(parts) + "\n"
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
