@@ -29,28 +29,24 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
         "A subscription to the state.",
         (
             "`subscription`, `seq`, `dropped`, `monotonic_s`, `state`. The latest wins: a client"
-            " that"
-            " does not read loses samples and is told how many. `seq` counts the samples that were"
-            " due, `dropped` those of them that were not sent."
+            " that does not read loses samples and is told how many. `seq` counts the samples"
+            " that were due, `dropped` those of them that were not sent."
         ),
     ),
     "state.batch": (
         'A subscription to the state with `"batch": n`.',
         (
             "`subscription`, `seq` (of the last row), `dropped`, `fields`, and `rows`, each the"
-            " values"
-            " of the fields in one sample. A batch for a client that does not read is dropped as a"
-            " whole."
+            " values of the fields in one sample. A batch for a client that does not read is"
+            " dropped as a whole."
         ),
     ),
     "event": (
         "A subscription to events.",
         (
             "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, other"
-            " for each"
-            " kind). `seq` counts all events since the daemon's start, those of other kinds"
-            " included."
-            " No event is dropped."
+            " for each kind). `seq` counts all events since the daemon's start, those of other"
+            " kinds included. No event is dropped."
         ),
     ),
     "job.progress": (
@@ -60,8 +56,7 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
     "stream.refused": (
         (
             "A `stream.set` without an `id` that was refused. Only the first of several with the"
-            " same"
-            " reason is told, and again after one that was taken."
+            " same reason is told, and again after one that was taken."
         ),
         "An error's: `code`, `message`, `data` with `reason` ([errors.md](errors.md)).",
     ),
@@ -69,9 +64,8 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
         "The lease that this connection had is lost. Nobody has to subscribe to it.",
         (
             "`client` and `pid` of the loser, `cause` (`connection`, `process`, `expired` or"
-            " `taken`),"
-            " `why` (a text of the taker's, or null) and, where it was taken, `by` (`pid`, `uid`,"
-            " `program`)."
+            " `taken`), `why` (a text of the taker's, or null) and, where it was taken, `by`"
+            " (`pid`, `uid`, `program`)."
         ),
     ),
 }
