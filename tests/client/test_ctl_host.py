@@ -208,7 +208,8 @@ def test_the_doctor_is_sent_there(remote: Remote, begun: Begun) -> None:
 def test_the_host_of_a_leader_is_not_that_of_the_daemon(
     daemon: FakeDaemon, remote: Remote, begun: Begun
 ) -> None:
-    daemon.handlers["teleop.start"] = lambda request: {"active": True}
+    status = {"active": True, "mode": "slave", "link_state": "open"}
+    daemon.handlers["teleop.start"] = lambda _request: status
     assert remote("teleop", "slave", "--host", "10.0.0.2", "--detach")[0] == 0
     assert daemon.requests[-1].params["host"] == "10.0.0.2"
     assert begun()[0]["arguments"][-1] == "bob@robot"

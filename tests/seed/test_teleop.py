@@ -194,7 +194,7 @@ def test_the_example_runs_one_end(home: Path, capsys: pytest.CaptureFixture[str]
         assert example([*arguments, "--torque-limit", "1.0", "--seconds", "4"]) == 0
         assert not daemon.is_energised
     out = capsys.readouterr().out
-    assert "following frames" in out
+    assert "following link open  frames" in out
     assert "no fault" in out
 
 
