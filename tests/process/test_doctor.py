@@ -43,6 +43,11 @@ def test_doctor(simulated: DaemonProcess) -> None:
         assert found["calibration"] == "warning"  # a template
         assert "link" not in found
         assert "channel" not in found
+        client.result("calibration.save")  # which measures nothing
+        found = levels(simulated)
+        assert (found["calibration"], found["channel"]) == ("warning", "ok")
+        measured = {"zero_position_rad": 0.1, "max_position_rad": -1.5, "rad_to_mm": 75.0}
+        client.result("calibration.load", content=measured)
         client.result("calibration.save")
         found = levels(simulated)
         assert (found["calibration"], found["channel"]) == ("ok", "ok")
