@@ -11,7 +11,7 @@ from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from litegripd.model import results
-from litegripd.model.jobs import JobKind
+from litegripd.model.jobs import JobKind, JobState
 from litegripd.model.results import Progress, ReplayProgress
 from litegripd.model.state import GripperState
 from litegripd.model.teleop import TeleopStatus
@@ -73,7 +73,7 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
 JOB: Mapping[str, str] = {
     "job": "integer: its number",
     "kind": "string: " + ", ".join(get_args(JobKind)),
-    "state": "string: queued, running, done, failed, cancelled",
+    "state": "string: " + ", ".join(state.value for state in JobState),
     "owner": "object: `client` (the connection's number), `pid`, `uid`, `program`",
     "detached": "boolean: whether it outlives its connection",
     "started_s": "number: when it began, CLOCK_MONOTONIC",
@@ -173,17 +173,16 @@ def jobs_section() -> str:
     ]
     hints = get_type_hints(Progress)
     own += [(f"`{field}`", type_name(hints[field]), _PROGRESS[field]) for field in hints]
-    more = {field.name for field in fields(ReplayProgress)} - set(hints)
-    replay = ", ".join(f"`{field.name}`" for field in fields(ReplayProgress) if field.name in more)
+    more = [field.name for field in fields(ReplayProgress) if field.name not in hints]
+    replay = ", ".join(f"`{name}`" for name in more)
     progress = _table(("field", "type", "meaning"), own)
     return "\n".join(
         (
             _section("## Jobs", "What `job.get`, `job.wait` and `job.list` tell of one.", job),
             _section("## Progress", "The `params` of `job.progress`.", progress),
-            (
+            _section(
                 f"A replay's has {replay}, too: what the path has now, and what `ReplayResult`"
-                f" counts,"
-                " so far.\n"
+                " counts, so far."
             ),
         )
     )

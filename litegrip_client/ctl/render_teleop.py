@@ -18,7 +18,7 @@ _COUNTS = (
 
 def line(data: Data) -> str:
     """Show how it goes in one line."""
-    whose, own = ("leader's ", "own ") if data.get("mode") == "slave" else ("", "")
+    whose, own = _owners(data)
     parts = [
         f"{data.get('mode')!s} {data.get('phase')!s:<9}",
         f"{whose}{_percent(data):>6}",
@@ -45,7 +45,7 @@ def status(data: Data) -> str:
     if data.get("mode") is None:
         return "no teleoperation so far"
     verdict = "runs" if data.get("active") else "does not run"
-    whose, own = ("leader's ", "own ") if data.get("mode") == "slave" else ("", "")
+    whose, own = _owners(data)
     rows = [
         ("teleop", f"{data.get('mode')}, {verdict} ({data.get('phase')})"),
         ("link", f"{data.get('link')} {data.get('link_state') or 'closed'}{_where(data)}"),
@@ -70,6 +70,11 @@ def status(data: Data) -> str:
     if data.get("fault"):
         rows.append(("ended by" if not data.get("active") else "fault", str(data["fault"])))
     return "\n".join(f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in rows)
+
+
+def _owners(data: Data) -> tuple[str, str]:
+    """Name the owners of what is in frames and of what is measured here, where they differ."""
+    return ("leader's ", "own ") if data.get("mode") == "slave" else ("", "")
 
 
 def _followers(data: Data) -> str:

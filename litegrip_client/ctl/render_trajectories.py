@@ -10,6 +10,7 @@ from time import localtime, strftime
 
 from litegrip_client.ctl.render import Data, aligned, figure, plain
 from litegrip_client.ctl.render_results import bar, opening_of, verdict
+from litegrip_client.trajectory import grips_counted
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: dataclasses take long to import
@@ -28,7 +29,7 @@ def recorded(data: Data) -> str:
     missed = f", {data['missed']} missed" if data.get("missed") else ""
     length = figure(data.get("duration_s"), ".2f", "s")
     name = plain(data.get("name"))
-    grips = f", {_count(data['grips'])}" if data.get("grips") else ""
+    grips = f", {grips_counted(data['grips'])}" if data.get("grips") else ""
     text = f"record: {data.get('samples')} samples in {length}{missed}{grips}, kept as {name}"
     return f"{text}; replay it with: litegripctl play {name}"
 
@@ -42,7 +43,8 @@ def played(data: Data) -> str:
     if data.get("grips"):
         width = figure(data.get("width_mm"), ".1f", "mm")
         differs = figure(data.get("width_difference_mm"), "+.1f", "mm")
-        text += f"; {_count(data['grips'])}, the last one {width} wide, at most {differs} to taught"
+        grips = grips_counted(data["grips"])
+        text += f"; {grips}, the last one {width} wide, at most {differs} to taught"
     return text
 
 
@@ -67,10 +69,6 @@ def listed(rows: Iterable[Data]) -> str:
             if row.get("grip_problem") is not None:
                 broken.append(f"{name}: its grips are NOT usable: {plain(row['grip_problem'])}")
     return "\n".join([aligned(table), *broken])
-
-
-def _count(grips: object) -> str:
-    return f"{grips} grip" if grips == 1 else f"{grips} grips"
 
 
 def _figures(row: Data) -> tuple[str, ...]:

@@ -87,11 +87,7 @@ class LastWord:
             limited.append("travel")
         self._charge(now_s)
         budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
-        allowed_nm = min(budget_nm, allowance_nm)
-        if _is_thrown(inside, feedback, allowed_nm):
-            within = _brake(inside, feedback, allowed_nm)
-        else:
-            within = _within_torque(inside, feedback, allowed_nm)
+        within = _within_torque(inside, feedback, min(budget_nm, allowance_nm))
         if within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
         within = _within_ranges(within, ranges)  # scaling may round to just beyond a range
@@ -149,39 +145,23 @@ def _inside(command: MitCommand, feedback: Feedback, bounds: Bounds) -> MitComma
     return replace(command, position_rad=position_rad, velocity_rad_s=velocity_rad_s)
 
 
-def _is_thrown(command: MitCommand, feedback: Feedback, budget_nm: float) -> bool:
-    """Tell whether slowing the jaws to the velocity wanted would alone take more than there is."""
-    slip_rad_s = command.velocity_rad_s - feedback.velocity_rad_s
-    brakes = slip_rad_s * feedback.velocity_rad_s < 0.0
-    fast = abs(feedback.velocity_rad_s) > _THROWN_RAD_S
-    return fast and brakes and command.kd_nm_s_rad * abs(slip_rad_s) > budget_nm
-
-
-def _brake(command: MitCommand, feedback: Feedback, budget_nm: float) -> MitCommand:
-    """Lower the damping and keep its aim.
-
-    What was measured is two ticks old: damping towards that velocity would drive on what it
-    should brake, to and fro, for ever.
-    """
-    slip_rad_s = command.velocity_rad_s - feedback.velocity_rad_s
-    return replace(
-        command,
-        position_rad=feedback.position_rad,
-        kd_nm_s_rad=budget_nm / abs(slip_rad_s),
-        torque_nm=0.0,
-    )
-
-
 def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) -> MitCommand:
     bound_nm = torque_bound_nm(command, feedback)
     if bound_nm <= budget_nm:
         return command
-    share = budget_nm / bound_nm
     position_rad, velocity_rad_s = feedback.position_rad, feedback.velocity_rad_s
+    slip_rad_s = command.velocity_rad_s - velocity_rad_s
+    brakes = slip_rad_s * velocity_rad_s < 0.0 and abs(velocity_rad_s) > _THROWN_RAD_S
+    if brakes and command.kd_nm_s_rad * abs(slip_rad_s) > budget_nm:
+        # Thrown jaws: less damping, with its aim kept. What was measured is two ticks old: damping
+        # towards that velocity would drive on what it should brake, to and fro, for ever.
+        kd_nm_s_rad = budget_nm / abs(slip_rad_s)
+        return replace(command, position_rad=position_rad, kd_nm_s_rad=kd_nm_s_rad, torque_nm=0.0)
+    share = budget_nm / bound_nm
     return replace(
         command,
         position_rad=position_rad + share * (command.position_rad - position_rad),
-        velocity_rad_s=velocity_rad_s + share * (command.velocity_rad_s - velocity_rad_s),
+        velocity_rad_s=velocity_rad_s + share * slip_rad_s,
         torque_nm=share * command.torque_nm,
     )
 

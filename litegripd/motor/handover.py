@@ -65,7 +65,7 @@ _MOTOR = Carried(
         left=("_can_id", "_silence", "_counters"),
         _polled_at_s=float,
         _last_command=MitCommand | None,
-        _is_stored=bool,
+        is_stored=bool,
     ),
     _tries=int,
     _failure=Refusal | None,

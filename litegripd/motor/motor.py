@@ -180,7 +180,9 @@ class Motor(Listener):
 
     def _unstore(self) -> list[CanFrame]:
         feedback = self._feedback
-        if feedback is None or self._identification.problem() is not None:
+        if not self._traffic.is_stored or feedback is None:
+            return []
+        if self._identification.problem() is not None:
             return []
         return self._traffic.unstore(feedback.position_rad, self._identification.ranges)
 

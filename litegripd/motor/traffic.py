@@ -35,7 +35,8 @@ class Traffic:
         self._counters = counters
         self._polled_at_s = float("-inf")
         self._last_command: MitCommand | None = None
-        self._is_stored = False
+        self.is_stored = False
+        """Whether the motor may have stored a command."""
 
     @property
     def is_stiff(self) -> bool:
@@ -59,7 +60,7 @@ class Traffic:
             last = self._last_command if is_motion else None
             command = replace(last or command, velocity_rad_s=0.0)
         self._last_command = command
-        self._is_stored = True
+        self.is_stored = True
         self._silence.unanswered += 1
         self._counters.commands += 1
         return [CanFrame(self._can_id, codec.encode_command(command, ranges))]
@@ -70,9 +71,7 @@ class Traffic:
         It stores the last command: whoever enables it next, with another program, would set off
         what is left of a motion. Only once, for any command feeds the motor's own watchdog.
         """
-        if not self._is_stored:
-            return []
-        self._is_stored = False
+        self.is_stored = False
         return [CanFrame(self._can_id, codec.encode_zero_gains(position_rad, ranges))]
 
     def poll(self, now_s: float) -> list[CanFrame]:
