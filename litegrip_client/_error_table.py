@@ -40,6 +40,7 @@ REASONS: dict[str, tuple[str, int]] = {
     "not_confirmed": ("HardwareError", 5),
     "second_master": ("HardwareError", 5),
     "implausible_feedback": ("HardwareError", 5),
+    "motor_hot": ("HardwareError", 5),
 }
 """Reason of an error: the name of its exception, the exit code of litegripctl."""
 
@@ -83,5 +84,6 @@ CODES: dict[int, str] = {
     -32035: "not_confirmed",
     -32036: "second_master",
     -32037: "implausible_feedback",
+    -32038: "motor_hot",
 }
 """JSON-RPC code of an error: its reason."""

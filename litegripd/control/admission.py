@@ -136,6 +136,18 @@ def duration_refusal(duration_s: float, shortest_s: float, distance_mm: float) -
     )
 
 
+def heat_refusal(allowance_nm: float, needed_nm: float) -> Refusal | None:
+    """Say that the coil's heat leaves too little torque, if so."""
+    if allowance_nm >= needed_nm:
+        return None
+    return Refusal(
+        "motor_hot",
+        f"the coil's heat leaves {allowance_nm:.2f} N·m, and to feel what is gripped takes"
+        f" {needed_nm:.2f} N·m: let the motor cool down, by less force or disabled",
+        {"limit": allowance_nm, "requested": needed_nm},
+    )
+
+
 def position_refusal(motor: MotorView, geometry: Geometry) -> Refusal | None:
     """Say why the measured position cannot be where the jaws are, if so."""
     feedback = motor.feedback

@@ -11,7 +11,7 @@ from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Job, OnLost, Owner, StopLevel
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import MotorView
 from litegripd.model.results import GraspResult, ReplayResult, Result
 
 _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
@@ -151,9 +151,25 @@ def left_to_holder() -> Event:
     return Event("lease", text)
 
 
-def motor_changed(before: MotorPhase, now: MotorPhase) -> Event:
-    """Tell that the motor is in another phase."""
-    return Event("motor", f"motor: {before.value} -> {now.value}", {"phase": now.value})
+def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
+    """Tell that the motor is in another phase, or has another fault, and why it was disabled."""
+    events = []
+    fault = now.fault
+    if fault is None and now.phase is not before.phase:
+        text = f"motor: {before.phase.value} -> {now.phase.value}"
+        events.append(Event("motor", text, {"phase": now.phase.value}))
+    elif fault is not None and fault != before.fault:
+        text = f"motor: {before.phase.value} -> {now.phase.value}: {fault.message}"
+        data = {"phase": now.phase.value, "error": fault.message, **fault.data}
+        events.append(Event("motor", text, data))
+    problem = now.problem
+    if _is_implausible(problem) and not _is_implausible(before.problem) and problem is not None:
+        events.append(Event("implausible", problem.message, problem.data))
+    return events
+
+
+def _is_implausible(problem: Refusal | None) -> bool:
+    return problem is not None and problem.reason == "implausible_feedback"
 
 
 def bus_changed(before: BusCondition, now: BusCondition) -> Event:

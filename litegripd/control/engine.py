@@ -166,7 +166,8 @@ class Engine(Arbiter):
             self.rest = rest = rest.eased(feedback.position_rad, geometry)
         command = rest.command(now_s, feedback)
         if isinstance(rest, Grip) and rest.is_lost:
-            self.events.append(announce.object_lost(None))
+            if rest.watched:
+                self.events.append(announce.object_lost(None))
             self.rest = Hold(feedback.position_rad, self.gains)
             return self.rest.command(now_s, feedback)
         return command
@@ -214,10 +215,10 @@ class Engine(Arbiter):
         by force go on, or they would drop what they hold: a motor that says that it is still
         enabled has gone on squeezing meanwhile.
         """
+        self.events += announce.motor_changed(self.motor, motor)
         before, self.motor = self.motor.phase, motor
         if motor.phase is before:
             return
-        self.events.append(announce.motor_changed(before, motor.phase))
         if motor.phase is not MotorPhase.ENABLED or motor.feedback is None:
             return
         was_silent = before is MotorPhase.SILENT

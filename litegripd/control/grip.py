@@ -29,6 +29,9 @@ LOST_TORQUE_NM = 0.4
 """Closing freely takes 0.15 to 0.3 N·m of friction, whatever the force. With a larger share a soft
 object would seem lost when jaws that stuck in the close-side dead band break away into it."""
 LOST_TICKS = 3
+"""So many measurements must agree that there is nothing: one alone may be disturbed."""
+STANDING_RAD_S = 0.05
+"""Jaws that press on something are slower than this, 4 mm/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +68,8 @@ class GripSettings:
 class Grip:
     """A hold by `force_n`, ramped from the torque in flight; `is_lost` once it holds nothing.
 
-    A grip that is not `watched` squeezes from wherever the jaws are: nothing can be lost.
+    A grip that is not `watched` squeezes from wherever the jaws are, and may drive them there: it
+    holds nothing until they have met something. Once it is to `stay`, it ends as they close on.
     """
 
     def __init__(
@@ -78,7 +82,9 @@ class Grip:
         self._sign = settings.geometry.close_sign
         self._applied_nm = max(in_flight_nm, 0.0)
         self._ramped_at_s: float | None = None
-        self._fast_ticks = 0
+        self._lost_ticks = 0
+        self._watched_s = 0.0
+        self._stays = False
         self._slice_began_s = 0.0
         self._slice_rad: float | None = None
 
@@ -92,6 +98,16 @@ class Grip:
         """Whether there is something between the jaws."""
         return self.watched and not self.is_lost
 
+    def squeeze(self, force_n: float) -> None:
+        """Go over to another force, closing on for it where nothing is watched."""
+        self.force_n = force_n
+        self._stays = False
+
+    def stay(self) -> None:
+        """Hold what is held; jaws that are still closing, or begin to, have met nothing."""
+        if not self.watched and not self._stays:
+            self._stays, self._lost_ticks = True, LOST_TICKS - 1  # the next measurement decides
+
     def freeze(self) -> None:
         """Let the force rise no further: what is in flight is what is held."""
         self.force_n = min(self.force_n, self.applied_n)
@@ -100,13 +116,15 @@ class Grip:
         """Go on after a silence, in which the motor kept its last command: from what is now."""
         self._ramped_at_s = None
         self._slice_rad = None
-        self._fast_ticks = 0
+        self._lost_ticks = 0
 
     def command(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
         self._ramp(now_s)
         if self.is_holding:
             self._watch(feedback)
+        elif self._stays:
+            self._note(self._sign * feedback.velocity_rad_s > STANDING_RAD_S, feedback)
         if self._settings.by == "gains":
             return self._around_reading(now_s, feedback)
         limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
@@ -140,6 +158,13 @@ class Grip:
         fast = sign * feedback.velocity_rad_s > LOST_SPEED_SHARE * settings.grasp_speed_rad_s
         least_nm = max(LOST_TORQUE_SHARE * self._applied_nm, LOST_TORQUE_NM)
         free = fast and sign * feedback.torque_nm < least_nm
-        self._fast_ticks = self._fast_ticks + 1 if free else 0
         closed = sign * feedback.position_rad >= settings.lost_at_rad
-        self.is_lost = closed or self._fast_ticks >= LOST_TICKS
+        self._note(free or closed, feedback)
+
+    def _note(self, is_closing_on: bool, feedback: Feedback) -> None:
+        """Count the measurements in a row, each once, that show jaws which hold nothing."""
+        if feedback.at_s == self._watched_s:
+            return
+        self._watched_s = feedback.at_s
+        self._lost_ticks = self._lost_ticks + 1 if is_closing_on else 0
+        self.is_lost = self._lost_ticks >= LOST_TICKS

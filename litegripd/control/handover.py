@@ -133,7 +133,9 @@ _GRIP = Carried(
     _sign=int,
     _applied_nm=float,
     _ramped_at_s=float | None,
-    _fast_ticks=int,
+    _lost_ticks=int,
+    _watched_s=float,
+    _stays=bool,
     _slice_began_s=float,
     _slice_rad=float | None,
 )

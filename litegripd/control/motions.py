@@ -16,15 +16,17 @@ from litegripd.control.admission import (
     busy_refusal,
     conflict_refusal,
     duration_refusal,
+    heat_refusal,
     motor_refusal,
     position_refusal,
     target_refusal,
 )
+from litegripd.control.approach import BUDGET_NM
 from litegripd.control.engine import Engine
 from litegripd.control.grip import Grip, GripSettings
 from litegripd.control.rest import Hold, Relax
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motion_limits import fast_conflict, move_conflict, slow_conflict
@@ -103,7 +105,8 @@ class Motions:
         if isinstance(geometry, Refusal):
             return geometry
         conflict = slow_conflict(config, request.speed_mm_s, geometry, "grasp_speed_mm_s")
-        refusal = conflict_refusal(conflict)
+        hot = heat_refusal(engine.output.heat.allowance_nm, BUDGET_NM)
+        refusal = conflict_refusal(conflict) or hot
         if refusal is not None:
             return refusal
         action = Grasp(
@@ -162,6 +165,8 @@ class Motions:
         rest = engine.rest
         if isinstance(rest, Relax):  # holding anew would lose the force of a hold
             rest = Hold(feedback.position_rad, engine.gains)
+        elif isinstance(rest, Grip):
+            rest.stay()
         position_rad = rest.position_rad if isinstance(rest, Hold) else feedback.position_rad
         return engine.settle("hold", rest, owner, HoldResult(position_rad))
 
@@ -180,7 +185,7 @@ class Motions:
         """
         engine, grip, running = self._engine, self._engine.grip, self._engine.jobs.running
         if grip is not None and running is not None and running.owner.client == owner.client:
-            grip.force_n = force_n
+            grip.squeeze(force_n)
             return running
         geometry = self._ready()
         feedback = engine.motor.feedback
@@ -188,9 +193,11 @@ class Motions:
             return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
         if grip is None:
             settings = GripSettings.of(geometry, config, config.grasp_speed_mm_s, "torque")
-            in_flight_nm = geometry.close_sign * feedback.torque_nm
+            in_flight_nm = min(
+                geometry.close_sign * feedback.torque_nm, force_n / FORCE_PER_TORQUE_N_NM
+            )
             grip = Grip(settings, force_n, in_flight_nm, watched=False)
-        grip.force_n = force_n
+        grip.squeeze(force_n)
         return engine.settle("set_force", grip, owner, ForceResult(force_n))
 
     def stream(

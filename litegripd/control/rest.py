@@ -4,12 +4,10 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from litegripd.control.gains import Gains
-from litegripd.control.grip import Grip
+from litegripd.control.grip import STANDING_RAD_S, Grip
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import Feedback, MitCommand
 
-STANDING_RAD_S = 0.05
-"""Jaws that press on something are slower than this, 4 mm/s."""
 PRESSING_SHARE = 0.5
 FAINT_NM = 0.1
 """What friction leaves of the way to a target does not count."""

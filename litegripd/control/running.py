@@ -176,3 +176,5 @@ class Running:
             self.must_disable = True  # a motor that does not answer can only be told to let go
         elif level == "relax":
             self.rest = Relax()
+        elif isinstance(self.rest, Grip):
+            self.rest.stay()

@@ -249,6 +249,14 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         False,
         "The motor's position jumped as no jaw can; motor.clear_fault accepts the new one.",
     ),
+    ErrorKind(
+        "motor_hot",
+        -32038,
+        "HardwareError",
+        5,
+        True,
+        "The coil's heat leaves less torque than the motion needs; let the motor cool down.",
+    ),
 )
 
 ERRORS: Mapping[str, ErrorKind] = MappingProxyType({kind.reason: kind for kind in ERROR_TABLE})

@@ -18,6 +18,9 @@ from litegripd.motor.silence import Silence
 from litegripd.motor.traffic import MotorCounters, Traffic
 from litegripd.motor.zeroing import Zeroing
 
+_JUDGED = frozenset({*ARMING_PHASES, Phase.ENABLED, Phase.LOST})
+"""Where a hold at the position is about to begin, or is under way. Elsewhere whatever a motor tells
+counts at once, above all that it is enabled."""
 _FASTEST_SHARE = 0.99  # of the range of speeds: beyond it, a code may stand for more
 DISABLE_CONFIRM_AFTER_S = 0.01  # older answers may have been under way when disable was sent
 
@@ -69,13 +72,15 @@ class Listener:
             self.counters.ignored_frames += 1
 
     def _take_feedback(self, feedback: Feedback) -> None:
-        """Keep it, unless its position cannot be true: nothing is to be derived from that."""
+        """Keep it, unless its position is in doubt: nothing is to be derived from that."""
         if self._arming is not None:
             self._arming.note_answer()
-        if self._phase is Phase.ENABLED and not self._plausibility.accepts(
+        if self._phase not in _JUDGED:
+            self._plausibility.believe(feedback)
+        elif not self._plausibility.accepts(
             feedback,
             _FASTEST_SHARE * self._identification.ranges.velocity_rad_s,
-            is_stiff=self._traffic.is_stiff,
+            is_driven=self._traffic.is_driven,
         ):
             self.counters.implausible_frames += 1
             self._silence.unanswered = 0
@@ -105,6 +110,7 @@ class Listener:
         if self._identification.finish():  # what came before may have been coded in other ranges
             self._feedback = None
             self._fresh = False
+            self._plausibility.believe(None)
 
     def _take_status(self, now_s: float) -> None:
         feedback = self._feedback
@@ -128,11 +134,11 @@ class Listener:
             self._traffic.forget_command()
         self._phase = following
         self._entered_s = now_s
-        self._plausibility.begin()
         self._silence.begin_phase(event)
         if following is Phase.LOOKING:
             self._identification.begin()
             self._feedback = None
+            self._plausibility.believe(None)
         if following not in ARMING_PHASES:
             self._arming = None
         self._zeroing.leave()

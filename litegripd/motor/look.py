@@ -39,12 +39,16 @@ class Look:
 
     The first is MST_ID, whose answer comes on the very id that it names: so it is also the way
     to find that id. A register that only informs is left out when it is not answered; one that
-    is essential is asked for until it is.
+    is essential is asked for until two answers on end are the same: a disturbed one must neither
+    scale every later frame wrongly nor rule the motor out.
     """
 
     def __init__(self, can_id: int) -> None:
         self._can_id = can_id
         self._values: dict[Register, float | int | None] = {}
+        self._first: bytes | None = None
+        """The awaited register's latest answer, as long as it is not confirmed."""
+        self._is_asked = False
         self._tries = 0
         self._asked_at_s = float("-inf")
 
@@ -69,6 +73,7 @@ class Look:
             self._tries = 0
             return self.step(now_s)
         self._tries += 1
+        self._is_asked = True
         self._asked_at_s = now_s
         return [read_request(self._can_id, register)]
 
@@ -78,14 +83,20 @@ class Look:
         Another process's read request has the shape of an answer of zero, but not its id.
         """
         register = self.awaited
-        if register is None or answer.is_write or answer.number != register.number:
+        is_wrong = answer.is_write or register is None or answer.number != register.number
+        if register is None or is_wrong or not self._is_asked:  # a doubled frame confirms nothing
             return False
         value = register.decode(answer.raw)
         if can_id != (value if register is MASTER_ID else self.master_id):
             return False
-        self._values[register] = value
-        self._tries = 0
+        self._is_asked = False
         self._asked_at_s = float("-inf")
+        if register in ESSENTIAL and answer.raw != self._first:
+            self._first = answer.raw
+            return True
+        self._values[register] = value
+        self._first = None
+        self._tries = 0
         return True
 
     def identity(self) -> MotorIdentity | None:
@@ -123,16 +134,17 @@ def unsuitable(identity: MotorIdentity, configured_master_id: int | None) -> Ref
         return Refusal(
             "motor_unsuitable",
             f"the motor is in control mode {identity.control_mode} (register CTRL_MODE); set it"
-            f" to {MIT_MODE}, MIT, with the maker's tool",
-            {"register": "CTRL_MODE", "value": identity.control_mode},
+            f" to {MIT_MODE}, MIT, with the maker's tool; then motor.clear_fault reads it again",
+            {"register": "CTRL_MODE", "value": identity.control_mode, "hint": "motor.clear_fault"},
         )
     if not has_usable_ranges(identity):
         ranges = identity.ranges
         limits = (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)
         return Refusal(
             "motor_unsuitable",
-            f"the motor's ranges PMAX, VMAX, TMAX are {limits}: set them with the maker's tool",
-            {"register": "PMAX"},
+            f"the motor's ranges PMAX, VMAX, TMAX are {limits}: set them with the"
+            " maker's tool; then motor.clear_fault reads them again",
+            {"register": "PMAX", "hint": "motor.clear_fault"},
         )
     return None
 

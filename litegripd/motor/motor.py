@@ -135,9 +135,14 @@ class Motor(Listener):
         self._zeroing = Zeroing(self._can_id, self._identification.ranges, now_s, view)
 
     def _begin_clear(self, now_s: float) -> None:
-        """Accept the position as it is, and clear what the motor has latched, if anything."""
+        """Accept the position as it is, and clear what the motor has latched, if anything.
+
+        A motor that cannot be used is looked at anew: somebody may have set its registers.
+        """
         self._failure = None
         self._plausibility.reset()
+        if self._identification.problem() is not None:
+            self._go(Event.LOOK, now_s)
         self._unfaulting = Unfaulting(self._can_id, now_s)
         self._go(Event.CLEAR, now_s)
 
@@ -149,8 +154,11 @@ class Motor(Listener):
         return self._unfaulting.step(now_s)
 
     def _command(self, command: MitCommand, is_motion: bool) -> list[CanFrame]:
-        """Give the command; while the position is in doubt only its damping, which needs none."""
-        if self._plausibility.in_a_row:
+        """Give the command; while the position is in doubt, of a stiff one only its damping.
+
+        A force alone goes on, or what it holds would fall for a disturbed frame.
+        """
+        if self._plausibility.in_a_row and command.kp_nm_rad:
             damping = min(command.kd_nm_s_rad, self._plausibility.brake_kd_nm_s_rad)
             command = MitCommand(command.position_rad, 0.0, 0.0, damping, 0.0)
             self._traffic.forget_command()

@@ -47,6 +47,7 @@ class Event(Enum):
     GAVE_UP = auto()
     IMPLAUSIBLE = auto()
     CLEAR = auto()
+    LOOK = auto()
     STAYED = auto()
 
 
@@ -62,6 +63,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.DISABLED, _E.NO_ANSWER): _P.LOOKING,
         (_P.DISABLED, _E.ENABLE): _P.PREPARING,
         (_P.DISABLED, _E.DISABLE): _P.DISABLING,
+        (_P.DISABLED, _E.LOOK): _P.LOOKING,
         (_P.FAULT, _E.SAW_DISABLED): _P.DISABLED,
         (_P.FAULT, _E.SAW_ENABLED): _P.DISABLING,
         (_P.FAULT, _E.NO_ANSWER): _P.LOOKING,

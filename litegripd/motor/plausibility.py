@@ -1,8 +1,10 @@
 """Whether a measured position can be true, by what is physically possible since the last one.
 
-Only jumps are judged, and only of a motor that is enabled and told to be stiff: its position is
-what a command pulls to, so an encoder that jumps (or wraps at ±PMAX) would turn a hold into a blow.
-Slack jaws that a hand throws against a stop bounce faster than any motor could make them.
+Of a motor that is enabled, one frame alone proves no jump: what it tells counts once the next one
+agrees. A command pulls to a position, or is judged by it, so an encoder that jumps (or wraps at
+±PMAX) would turn a hold into a blow: where the motor is driven, a jump that stays is a fault. Slack
+jaws that a hand throws against a stop bounce faster than any motor could make them; there it is
+believed in the end.
 """
 
 from litegripd.model.errors import Refusal
@@ -23,16 +25,23 @@ as far as its speed is known."""
 IMPLAUSIBLE_FRAMES = 3
 """So many in a row are no disturbed frame any more: the encoder has lost its count."""
 
+ALONE_S = 0.005
+"""What torque can do in so long, one frame alone is believed to tell. After a longer gap more could
+have happened; that needs two that agree."""
+
 
 class Plausibility:
     """Judges each feedback frame by the one before it."""
 
     def __init__(self) -> None:
         self.in_a_row = 0
+        """How many frames have been in doubt, and left out, since the last one believed."""
         self.refusal: Refusal | None = None
         """Why the position is not to be believed, from the last of so many frames until `reset`."""
         self._last: Feedback | None = None
+        self._doubted: Feedback | None = None
         self._told_s = 0.0
+        self._gap_s = 0.0
 
     @property
     def brake_kd_nm_s_rad(self) -> float:
@@ -43,42 +52,52 @@ class Plausibility:
     def reset(self) -> None:
         """Believe the position again, as it is told now."""
         self.refusal = None
+        self.believe(None)
 
-    def begin(self) -> None:
-        """Take the next frame as it is: the motor was not watched until now."""
+    def believe(self, feedback: Feedback | None) -> None:
+        """Take `feedback` as it is, or, without any, whatever comes next."""
+        self._last = feedback
+        self._doubted = None
         self.in_a_row = 0
-        self._last = None
 
-    def accepts(self, feedback: Feedback, fastest_rad_s: float, *, is_stiff: bool = True) -> bool:
-        """Tell whether the jaws can have got to where `feedback` says, and count if not.
+    def accepts(self, feedback: Feedback, fastest_rad_s: float, *, is_driven: bool) -> bool:
+        """Tell whether to believe where `feedback` says that the jaws are.
 
         At `fastest_rad_s`, the end of what a frame can tell, the speed is not known, and nothing
-        is judged; nor is it where the motor `is_stiff` not.
+        is judged; nor is a motor that is not enabled. `is_driven` tells that its last command was
+        more than slack.
         """
-        last = self._last
+        last, doubted = self._last, self._doubted
         silent_s, self._told_s = feedback.at_s - self._told_s, feedback.at_s
+        if doubted is None:
+            self._gap_s = silent_s
         is_judged = (
             last is not None
-            and (is_stiff or self.in_a_row > 0)
             and feedback.status == Status.ENABLED
             and max(abs(last.velocity_rad_s), abs(feedback.velocity_rad_s)) < fastest_rad_s
         )
-        if is_judged and last is not None and not _is_reachable(last, feedback, silent_s):
-            self.in_a_row += 1
-            if self.in_a_row >= IMPLAUSIBLE_FRAMES:
-                self.refusal = implausible_refusal(feedback.position_rad - last.position_rad)
-            return False
-        self._last = feedback
-        self.in_a_row = 0
-        return True
+        if not is_judged or last is None or _is_reachable(last, feedback, ALONE_S):
+            self.believe(feedback)
+            return True
+        agrees = doubted is not None and _is_reachable(doubted, feedback, silent_s)
+        is_lasting = self.in_a_row + 1 >= IMPLAUSIBLE_FRAMES
+        is_slack = is_lasting and not is_driven
+        if agrees and (is_slack or _is_reachable(last, feedback, self._gap_s)):
+            self.believe(feedback)
+            return True
+        self.in_a_row += 1
+        self._doubted = feedback
+        if is_lasting and is_driven:
+            self.refusal = implausible_refusal(feedback.position_rad - last.position_rad)
+        return False
 
 
 def _is_reachable(last: Feedback, feedback: Feedback, silent_s: float) -> bool:
     """Compare the way with the mean of the two speeds, give or take what torque can do.
 
     Between two known speeds the most is gained by full torque one way and then the other, which
-    makes a·t²/4. The time for that, `silent_s`, is the one without any frame: a jump does not
-    become believable by being repeated.
+    makes a·t²/4. The time for that, `silent_s`, is one without any frame: a jump does not become
+    believable by being repeated.
     """
     elapsed_s = feedback.at_s - last.at_s
     way_rad = feedback.position_rad - last.position_rad

@@ -39,9 +39,10 @@ class Traffic:
         """Whether the motor may have stored a command."""
 
     @property
-    def is_stiff(self) -> bool:
-        """Whether the motor was told last to pull to a position."""
-        return self._last_command is not None and self._last_command.kp_nm_rad > 0.0
+    def is_driven(self) -> bool:
+        """Whether the motor was told last to do anything; else the jaws are slack."""
+        last = self._last_command
+        return last is not None and any((last.kp_nm_rad, last.kd_nm_s_rad, last.torque_nm))
 
     def forget_command(self) -> None:
         """Begin anew: whoever is enabled next repeats nothing of before."""

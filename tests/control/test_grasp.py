@@ -294,3 +294,17 @@ def test_progress_tells_the_approach_and_then_the_hold() -> None:
     assert set(phases[phases.index("hold") :]) == {"hold"}
     assert all(report["total_steps"] == 0 for report in reports if report["phase"] == "hold")
     assert all(report["total_steps"] > 0 for report in reports if report["phase"] == "approach")
+
+
+def test_a_grasp_is_refused_while_heat_leaves_too_little_torque_to_feel_anything() -> None:
+    """It would take its own standing still, short of the end, for an object."""
+    world = World()
+    client = world.enabled()
+    world.engine.output.heat.allowance_nm = 0.3
+    refused = client.call("motion.grasp", force_n=20)["error"]
+    assert refused["data"]["reason"] == "motor_hot"
+    assert "0.30 N·m" in refused["message"]
+    assert refused["data"]["retryable"]
+    world.engine.output.heat.allowance_nm = 2.0
+    world.gripper.put_object(width_mm=40.0)
+    assert client.result("motion.grasp", force_n=10, until="verdict")["outcome"] == "object_held"

@@ -218,3 +218,15 @@ def test_progress_tells_where_the_move_is() -> None:
     assert all(report["total_steps"] == total and report["step"] <= total for report in reports)
     assert reports[0]["opening_mm"] > reports[-1]["opening_mm"]
     assert {report["request"] for report in reports} == {number}
+
+
+@pytest.mark.parametrize("press_overshoot", [0.05, 0.1, 0.2])
+def test_a_target_further_past_the_stop_is_not_mistaken_for_one(press_overshoot: float) -> None:
+    """What bounds the command is the call's own configuration, not the daemon's."""
+    world = World(
+        parameters=SimulatorParameters(closed_rad=0.514, open_rad=-1.491), calibrated=False
+    )
+    world.engine.use_calibration(Calibration(Geometry(0.114, -1.491, 74.8)), None)
+    client = world.enabled()
+    closed = client.result("motion.close", config={"press_overshoot": press_overshoot})
+    assert (closed["ok"], closed["outcome"]) == (False, "no_stop")

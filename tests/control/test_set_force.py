@@ -189,3 +189,51 @@ def test_a_stop_keeps_the_force_and_lets_it_rise_no_further(when: str) -> None:
     client.result("motion.set_force", force_n=5)
     world.run(2.0)
     assert squeeze_nm(world) == pytest.approx(0.5, abs=FORCE_CODE_NM)
+
+
+@pytest.mark.parametrize("ends_by", ["stop", "hold", "client_lost"])
+@pytest.mark.parametrize("after_s", [0.1, 0.15, 0.3, 0.5])
+@pytest.mark.parametrize("width_mm", [None, 20.0])
+def test_jaws_that_close_by_force_on_nothing_yet_are_stopped_where_they_are(
+    ends_by: str, after_s: float, width_mm: float | None
+) -> None:
+    """A torque that has met nothing drives the jaws: there is no object to keep it for."""
+    world, client = with_object(width_mm)
+    client.result("lease.acquire")
+    client.result("motion.set_force", force_n=20)
+    world.run(after_s)
+    before_mm = world.gripper.opening_mm
+    if ends_by == "stop":
+        world.client().send("stop")
+    elif ends_by == "hold":
+        client.send("motion.hold")
+    else:
+        client.leave()
+    world.run(2.0)
+    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=2.0)
+    assert not world.state.is_grasped
+    assert world.state.mode == "holding"
+
+
+def test_what_is_squeezed_when_a_stop_comes_is_squeezed_on() -> None:
+    world, client = with_object(50.0)
+    client.result("motion.set_force", force_n=20)
+    world.run(5.0)
+    world.client().send("stop")
+    world.run(2.0)
+    assert squeeze_nm(world) == pytest.approx(2.0, abs=0.1)
+    client.result("stop.clear")
+    client.result("motion.set_force", force_n=5)
+    world.gripper.remove_object()
+    world.run(3.0)
+    assert world.gripper.opening_mm < 5.0  # it may close on again: that was asked for
+
+
+def test_a_press_of_a_blocked_move_does_not_outlast_it_in_a_gentler_force() -> None:
+    world, client = with_object(50.0)
+    assert client.result("motion.move", opening_mm=10)["outcome"] == "blocked"
+    client.result("motion.set_force", force_n=5)
+    world.run(0.05)
+    for _ in range(400):
+        world.tick()
+        assert squeeze_nm(world) < 0.6

@@ -110,7 +110,8 @@ class ChaosWatch:
         world, engine = self._world, self._world.engine
         before, self._state = self._state, (world.gripper.motor.status, type(engine.rest))
         lets_go = before != self._state  # what the jaws have pressed on pushes them back then
-        if lets_go or self.is_lied_to or self.is_pushed or engine.grip is not None:
+        is_gripping = engine.grip is not None and engine.grip.watched  # it may yield, or go
+        if lets_go or self.is_lied_to or self.is_pushed or is_gripping:
             self._excused_until_s = world.now_s + EXCUSED_S
         may_move = world.gripper.motor.status == ENABLED and engine.stop_latch.latched is None
         if may_move or world.now_s < self._excused_until_s:

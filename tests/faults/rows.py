@@ -54,7 +54,7 @@ ERROR_CODES = {
     0xD: "communication lost",
     0xE: "overload",
 }
-JUMP_RAD = 0.5
+JUMP_RAD, FAR_JUMP_RAD = 0.5, 1.5
 LINK, FRAMES, MOTOR, JAWS, DAEMON = (
     "The link",
     "Frames",
@@ -203,6 +203,9 @@ FAULTS: tuple[Fault, ...] = (
           enables=True),
     Fault(JAWS, "the encoder jumps by 0.5 rad, and later back",
           lambda w: w.gripper.jump(JUMP_RAD), lambda w: w.gripper.jump(-JUMP_RAD),
+          moves_jaws=True),
+    Fault(JAWS, "the encoder jumps by 1.5 rad, and later back",
+          lambda w: w.gripper.jump(FAR_JUMP_RAD), lambda w: w.gripper.jump(-FAR_JUMP_RAD),
           moves_jaws=True),
     Fault(JAWS, "the rotor is stuck", lambda w: w.gripper.jam(), lambda w: w.gripper.free(),
           lasts_s=2.5),

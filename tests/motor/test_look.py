@@ -4,6 +4,7 @@ import struct
 
 import pytest
 
+from litegripd.model.frame import CanFrame
 from litegripd.model.motor import EnableMotor, MotorIdentity, MotorOrder, MotorPhase, Ranges
 from litegripd.motor import registers as reg
 from litegripd.motor.look import LONGEST_WATCHDOG_S, Look, unsuitable, warnings
@@ -160,9 +161,61 @@ def test_late_and_wrong_answers_are_not_taken_for_the_awaited_one() -> None:
     assert not look.take(wrong, MASTER_ID)
     assert not look.take(reg.Answer(7, True, struct.pack("<I", 0x18)), MASTER_ID)
     assert not look.take(reg.Answer(7, False, struct.pack("<I", 0x19)), MASTER_ID)
-    assert look.take(reg.Answer(7, False, struct.pack("<I", 0x18)), MASTER_ID)
-    assert not look.take(reg.Answer(7, False, struct.pack("<I", 0x18)), MASTER_ID)
+    right = reg.Answer(7, False, struct.pack("<I", 0x18))
+    assert look.take(right, MASTER_ID)
+    assert not look.take(right, MASTER_ID)  # doubled on the bus
+    assert look.master_id is None
+    assert look.step(0.005)
+    assert look.take(right, MASTER_ID)
+    assert not look.take(right, MASTER_ID)
     assert look.master_id == 0x18
+
+
+def disturbed_once(world: World, number: int, raw: bytes) -> None:
+    """Let the motor's next answer for a register come with another value."""
+    left = 1
+
+    def replaced(frame: CanFrame) -> bool:
+        nonlocal left
+        is_answer = frame.data[2] == 0x33 and frame.data[3] == number
+        if not left or not is_answer:
+            return False
+        left -= 1
+        world.inject(CanFrame(frame.can_id, frame.data[:4] + raw))
+        return True
+
+    world.lose_from_motor = replaced
+
+
+@pytest.mark.parametrize(
+    ("number", "raw"),
+    [
+        (10, struct.pack("<I", 24577)),
+        (21, struct.pack("<f", 15.5)),
+        (23, struct.pack("<f", -1e-14)),
+        (9, struct.pack("<I", 0)),
+    ],
+)
+def test_one_disturbed_answer_is_not_believed(number: int, raw: bytes) -> None:
+    world = World()
+    disturbed_once(world, number, raw)
+    assert world.start().client().result("motor.enable")["ok"]
+    identity = world.machine.motor.view().identity
+    assert identity is not None
+    assert identity.ranges == Ranges()
+    assert identity.control_mode == 1
+    assert identity.timeout_s == pytest.approx(0.1)
+
+
+def test_a_motor_whose_registers_were_set_meanwhile_is_usable_after_clear_fault() -> None:
+    world = world_with(10, struct.pack("<I", 2)).start()
+    client = world.client()
+    assert client.refusal("motor.enable") == "motor_unsuitable"
+    assert client.refusal("motor.clear_fault") == "motor_unsuitable"
+    world.gripper.motor.registers.write(10, struct.pack("<I", 1))
+    assert client.refusal("motor.enable") == "motor_unsuitable"  # nobody has looked
+    assert client.result("motor.clear_fault")["cleared"] == "motor_unsuitable"
+    assert client.result("motor.enable")["ok"]
 
 
 def test_another_process_that_reads_registers_gives_no_answers() -> None:

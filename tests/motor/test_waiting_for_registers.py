@@ -124,7 +124,7 @@ def test_a_request_waits_until_the_motor_has_been_looked_at() -> None:
     assert reply == RegisterReply(1, 12.5)
     assert bench.view.identity is not None
     numbers = [frame.data[3] for _, frame in bench.sent if is_read(frame)]
-    assert numbers.count(PMAX) == 2  # once in the look, once on demand
+    assert numbers.count(PMAX) == 3  # twice in the look, once on demand
     assert numbers[-1] == PMAX
 
 

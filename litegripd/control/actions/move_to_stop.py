@@ -8,6 +8,7 @@ within `press_zone_mm` of the stop, so that the jaws press gently.
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
+from litegripd.control.filter import bounds_of
 from litegripd.control.gains import Gains
 from litegripd.control.guard import TorqueGuard
 from litegripd.control.lead import is_in_press_zone, lead_cap_rad, led
@@ -45,6 +46,7 @@ class MoveToStop(PlainAction):
         gains: Gains,
         period_s: float,
     ) -> None:
+        self.bounds = bounds_of(geometry, config)
         closing = direction == "close"
         self._sign = geometry.close_sign if closing else -geometry.close_sign
         self._limit_rad = geometry.closed_rad if closing else geometry.open_rad
