@@ -174,7 +174,7 @@ def _is_implausible(problem: Refusal | None) -> bool:
 
 def bus_changed(before: BusCondition, now: BusCondition) -> Event:
     """Tell that the bus is in another state, and what to do about it."""
-    text = f"CAN bus: {before.state} -> {now.state}"
+    text = "CAN bus: " + ("" if before.state == now.state else f"{before.state} -> ") + now.state
     remedy = BUS_REMEDIES.get(now.state)
     if now.error is not None:
         text += f": {now.error}"

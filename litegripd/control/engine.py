@@ -86,8 +86,12 @@ class Engine(Arbiter):
             self.events.append(announce.calibrated(calibration, file))
 
     def note_bus(self, bus: BusCondition) -> None:
-        """Take the state of the bus; a change of it is told once, whatever its errors say."""
-        if bus.state != self.bus.state:
+        """Take the state of the bus; a change of it is told once, whatever its errors say.
+
+        What the first attempt to open it leads to is told as well, though that be "down".
+        """
+        is_first = self.bus == NOT_OPENED and bus != NOT_OPENED
+        if is_first or bus.state != self.bus.state:
             self.events.append(announce.bus_changed(self.bus, bus))
         self.bus = bus
 

@@ -68,7 +68,8 @@ class DirectBus:
             self.counters.sent += 1
             self.counters.count(frame)
             self._full_since_s = None
-            if self._sending_failed:
+            # What is sent to a link that is down is refused; where the bus is off it may vanish.
+            if self._sending_failed or self.condition.state == "link_down":
                 self._works()
 
     def close(self) -> None:
@@ -117,6 +118,7 @@ class DirectBus:
         state = told_by(message)
         if state == "bus_off":
             self.counters.errors += 1
+            self._sending_failed = False  # a frame that can be sent again proves nothing any more
             self.condition = BusCondition("bus_off", "the controller has left the bus")
         elif state == "up":
             self._works()

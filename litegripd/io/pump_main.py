@@ -20,11 +20,16 @@ from litegripd.io.bus_errors import condition_of
 from litegripd.io.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.io.messages import describe, open_bus, to_frame, to_message
 from litegripd.io.pumped_bus import pack_frames, unpack_order
+from litegripd.model.frame import CanFrame
 
 _READ_TIMEOUT_S = 0.05
 _QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropped
 _LONGEST_TEXT = 4000
 _CORRUPT_AT_MOST = 50  # in a row; an adapter that gives nothing else is opened anew
+
+
+def _channel() -> str:
+    return str(json.loads(sys.argv[1])[1])
 
 
 def _tell(peer: socket.socket, packet: bytes) -> None:
@@ -38,7 +43,7 @@ def _tell(peer: socket.socket, packet: bytes) -> None:
 def _fail(peer: socket.socket, error: Exception, doing: str) -> NoReturn:
     """Tell the daemon why the pump ends, and end it from any thread."""
     text = f"{doing}: {describe(error)}"[:_LONGEST_TEXT]
-    condition = condition_of(error, text, json.loads(sys.argv[1])[1])
+    condition = condition_of(error, text, _channel())
     _tell(peer, b"x" + json.dumps([condition.state, condition.error]).encode())
     os._exit(1)
 
@@ -63,16 +68,27 @@ def _read(bus: can.BusABC, peer: socket.socket) -> None:
 
 
 def _write(bus: can.BusABC, peer: socket.socket, orders: "SimpleQueue[bytes]") -> None:
+    """Send what is ordered; what comes too late, or is refused for now, is dropped and told.
+
+    Nothing of an order follows a frame that was dropped.
+    """
     while True:
         frames, deadline_s = unpack_order(orders.get())
-        try:
-            for number, frame in enumerate(frames):
-                if time.monotonic() > deadline_s:
-                    _tell(peer, b"d%d" % (len(frames) - number))
-                    break
-                bus.send(to_message(frame))
-        except Exception as error:  # noqa: BLE001 - an interface may raise anything
-            _fail(peer, error, "sending")
+        for number, frame in enumerate(frames):
+            if time.monotonic() > deadline_s or not _send(bus, peer, frame):
+                _tell(peer, b"d%d" % (len(frames) - number))
+                break
+
+
+def _send(bus: can.BusABC, peer: socket.socket, frame: CanFrame) -> bool:
+    """Send a frame; False where the adapter's queue is full, which is transient unless it lasts."""
+    try:
+        bus.send(to_message(frame))
+    except Exception as error:  # noqa: BLE001 - an interface may raise anything
+        if condition_of(error, "", _channel()).state == "bus_stalled":
+            return False
+        _fail(peer, error, "sending")
+    return True
 
 
 def main() -> None:

@@ -19,7 +19,8 @@ _RESTART_FIRST_S = 0.5
 _RESTART_AT_MOST_S = 5.0
 _END_WITHIN_S = 0.5
 _STALLED_AFTER_S = 1.0
-"""A pump that drops frames for so long, and brings none, has a blocked adapter."""
+"""A pump that drops frames for so long, and brings none, has a blocked adapter; one that drops
+none for so long takes them again."""
 _FRAME = struct.Struct("<IB3x8s")  # as the kernel's struct can_frame
 _DEADLINE = struct.Struct("<d")
 FRAME_LIFETIME_PERIODS = 2.0
@@ -67,6 +68,7 @@ class PumpedBus:
         self._child: Child | None = None
         self._is_open = False
         self._dropping_since_s: float | None = None
+        self._dropped_at_s = 0.0
         self._restart_at_s = 0.0
         self._restart_after_s = _RESTART_FIRST_S
 
@@ -88,10 +90,7 @@ class PumpedBus:
                     self._bury(child, frames, now_s)
                 break
             self._take(packet, frames, now_s)
-        since_s = self._dropping_since_s
-        if self._is_open and since_s is not None and now_s - since_s >= _STALLED_AFTER_S:
-            text = "the adapter takes no frame: it is blocked, or nobody on the bus acknowledges"
-            self.condition = BusCondition("bus_stalled", text)
+        self._judge_drops(now_s)
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
@@ -147,7 +146,9 @@ class PumpedBus:
             self.counters.ignored += int(body)
         elif kind == b"d":
             self.counters.send_failures += int(body)
-            self._dropping_since_s = self._dropping_since_s or now_s
+            self._dropped_at_s = now_s
+            if self._dropping_since_s is None:
+                self._dropping_since_s = now_s
         elif kind == b"o":
             self._works()
             self._restart_after_s = _RESTART_FIRST_S
@@ -155,6 +156,20 @@ class PumpedBus:
             state, text = json.loads(body)
             self._is_open = False
             self.condition = BusCondition(state, text)
+
+    def _judge_drops(self, now_s: float) -> None:
+        """Say that the adapter is blocked once drops have lasted, and no longer once they end.
+
+        A blocked one shows at every order, and a motor that does not answer is asked all the time.
+        """
+        since_s = self._dropping_since_s
+        if not self._is_open or since_s is None:
+            return
+        if now_s - self._dropped_at_s >= _STALLED_AFTER_S:
+            self._works()
+        elif now_s - since_s >= _STALLED_AFTER_S:
+            text = "the adapter takes no frame: it is blocked, or nobody on the bus acknowledges"
+            self.condition = BusCondition("bus_stalled", text)
 
     def _works(self) -> None:
         self._is_open = True

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.bus import UP, BusCondition, BusState
+from litegripd.model.bus import NOT_OPENED, UP, BusCondition, BusState
 from litegripd.model.motor import MotorPhase
 from litegripd.motor import codec
 from tests.world import CAN_ID, Client, World
@@ -76,6 +76,24 @@ def test_errors_that_change_while_the_state_does_not_are_told_once() -> None:
         world.tick()
     assert len(bus_events(client)) == 1
     assert "error 99" in str(world.engine.bus.error)
+
+
+def test_a_bus_that_cannot_be_opened_from_the_start_is_told_once() -> None:
+    world = World()
+    client = world.client()
+    client.result("events.subscribe")
+    world.lose_to_motor = lambda _frame: True
+    world.condition = NOT_OPENED
+    world.run(0.1)
+    assert bus_events(client) == []
+    for number in range(100):
+        world.condition = BusCondition("down", f"cannot be opened: error {number}")
+        world.tick()
+    [told] = bus_events(client)
+    assert (told["state"], told["error"]) == ("down", "cannot be opened: error 0")
+    mend(world)
+    world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 2.0)
+    assert [data["state"] for data in bus_events(client)][-1] == "up"
 
 
 def test_nothing_that_arms_is_sent_to_a_bus_that_does_not_answer() -> None:

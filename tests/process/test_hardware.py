@@ -18,13 +18,29 @@ def test_a_channel_that_does_not_exist_is_told_and_refused(tmp_path: Path) -> No
     arguments = ("nosuch0", "--config", str(config))
     with daemon(tmp_path, *arguments) as running, running.connect() as client:
         state = client.until(lambda s: bool(s["motor"] == "silent" and s["calibrated"]))
-        assert (state["bus"], state["stale"], state["mode"]) == ("down", True, "offline")
+        assert state["bus"] in ("down", "adapter_gone")  # without CAN in the kernel, and with it
+        assert (state["stale"], state["mode"]) == (True, "offline")
+        client.until_health(lambda _health: "CAN bus: " in running.log)
+        assert running.log.count("CAN bus: ") == 1
         health = client.result("health")
         assert health["verdict"] == "down"
         assert "cannot be opened" in health["reasons"][0]
         assert client.refusal("motor.enable") in ("bus_down", "motor_silent")
         assert client.refusal("motion.open") in ("bus_down", "motor_silent")
         assert client.result("hello")["channel"] == "nosuch0"
+
+
+def test_a_bus_that_is_down_from_the_start_is_in_the_log_once(tmp_path: Path) -> None:
+    """By a device that is no serial port, which is "down" whatever the kernel has of CAN."""
+    config = tmp_path / "slcan.toml"
+    config.write_text(SLCAN.format(channel="/dev/null"), encoding="utf-8")
+    arguments = (f"down{os.getpid()}", "--config", str(config))
+    with daemon(tmp_path, *arguments) as running, running.connect() as client:
+        client.until_health(lambda h: bool(h["bus"]["reopened"] > 1 and "CAN bus: " in running.log))
+        assert client.result("health")["bus"]["state"] == "down"
+        lines = [line for line in running.log.splitlines() if "CAN bus: " in line]
+        assert len(lines) == 1
+        assert "CAN bus: down: cannot be opened: " in lines[0]
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,156 @@
+"""The states of the bus that is read in the control thread: what is raised and what comes."""
+
+import errno
+
+import can
+import pytest
+
+from litegripd.io import direct_bus
+from tests.io.direct_rig import MESSAGE, Rig, operation_error
+
+
+@pytest.fixture
+def rig(monkeypatch: pytest.MonkeyPatch) -> Rig:
+    made = Rig()
+    monkeypatch.setattr(direct_bus, "open_bus", made.open)
+    return made
+
+
+def test_a_link_that_is_down_comes_back_on_the_same_socket(rig: Rig) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(operation_error(errno.ENETDOWN, "Network is down"))
+    rig.fake.send_error = operation_error(errno.ENETDOWN, "Network is down")
+    rig.tick()
+    assert rig.bus.condition.error == "Network is down [Error Code 100] (error 100)"
+    rig.tick()
+    assert not rig.is_up()
+    rig.fake.send_error = None
+    rig.tick()  # a motor without power does not answer, but the bus is up
+    assert rig.is_up()
+    assert len(rig.opened) == 1
+
+
+def test_a_flap_that_no_send_has_met_is_over_when_a_frame_can_be_sent(rig: Rig) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(operation_error(errno.ENETDOWN, "Network is down"))
+    rig.bus.receive(rig.now_s)
+    assert rig.state == "link_down"
+    rig.bus.receive(rig.now_s)
+    assert rig.state == "link_down"  # receiving tells of it only once
+    rig.tick()
+    assert rig.is_up()
+
+
+def test_a_frame_tells_that_the_bus_is_up_again(rig: Rig) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(operation_error(errno.ENETDOWN))
+    rig.bus.receive(rig.now_s)
+    assert not rig.is_up()
+    rig.fake.to_receive.append(MESSAGE)
+    rig.bus.receive(rig.now_s)
+    assert rig.is_up()
+
+
+@pytest.mark.parametrize(
+    "error", [operation_error(errno.ENOBUFS), operation_error(None, "Transmit buffer full")]
+)
+def test_a_full_queue_is_transient_unless_it_lasts(rig: Rig, error: Exception) -> None:
+    rig.tick()
+    rig.fake.send_error = error
+    for _ in range(150):
+        rig.tick()
+    assert rig.is_up()
+    assert rig.bus.counters.send_failures == 150
+    for _ in range(60):
+        rig.tick()
+    assert rig.bus.condition.error is not None
+    assert "acknowledges" in rig.bus.condition.error
+    rig.fake.send_error = None
+    rig.tick()
+    assert rig.is_up()
+    rig.fake.send_error = error
+    rig.tick()
+    assert rig.is_up()
+    assert len(rig.opened) == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "state"),
+    [
+        (operation_error(errno.ENETDOWN, "Network is down"), "link_down"),
+        (operation_error(errno.ENODEV), "adapter_gone"),
+        (operation_error(errno.ENXIO), "adapter_gone"),
+        (operation_error(errno.EBADF), "adapter_gone"),
+        (operation_error(None, "something else"), "down"),
+        (ValueError("file descriptor cannot be a negative integer (-1)"), "down"),
+    ],
+)
+def test_what_is_raised_has_a_state_by_name(rig: Rig, error: Exception, state: str) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(error)
+    rig.bus.receive(rig.now_s)
+    assert rig.state == state
+    refusal = rig.bus.condition.refusal()
+    assert refusal is not None
+    assert refusal.data["bus"] == state
+
+
+@pytest.mark.parametrize(
+    ("error", "state"),
+    [(OSError(errno.ENODEV, "No such device"), "adapter_gone"), (OSError(97, "no CAN"), "down")],
+)
+def test_what_opening_raises_has_a_state_by_name(rig: Rig, error: Exception, state: str) -> None:
+    rig.open_error = error
+    rig.tick()
+    assert rig.state == state
+
+
+def error_frame(kind: int) -> can.Message:
+    return can.Message(
+        arbitration_id=kind, is_error_frame=True, is_extended_id=False, data=bytes(8)
+    )
+
+
+@pytest.mark.parametrize("over", [MESSAGE, error_frame(0x100)])
+def test_bus_off_lasts_until_something_comes_though_frames_can_be_sent(
+    rig: Rig, over: can.Message
+) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(error_frame(0x40))
+    for _ in range(10):
+        rig.tick()
+        assert rig.state == "bus_off"
+    rig.fake.to_receive.append(over)
+    rig.tick()
+    assert rig.state == "up"
+
+
+def test_a_queue_that_was_full_before_the_bus_off_does_not_end_it(rig: Rig) -> None:
+    rig.tick()
+    rig.fake.send_error = operation_error(errno.ENOBUFS)
+    for _ in range(300):
+        rig.tick()
+    assert rig.state == "bus_stalled"
+    rig.fake.send_error = None
+    rig.fake.to_receive.append(error_frame(0x40))
+    rig.tick()
+    assert rig.state == "bus_off"
+
+
+def test_what_has_no_name_lasts_until_a_frame_comes_though_frames_can_be_sent(rig: Rig) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(operation_error(None, "something else"))
+    for _ in range(10):
+        rig.tick()
+        assert rig.state == "down"
+    rig.fake.to_receive.append(MESSAGE)
+    rig.tick()
+    assert rig.is_up()
+
+
+def test_an_error_frame_that_has_the_feedback_id_when_masked_is_no_feedback(rig: Rig) -> None:
+    rig.tick()
+    rig.fake.to_receive.append(error_frame(0x18))
+    assert rig.tick() == []
+    assert rig.state == "up"
+    assert rig.bus.counters.error_frames == 1
