@@ -86,7 +86,8 @@ def restart_in_time() -> None:
     with simulator(CHANNEL), daemon(CHANNEL) as (_, rpc):
         reaches(lambda: bool(rpc.motor_is("disabled") and rpc.state()["calibrated"]))
         period_s = 1.0 / rpc.call("hello")["limits"]["rate_hz"]
-        gaps_s, successor = [], None
+        gaps_s: list[float] = []
+        successor: int | None = None
         while len(gaps_s) < TRIES and not (gaps_s and min(gaps_s) <= 2.0 * period_s):
             with contextlib.closing(Rpc(CHANNEL)) as asker:
                 asker.insist("motor.enable")
