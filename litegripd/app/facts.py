@@ -127,10 +127,11 @@ class DaemonFacts:
         elif view.phase in (MotorPhase.SILENT, MotorPhase.FAULT) or view.problem is not None:
             problem = view.fault or view.problem
             down.append("the motor is silent" if problem is None else problem.message)
+        degraded = [f"not granted: {refused}" for refused in parts.rights.refused]
         other = self._machine.engine.second_master
         if other.is_active:
-            down.append(f"another program commands the motor ({other.count} frames so far)")
-        degraded = [f"not granted: {refused}" for refused in parts.rights.refused]
+            harmed = degraded if other.is_tolerated else down
+            harmed.append(f"another program commands the motor ({other.count} frames so far)")
         if not parts.helper.is_running:
             degraded.append("the helper process is not running")
         degraded += self._teleop_complaints(parts)

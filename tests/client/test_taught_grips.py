@@ -18,6 +18,8 @@ from litegrip_client import (
 )
 from litegrip_client.ctl.block_chart import block_chart
 from litegrip_client.ctl.main import main
+from litegrip_client.ctl.plot.axes import png
+from litegrip_client.ctl.plot.trajectory import draw_trajectory
 from litegrip_client.ctl.render_trajectories import played, recorded
 from litegripd.model import grips as daemons
 from litegripd.model.trajectory import TrajectoryError
@@ -313,31 +315,11 @@ def test_plot_as_text_shows_grips_and_their_force(
     assert (grip["force_n"], grip["start_s"]) == (8.0, 0.5)
 
 
-def test_plot_draws_grips(
-    daemon: FakeDaemon, ctl: Ctl, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from matplotlib.axes import Axes  # noqa: PLC0415 - as the command does
-
-    shaded: list[tuple[float, float]] = []
-    words: list[str] = []
-    axvspan, annotate = Axes.axvspan, Axes.annotate
-
-    def shade(axes: Axes, from_s: float, to_s: float, **more: Any) -> Any:
-        shaded.append((from_s, to_s))
-        return axvspan(axes, from_s, to_s, **more)
-
-    def write(axes: Axes, text: str, *places: Any, **more: Any) -> Any:
-        words.append(text)
-        return annotate(axes, text, *places, **more)
-
-    monkeypatch.setattr(Axes, "axvspan", shade)
-    monkeypatch.setattr(Axes, "annotate", write)
+def test_plot_draws_the_grips_of_the_daemon(daemon: FakeDaemon, ctl: Ctl, folder: Path) -> None:
     there = FakeTrajectories(daemon)
     there.kept, there.grips = {"pick": CONTENT}, {"pick": BESIDE}
     assert ctl("plot", "pick") == (0, "drawn in pick.png\n", "")
-    assert Path("pick.png").read_bytes().startswith(PNG)
-    assert shaded == [(0.5, 1.25)] * 3 + [(1.25, 2.99)] * 3
-    assert words == ["8 N", "12.5 N"]
+    assert Path("pick.png").read_bytes() == png(draw_trajectory(TAUGHT, "pick"))
 
 
 def test_the_last_seconds_begin_within_a_grip(

@@ -5,6 +5,7 @@ wrong. Each can be put on any `FaultWorld` at any time and taken away again; the
 chaos both use them.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -29,9 +30,10 @@ class Fault:
     """One fault; `lasts_s` is for how long the matrix leaves it on.
 
     `moves_jaws` marks those in which the jaws obey somebody else than the daemon, or a measurement
-    that lies: where they go then is not the daemon's doing. Some need a client: with
-    `switches_power` it enables a disabled motor at the beginning, and disables an enabled one; with
-    `enables` it enables before the end.
+    that lies: where they go then is not the daemon's doing, but jaws that nobody has asked to move
+    go no further by it than `at_most_mm`. Some need a client: with `switches_power` it enables a
+    disabled motor at the beginning, and disables an enabled one; with `enables` it enables before
+    the end.
     """
 
     group: str
@@ -41,6 +43,7 @@ class Fault:
     tick: Act = nothing
     lasts_s: float = 1.0
     moves_jaws: bool = False
+    at_most_mm: float = math.inf
     switches_power: bool = False
     enables: bool = False
 
@@ -169,7 +172,8 @@ FAULTS: tuple[Fault, ...] = (
     Fault(FRAMES, "frames both ways 30 ms late", late(0.03, 0.03), clear_frames),
     Fault(FRAMES, "all frames doubled", doubled, clear_frames),
     Fault(FRAMES, "each tenth frame from the motor changed",
-          lambda w: w.faults.from_motor.corrupt(0.1), clear_frames, moves_jaws=True),
+          lambda w: w.faults.from_motor.corrupt(0.1), clear_frames, moves_jaws=True,
+          at_most_mm=5.0),
     Fault(FRAMES, "each tenth frame to the motor changed, then a power cycle",
           lambda w: w.faults.to_motor.corrupt(0.1), uncorrupted, moves_jaws=True),
     Fault(FRAMES, "error frames with the feedback's id", nothing,
@@ -178,9 +182,9 @@ FAULTS: tuple[Fault, ...] = (
           tick=sends(CanFrame(0x18, bytes(8)), CanFrame(0x123, PULL), CanFrame(0x09, PULL))),
     Fault(FRAMES, "another node reads and writes registers", nothing, tick=sends(READS, WRITES)),
     Fault(FRAMES, "a second master commands zero gains", nothing,
-          tick=sends(CanFrame(CAN_ID, FREE)), moves_jaws=True),
+          tick=sends(CanFrame(CAN_ID, FREE)), moves_jaws=True, at_most_mm=0.0),
     Fault(FRAMES, "one command of a second master, 20 N·m/rad towards open",
-          sends(CanFrame(CAN_ID, PULL)), moves_jaws=True),
+          sends(CanFrame(CAN_ID, PULL)), moves_jaws=True, at_most_mm=2.0),
     Fault(FRAMES, "a second master enables", sends(CanFrame(CAN_ID, codec.ENABLE))),
     Fault(FRAMES, "a second master disables", sends(CanFrame(CAN_ID, codec.DISABLE))),
     Fault(FRAMES, "the client's next enable or disable frame lost",

@@ -12,7 +12,8 @@ from typing import Any
 from tests.process.daemon_process import DEADLINE_S, SLCAN, Client, DaemonProcess
 from tests.sim.simulator_process import simulator
 
-CONFIG = SLCAN + "[control]\nrate_hz = 100\n"
+RATE_HZ = 100
+CONFIG = f"{SLCAN}[control]\nrate_hz = {RATE_HZ}\n"
 """At this rate a busy machine may keep pump and simulator away for 40 ms without any harm."""
 
 OBJECT_MM = 40.0

@@ -11,7 +11,7 @@ import subprocess
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +35,9 @@ def check(what: str, passed: bool, detail: object = "") -> None:
         failed.append(what)
 
 
-def play(scenes: Iterable[Callable[[], None]]) -> int:
+def play(scenes: Sequence[Callable[[], None]]) -> int:
     """Run scenes one after the other, whatever becomes of each; return 0 when all checks passed."""
+    check("there is a scene to run", bool(scenes), len(scenes))
     for scene in scenes:
         print(f"----  {scene.__doc__}", flush=True)
         began_s = time.monotonic()

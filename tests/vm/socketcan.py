@@ -33,7 +33,7 @@ from tests.vm.guest import (
     stalls,
     witness,
 )
-from tests.vm.restarting import restart_while_holding
+from tests.vm.restarting import restart_in_time, restart_while_holding
 
 TWO_ATTEMPTS_S = 12.0  # to open a bus: the daemon tries every 5 s at least
 
@@ -238,20 +238,23 @@ def link_down_and_up() -> None:
         check("SIGTERM: exit status 0", program.end() == 0, program.status)
 
 
+SCENES = (
+    vcan_works,
+    other_driver,
+    cards_work,
+    channel_comes_later,
+    link_down_and_up,
+    sigterm_while_moving,
+    *FAILING,
+    restart_while_holding,
+    restart_in_time,
+)
+
+
 def main() -> int:
     """Run every scene, or those that are named; return 0 when every check passed."""
-    scenes = (
-        vcan_works,
-        other_driver,
-        cards_work,
-        channel_comes_later,
-        link_down_and_up,
-        sigterm_while_moving,
-        *FAILING,
-        restart_while_holding,
-    )
     names = sys.argv[1:]
-    return play([scene for scene in scenes if not names or scene.__name__ in names])
+    return play([scene for scene in SCENES if not names or scene.__name__ in names])
 
 
 if __name__ == "__main__":

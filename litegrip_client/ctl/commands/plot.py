@@ -119,12 +119,14 @@ def _show(run: Run, trajectory: Trajectory | None) -> int:
 def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
     options = run.options
     try:
+        from litegrip_client.ctl.plot.axes import png  # noqa: PLC0415 - needs the extra
+
         if trajectory is not None:
             from litegrip_client.ctl.plot.trajectory import (  # noqa: PLC0415 - needs the extra
                 draw_trajectory,
             )
 
-            return draw_trajectory(trajectory, Path(options.file).stem)
+            return png(draw_trajectory(trajectory, Path(options.file).stem))
         from litegrip_client.ctl.plot.draw import draw  # noqa: PLC0415 - needs the extra
         from litegrip_client.ctl.plot.dump import read  # noqa: PLC0415 - needs the extra
     except ModuleNotFoundError as error:
@@ -133,7 +135,7 @@ def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
             reason="library_missing",
             data={"hint": _INSTALL},
         ) from error
-    return draw(read(options.file), options.last)
+    return png(draw(read(options.file), options.last))
 
 
 COMMANDS: Mapping[str, Command] = {"plot": plot}

@@ -1,8 +1,11 @@
-"""How a figure's axes look: the same in every picture."""
+"""What all pictures have in common: how their axes look, and what is written of them."""
 
 from __future__ import annotations
 
+import io
+
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 
 def finish(axes: Axes, label: str) -> None:
@@ -21,3 +24,10 @@ def finish(axes: Axes, label: str) -> None:
             frameon=False,
             handlelength=1.2,
         )
+
+
+def png(figure: Figure) -> bytes:
+    """Return what is written to a file."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()

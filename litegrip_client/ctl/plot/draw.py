@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 from collections.abc import Callable
 from itertools import groupby
@@ -34,8 +33,8 @@ _LABELLED_SHARE = 0.06
 """A mode that lasts for less than this share of the time is coloured, but not named."""
 
 
-def draw(dump: Dump, last_s: float | None) -> bytes:
-    """Return a PNG of a dump, or of the last `last_s` seconds of it."""
+def draw(dump: Dump, last_s: float | None) -> Figure:
+    """Draw a dump, or the last `last_s` seconds of it."""
     end_s = dump.ticks[-1]["monotonic_s"]
     times = [time_s - end_s for time_s in dump.column("monotonic_s")]
     begin_s = times[0] if last_s is None else max(times[0], -last_s)
@@ -56,9 +55,7 @@ def draw(dump: Dump, last_s: float | None) -> bytes:
     figure.suptitle(_title(dump), x=0.075, ha="left", fontsize=11, y=0.985)
     figure.subplots_adjust(left=0.075, right=0.9, top=0.955, bottom=0.06, hspace=0.14)
     figure.align_ylabels(list(rows))
-    file = io.BytesIO()
-    figure.savefig(file, format="png")
-    return file.getvalue()
+    return figure
 
 
 def _title(dump: Dump) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 
 from matplotlib.axes import Axes
@@ -18,8 +17,8 @@ _LONG_GAP = 2.5
 """Samples further apart than so many periods are not joined."""
 
 
-def draw_trajectory(trajectory: Trajectory, name: str) -> bytes:
-    """Return a PNG."""
+def draw_trajectory(trajectory: Trajectory, name: str) -> Figure:
+    """Draw all of a trajectory; `name` is its title."""
     figure = Figure(figsize=(13.0, 7.2), dpi=110, facecolor="white")
     opening, velocity, torque = figure.subplots(
         3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.6), squeeze=True
@@ -35,9 +34,7 @@ def draw_trajectory(trajectory: Trajectory, name: str) -> bytes:
     figure.suptitle(_title(trajectory, name), x=0.075, ha="left", fontsize=11, y=0.975)
     figure.subplots_adjust(left=0.075, right=0.97, top=0.93, bottom=0.08, hspace=0.12)
     figure.align_ylabels([opening, velocity, torque])
-    file = io.BytesIO()
-    figure.savefig(file, format="png")
-    return file.getvalue()
+    return figure
 
 
 def _title(trajectory: Trajectory, name: str) -> str:
