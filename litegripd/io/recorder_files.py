@@ -1,8 +1,8 @@
 """The dumps of the flight recorder on the disk, written by the helper process.
 
 A bounded number is kept, those that somebody asked for apart from the others: nobody's curiosity
-may remove the record of a fault. A number in their names tells their order: the time of day in there
-may have been set back since, or forward, and is for people.
+may remove the record of a fault. A number in their names tells their order: the time of day in
+there may have been set back since, or forward, and is for people.
 """
 
 import contextlib
@@ -56,7 +56,9 @@ def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> dict[str, object]
 def prune(directory: Path, keep: Path) -> None:
     """Remove the oldest dumps of the sort of `keep` beyond what is kept, but never that one."""
     asked_for = _is_asked_for(keep)
-    dumps = [path for _n, path in _numbered(directory, "*.mcap") if _is_asked_for(path) == asked_for]
+    dumps = [
+        path for _n, path in _numbered(directory, "*.mcap") if _is_asked_for(path) == asked_for
+    ]
     total_bytes = 0
     for place, path in enumerate(dumps):
         total_bytes += path.stat().st_size
