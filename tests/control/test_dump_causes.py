@@ -1,4 +1,4 @@
-"""What makes the daemon dump by itself though no motor faults: silence, resets, jumps, strangers."""
+"""What makes the daemon dump by itself though no motor faults: silence, reset, jump, stranger."""
 
 from litegripd.control.dumps import APART_S
 from litegripd.model.frame import CanFrame

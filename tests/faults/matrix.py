@@ -44,8 +44,8 @@ held, unless the row itself says that somebody else commands them or that a meas
 An interface that cannot be opened at all is `adapter_gone` or `down` until it can be.
 
 A wall clock that is set back or forward has no row, for in virtual time there is none: the daemon
-goes by CLOCK_MONOTONIC, and only labels files by the time of day. `tests/faults/test_clock_jumps.py`
-lets the clock of a real daemon jump at every reading.
+goes by CLOCK_MONOTONIC, and only labels files by the time of day. In
+`tests/faults/test_clock_jumps.py` the clock of a real daemon jumps at every reading.
 """
 COLUMNS = ("situation", "bus", "mode", "motion", "next motion", "jaws", "recovery")
 
