@@ -1,4 +1,4 @@
-"""When the flight recorder is written to disk: asked for by a client, or by itself on a fault.
+"""When the flight recorder is written to disk: asked for by a client, or by itself for a `Cause`.
 
 Only says so, by an errand; the helper process does it. Nothing is asked for twice at a time, and
 by itself at most once in `APART_S`: what happens meanwhile is in the next dump.
@@ -14,10 +14,23 @@ from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.motor import MotorPhase
 
-Cause: TypeAlias = Literal["demand", "motor_fault", "tick_error", "bus_lost"]
+Cause: TypeAlias = Literal[
+    "demand",
+    "motor_fault",
+    "motor_silent",
+    "motor_reset",
+    "implausible",
+    "second_master",
+    "bus_lost",
+    "tick_error",
+]
+"""`motor_silent`: one that may be energised answers no more, though the bus works. `motor_reset`:
+an enabled one says that it is disabled, though nobody here asked for that; its supply was away for
+a moment, or another program did it. `implausible`: it is disabled because its position jumped.
+"""
 
 AFTER_S = 1.0
-"""So long after a fault the dump is made, so that it shows what came of it."""
+"""So long after its cause the dump is made, so that it shows what came of it."""
 
 APART_S = KEPT_S - 5.0
 """Less than what is recorded: a fault right after a dump is still in the next one."""
@@ -39,7 +52,7 @@ class Dumps:
         self._has_worked = False
         self._is_powered = False
         self._bus_was_up = True
-        self._failed_s = float("-inf")
+        self._seen_s: dict[Cause, float] = {}
 
     def ask(self, cause: Cause, note: str, then: Callable[[ErrandResult], None]) -> Refusal | None:
         """Have the recorder written; `then` is called with what became of it, unless refused."""
@@ -59,18 +72,19 @@ class Dumps:
 
     def step(self, now_s: float, *, failed: bool, bus_is_up: bool) -> None:
         """Look for a reason to dump; `failed` tells that this tick did, by a defect."""
-        phase = self._engine.motor.phase
-        if phase is not self._phase:
+        before, phase = self._phase, self._engine.motor.phase
+        if phase is not before:
             self._phase = phase
-            self._note_phase(phase, now_s)
+            self._note_phase(before, phase, now_s, bus_is_up=bus_is_up)
         if bus_is_up is not self._bus_was_up:
             self._bus_was_up = bus_is_up
             if not bus_is_up and self._is_powered:
                 self._note("bus_lost", now_s)
+        other = self._engine.second_master
+        if other.is_active and not other.is_tolerated:
+            self._note_once("second_master", now_s)
         if failed:
-            if now_s - self._failed_s > APART_S:  # one dump for a defect that stays
-                self._note("tick_error", now_s)
-            self._failed_s = now_s
+            self._note_once("tick_error", now_s)
         if self._causes and now_s >= self._due_s and not self._is_busy:
             self._dump(now_s)
 
@@ -79,17 +93,34 @@ class Dumps:
         if self._causes and not self._is_busy:
             self._dump(now_s)
 
-    def _note_phase(self, phase: MotorPhase, now_s: float) -> None:
-        """Tell a fault that begins from one that was found, or that the motor cannot get rid of."""
+    def _note_phase(
+        self, before: MotorPhase, phase: MotorPhase, now_s: float, *, bus_is_up: bool
+    ) -> None:
+        """Tell what begins from what was found, or what the motor cannot get rid of."""
+        problem = self._engine.motor.problem
+        has_jumped = problem is not None and problem.reason == "implausible_feedback"
         if phase in _POWERED:
             self._is_powered = True
         elif phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
             self._is_powered = False
+            self._seen_s.pop("motor_silent", None)  # a client has to enable it before the next one
         if phase is MotorPhase.FAULT and self._has_worked:
             self._has_worked = False
             self._note("motor_fault", now_s)
         elif phase in (MotorPhase.ENABLED, MotorPhase.DISABLED):
             self._has_worked = True
+        elif phase is MotorPhase.SILENT and self._is_powered and bus_is_up:
+            self._note_once("motor_silent", now_s)
+        elif phase is MotorPhase.UNKNOWN and before is MotorPhase.ENABLED:
+            self._note("motor_reset", now_s)
+        elif phase is MotorPhase.DISABLING and has_jumped:
+            self._note("implausible", now_s)
+
+    def _note_once(self, cause: Cause, now_s: float) -> None:
+        """Note what stays, or comes again and again, when it begins: one dump shows it."""
+        if now_s - self._seen_s.get(cause, float("-inf")) > APART_S:
+            self._note(cause, now_s)
+        self._seen_s[cause] = now_s
 
     def _note(self, cause: Cause, now_s: float) -> None:
         if not self._causes:

@@ -1,9 +1,16 @@
 """Between python-can's messages and the frames of the core."""
 
+import time
+
 import can
+import can.bus
 
 from litegripd.io.bus import BusSettings
 from litegripd.model.frame import CanFrame
+
+# python-can asks the time of day how long `recv` still has to wait: were it set back by an hour in
+# the middle of a `recv(0)`, that would wait for an hour, in the control thread.
+can.bus.time = time.monotonic  # type: ignore[attr-defined]
 
 
 def open_bus(settings: BusSettings) -> can.BusABC:

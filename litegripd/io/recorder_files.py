@@ -1,10 +1,12 @@
 """The dumps of the flight recorder on the disk, written by the helper process.
 
 A bounded number is kept, those that somebody asked for apart from the others: nobody's curiosity
-may remove the record of a fault.
+may remove the record of a fault. A number in their names tells their order: the time of day in
+there may have been set back since, or forward, and is for people.
 """
 
 import contextlib
+import re
 import time
 from pathlib import Path
 
@@ -21,7 +23,8 @@ KEPT_BYTES = 64_000_000
 """Of each sort: asked for, or written by the daemon itself."""
 
 _ASKED_FOR = "demand"
-_LEFT_OVER_AFTER_S = 600.0
+_NAME = re.compile(r"\.?(\d+)-\d{8}T.+\.mcap")
+"""Of a dump, or of one that is being written; what has another name is not the daemon's."""
 
 
 def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> dict[str, object]:
@@ -29,13 +32,14 @@ def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> dict[str, object]
 
     Raises `FileError` where it cannot be written, and where nothing has been recorded yet.
     """
-    now_ns = time.time_ns()
-    memory = copy_of(memory_fd)
-    recording = read(memory)
+    now_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
+    recording = read(copy_of(memory_fd))
     if not recording.ticks:
         raise FileError("nothing has been recorded yet")
-    content = to_mcap(recording, cause, note, now_ns - time.monotonic_ns())
-    path = own_directory(str(recording.about["channel"]), "dumps") / _name(cause, now_ns)
+    content = to_mcap(recording, cause, note, now_ns - monotonic_ns)
+    directory = own_directory(str(recording.about["channel"]), "dumps")
+    newest = max((number for number, _path in _numbered(directory, "*.mcap")), default=0)
+    path = directory / _name(newest + 1, cause, now_ns)
     try:
         atomic_file.write(path, content)
         prune(path.parent, keep=path)
@@ -52,24 +56,37 @@ def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> dict[str, object]
 def prune(directory: Path, keep: Path) -> None:
     """Remove the oldest dumps of the sort of `keep` beyond what is kept, but never that one."""
     asked_for = _is_asked_for(keep)
-    dumps = [path for path in directory.glob("*.mcap") if _is_asked_for(path) == asked_for]
+    dumps = [
+        path for _n, path in _numbered(directory, "*.mcap") if _is_asked_for(path) == asked_for
+    ]
     total_bytes = 0
-    for number, path in enumerate(sorted(dumps, reverse=True)):
+    for place, path in enumerate(dumps):
         total_bytes += path.stat().st_size
-        if path != keep and (number >= KEPT_FILES or total_bytes > KEPT_BYTES):
+        if path != keep and (place >= KEPT_FILES or total_bytes > KEPT_BYTES):
             path.unlink()
-    for path in directory.glob(".*.mcap.*.tmp"):  # of a helper that was killed while it wrote
-        with contextlib.suppress(FileNotFoundError):  # or that has just ended its work
-            if time.time() - path.stat().st_mtime > _LEFT_OVER_AFTER_S:
+    for number, path in _numbered(directory, ".*.mcap.*.tmp"):  # of helpers killed while they wrote
+        # Another helper, of a daemon that is being followed by its successor, may write beside us.
+        if abs(number - _number(keep)) > 1:
+            with contextlib.suppress(FileNotFoundError):
                 path.unlink()
+
+
+def _numbered(directory: Path, pattern: str) -> list[tuple[int, Path]]:
+    """Return the files of dumps that fit `pattern` with their numbers, the newest first."""
+    ours = (path for path in directory.glob(pattern) if _NAME.match(path.name))
+    return sorted(((_number(path), path) for path in ours), reverse=True)
+
+
+def _number(path: Path) -> int:
+    return int(path.name.lstrip(".").partition("-")[0])
 
 
 def _is_asked_for(path: Path) -> bool:
     return path.stem.endswith(f"-{_ASKED_FOR}")
 
 
-def _name(cause: str, now_ns: int) -> str:
-    """Return a name that sorts by time, UTC."""
+def _name(number: int, cause: str, now_ns: int) -> str:
+    """Return a name that sorts by `number`, which rises, and tells the time of day, UTC."""
     seconds, rest_ns = divmod(now_ns, 1_000_000_000)
     stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(seconds))
-    return f"{stamp}.{rest_ns // 1_000_000:03}Z-{cause}.mcap"
+    return f"{number:06}-{stamp}.{rest_ns // 1_000_000:03}Z-{cause}.mcap"

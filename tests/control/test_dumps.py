@@ -19,6 +19,10 @@ def told(client: Client) -> list[dict[str, object]]:
     return [n["params"]["data"] for n in client.notifications if n["method"] == "event"]
 
 
+def causes(observer: Client) -> list[object]:
+    return [event["cause"] for event in told(observer)]
+
+
 def fault(world: World) -> None:
     """Let the motor report an over-voltage, which is over soon; the fault is latched."""
     world.gripper.set_supply(40.0)
@@ -82,7 +86,18 @@ def test_a_bus_that_is_lost_while_the_motor_is_enabled_is_dumped() -> None:
     world.condition = BusCondition("link_down", "Network is down")
     world.lose_to_motor = lambda _frame: True
     world.run(3.0)
-    assert [event["cause"] for event in told(observer)] == ["bus_lost"]
+    assert causes(observer) == ["bus_lost"]
+
+
+def test_a_lost_bus_is_not_told_once_more_as_a_silent_motor() -> None:
+    world = World()
+    world.enabled()
+    world.condition = BusCondition("link_down", "Network is down")
+    world.lose_to_motor = lambda _frame: True
+    world.run_until(lambda: world.in_phase(MotorPhase.SILENT), 1.0)
+    world.run(0.5)
+    world.service.dumps.finish(world.now_s)
+    assert [errand.parameters["note"] for errand in world.engine.errands] == ["bus_lost"]
 
 
 def test_a_bus_that_is_lost_while_the_motor_is_off_is_not() -> None:
@@ -99,7 +114,7 @@ def test_a_defect_that_stays_is_dumped_once() -> None:
     for _ in range(round(3 * APART_S / PERIOD_S)):
         world.tick()
         world.service.dumps.step(world.now_s, failed=True, bus_is_up=True)
-    assert [event["cause"] for event in told(observer)] == ["tick_error"]
+    assert causes(observer) == ["tick_error"]
     world.run(APART_S + 1.0)
     world.service.dumps.step(world.now_s, failed=True, bus_is_up=True)
     world.run(2.0)

@@ -42,6 +42,10 @@ to an enabled motor, however long a queue was; the jaws go no further beyond a c
 held, unless the row itself says that somebody else commands them or that a measurement lies.
 
 An interface that cannot be opened at all is `adapter_gone` or `down` until it can be.
+
+A wall clock that is set back or forward has no row, for in virtual time there is none: the daemon
+goes by CLOCK_MONOTONIC, and only labels files by the time of day. In
+`tests/faults/test_clock_jumps.py` the clock of a real daemon jumps at every reading.
 """
 COLUMNS = ("situation", "bus", "mode", "motion", "next motion", "jaws", "recovery")
 

@@ -3,8 +3,10 @@
 import io
 import json
 import os
+import re
 import select
 import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -112,7 +114,7 @@ def test_a_dump_goes_into_the_channels_directory(shared: SharedMemory, tmp_path:
     result = dump("demand", "", shared.fd)
     path = Path(str(result["path"]))
     assert path.parent == tmp_path / "dumps" / "virtual"
-    assert path.name.endswith("Z-demand.mcap")
+    assert re.fullmatch(r"000001-\d{8}T\d{6}\.\d{3}Z-demand\.mcap", path.name)
     content = path.read_bytes()
     assert result["bytes"] == len(content)
     assert result["ticks"] == len(messages_of(content)["/litegrip/virtual/tick"])
@@ -145,34 +147,73 @@ def test_the_oldest_of_a_sort_are_removed_and_those_of_the_other_stay(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def make(number: int, cause: str, size: int = 10) -> Path:
-        path = tmp_path / f"20260101T0000{number:02}.000Z-{cause}.mcap"
+        path = tmp_path / f"0000{number:02}-20260101T000000.000Z-{cause}.mcap"
         path.write_bytes(bytes(size))
         return path
 
     fault = make(0, "motor_fault")
     for number in range(1, 15):
         prune(tmp_path, keep=make(number, "demand"))
-    kept = sorted(path.name[13:15] for path in tmp_path.glob("*-demand.mcap"))
+    kept = sorted(path.name[4:6] for path in tmp_path.glob("*-demand.mcap"))
     assert kept == [f"{number:02}" for number in range(5, 15)]
     assert fault.exists()
     monkeypatch.setattr(recorder_files, "KEPT_BYTES", 35)
     prune(tmp_path, keep=make(20, "crash", 15))
     assert fault.exists()
     prune(tmp_path, keep=make(21, "bus_lost", 15))
-    assert sorted(path.name[13:15] for path in tmp_path.glob("*Z-[!d]*.mcap")) == ["20", "21"]
+    assert sorted(path.name[4:6] for path in tmp_path.glob("*Z-[!d]*.mcap")) == ["20", "21"]
     prune(tmp_path, keep=make(22, "crash", 100))  # larger than allowed: all but itself go
-    assert [path.name[13:15] for path in tmp_path.glob("*Z-[!d]*.mcap")] == ["22"]
+    assert [path.name[4:6] for path in tmp_path.glob("*Z-[!d]*.mcap")] == ["22"]
 
 
-def test_what_a_killed_helper_left_is_removed_once_it_is_old(tmp_path: Path) -> None:
-    old, new = tmp_path / ".a.mcap.12.tmp", tmp_path / ".b.mcap.34.tmp"
-    for path in (old, new):
+def test_what_a_killed_helper_left_is_removed_by_the_dump_after_the_next(tmp_path: Path) -> None:
+    """The next one could be written beside it, by the helper of a successor."""
+    left = [
+        tmp_path / f".{number:06}-20260101T000000.000Z-crash.mcap.12ab.tmp" for number in (5, 6, 7)
+    ]
+    for path in left:
         path.touch()
-    os.utime(old, (1.0, 1.0))
-    keep = tmp_path / "20260101T000000.000Z-demand.mcap"
+    keep = tmp_path / "000007-20260101T000000.000Z-demand.mcap"
     keep.touch()
     prune(tmp_path, keep)
-    assert sorted(tmp_path.iterdir()) == sorted((new, keep))
+    assert sorted(tmp_path.iterdir()) == sorted((*left[1:], keep))
+
+
+def test_what_is_no_dump_of_the_daemon_is_left_alone(tmp_path: Path) -> None:
+    other = [tmp_path / name for name in ("jerk.mcap", "2-jerk.mcap", ".jerk.mcap.1.tmp")]
+    for path in other:
+        path.touch()
+    for number in range(1, 15):
+        keep = tmp_path / f"{number:06}-20260101T000000.000Z-demand.mcap"
+        keep.touch()
+        prune(tmp_path, keep)
+    assert sorted(tmp_path.glob("*jerk*")) == sorted(other)
+    assert len(list(tmp_path.glob("0*.mcap"))) == recorder_files.KEPT_FILES
+
+
+@pytest.mark.parametrize("jump_s", [-31.5e6, -3600.0, 3600.0, 31.5e6])
+def test_a_clock_that_is_set_removes_no_dump_but_the_oldest(
+    shared: SharedMemory, monkeypatch: pytest.MonkeyPatch, jump_s: float
+) -> None:
+    """Also one that was set there and back: neither the names' times nor the files' are asked."""
+    clock_ns = [1_800_000_000 * 10**9]
+    monkeypatch.setattr(time, "time_ns", lambda: clock_ns[0])
+    made: list[Path] = []
+
+    def fault(count: int, cause: str = "motor_fault") -> None:
+        for _ in range(count):
+            path = Path(str(dump(cause, "", shared.fd)["path"]))
+            os.utime(path, ns=(clock_ns[0], clock_ns[0]))
+            clock_ns[0] += 60 * 10**9
+            made.append(path)
+            assert [old for old in made if old.exists()] == made[-recorder_files.KEPT_FILES :]
+
+    fault(recorder_files.KEPT_FILES)
+    clock_ns[0] += round(jump_s * 1e9)
+    fault(5)
+    clock_ns[0] -= round(jump_s * 1e9)
+    fault(5)
+    assert [path.name[:6] for path in sorted(made)] == [f"{n:06}" for n in range(1, len(made) + 1)]
 
 
 def test_shared_memory_keeps_its_size_and_its_descriptor_stays_at_home() -> None:

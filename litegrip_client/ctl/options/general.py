@@ -17,7 +17,9 @@ each state.
 _DUMP = """\
 Have the daemon write its flight recorder: the last minute, tick by tick, with
 all events, as an MCAP file on the daemon's machine. It does so by itself when
-the motor faults, a tick fails, or the bus of an enabled motor is lost.
+the motor faults, when an enabled motor falls silent, is disabled by nobody here
+or loses its bus, when its position jumps, when a second master begins to
+command it, and when a tick fails.
 """
 _PLOT = """\
 Draw a dump of the flight recorder: opening, torque, temperatures and lateness
