@@ -268,6 +268,14 @@ def test_watch_as_json_is_an_object_for_each_state(daemon: FakeDaemon, ctl: Ctl)
     assert [json.loads(line)["seq"] for line in out.splitlines()] == [7, 8]
 
 
+def test_the_reasons_of_health_name_commands(daemon: FakeDaemon, ctl: Ctl) -> None:
+    reasons = ["look at it, then motor.clear_fault"]
+    daemon.handlers["health"] = lambda request: {"verdict": "down", "reasons": reasons}
+    code, shown, _ = ctl("health")
+    assert (code, shown) == (2, "verdict: down\n- look at it, then litegripctl clear-fault\n")
+    assert json.loads(ctl("health", "--json")[1])["reasons"] == reasons
+
+
 @pytest.mark.parametrize(
     ("state", "text"),
     [

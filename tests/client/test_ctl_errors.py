@@ -8,6 +8,7 @@ import pytest
 
 from litegrip_client.ctl import hints
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
+from litegripd.motor.faults import implausible_refusal
 from litegripd.rpc.methods import METHODS
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
@@ -89,6 +90,17 @@ def test_what_says_itself_that_it_may_be_tried_again_needs_no_hint(
         "motor_silent", -32032, text, retryable=True
     )
     assert ctl("state")[2] == f"litegripctl: {text}\n"
+
+
+def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    refusal = implausible_refusal(6.283)
+    daemon.handlers["state.get"] = lambda request: request.fail(
+        refusal.reason, -32037, refusal.message, **refusal.data
+    )
+    (told,) = ctl("state")[2].splitlines()
+    assert "if what is shown is wrong; then litegripctl clear-fault, and calibrate anew" in told
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,13 @@ HELLO: dict[str, Any] = {
     "channel": "can0",
     "pid": 77,
     "motor": {"can_id": 8, "master_id": 24},
-    "gripper": {"calibrated": True, "mount": "normal", "travel_mm": 120.0},
+    "gripper": {
+        "calibrated": True,
+        "mount": "normal",
+        "travel_mm": 120.0,
+        "closed_rad": 0.1,
+        "open_rad": -1.5,
+    },
     "limits": {"rate_hz": 200},
 }
 REGISTERS = {
@@ -60,6 +66,7 @@ STATE: dict[str, Any] = {
     "enabled": False,
     "age_s": 0.004,
     "stale": False,
+    "position_rad": -0.5,
 }
 SOCKETS = (
     Socket("/run/litegripd/can0.sock", True, 0),

@@ -156,6 +156,16 @@ def test_texts_from_elsewhere_do_not_steer_the_terminal() -> None:
     )
 
 
+def test_what_the_daemon_says_is_told_in_commands(well: FakeDaemon, ctl: Ctl) -> None:
+    verdict = {**HEALTH, "verdict": "down", "reasons": ["it jumped; then motor.clear_fault"]}
+    well.handlers["health"] = lambda request: verdict
+    out = ctl("doctor")[1]
+    assert "ERROR    health        down: it jumped; then litegripctl clear-fault\n" in out
+    assert findings_text([("a", warning("w", None, "stop.clear"))]).splitlines()[1] == (
+        "         (litegripctl clear)"
+    )
+
+
 def test_an_interrupt_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(interface: str, bus_channel: str) -> System:
         raise KeyboardInterrupt
