@@ -40,7 +40,7 @@ def bus(facts: Facts) -> Finding | None:
     if figures.get("state") not in USABLE_BUS:
         return error(
             f"the daemon cannot use it ({figures.get('state')}): {figures.get('error')}",
-            advice="mend what is found above; the daemon then goes on by itself",
+            advice="mend what is found above, or else what this error names; the daemon then goes on by itself",
         )
     load = figures.get("load") or 0.0
     return ok(f"the daemon uses it, load {load:.0%}, {figures.get('send_failures')} lost frames")
@@ -74,10 +74,14 @@ def other_master(facts: Facts) -> Finding | None:
     count = counters["foreign_commands"]
     if not count:
         return ok("nobody but the daemon commands the motor")
-    return error(
-        f"another program has sent the motor {count} frames: a second master",
-        f"candump {facts.bus_channel}",
-        "end that program, or let it use the daemon",
+    text = f"another program has sent the motor {count} frames"
+    watch = f"candump {facts.bus_channel}" if facts.interface == "socketcan" else None
+    if counters.get("foreign_active", True):  # a daemon that does not tell: it may
+        advice = "end that program, or let it use the daemon"
+        return error(f"{text}, and goes on: a second master", watch, advice)
+    return warning(
+        f"{text} since the daemon was started; it is quiet now",
+        advice="should that program come back, motions are refused: let it use the daemon",
     )
 
 

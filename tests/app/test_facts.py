@@ -8,11 +8,14 @@ import pytest
 
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
+from litegripd.app.parts import motor_figures
+from litegripd.control.second_master import QUIET_AFTER_S
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import DATA
 from litegripd.model.bus import UP
 from litegripd.model.calibration import to_plain
-from tests.world import World
+from litegripd.model.frame import CanFrame
+from tests.world import CAN_ID, World
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
 
@@ -36,6 +39,19 @@ def verdict(world: World) -> tuple[str, list[str]]:
     )
     facts.attach(parts)
     return facts.verdict()
+
+
+def test_whether_a_second_master_is_at_it_just_now_is_a_figure() -> None:
+    world = World()
+    world.enabled()
+    assert motor_figures(world.machine)["foreign_active"] is False
+    world.inject(CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF")))
+    world.run(0.1)
+    figures = motor_figures(world.machine)
+    assert (figures["foreign_commands"], figures["foreign_active"]) == (1, True)
+    world.run(QUIET_AFTER_S)
+    figures = motor_figures(world.machine)
+    assert (figures["foreign_commands"], figures["foreign_active"]) == (1, False)
 
 
 @pytest.mark.parametrize("by_rad", [2.0 * math.pi, -2.0 * math.pi])

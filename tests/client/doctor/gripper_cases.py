@@ -1,5 +1,7 @@
 """The cases of the checks of the gripper: the bus as the daemon has it, motor and calibration."""
 
+from dataclasses import replace
+
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import facts, with_daemon
 
@@ -45,11 +47,36 @@ GRIPPER_CASES = [
     Case("other-master", facts(daemon=None), None),
     Case(
         "other-master",
-        with_daemon(health_motor__foreign_commands=3),
+        with_daemon(health_motor={"foreign_commands": 3, "foreign_active": True}),
         "error",
-        "another program has sent the motor 3 frames: a second master",
+        "another program has sent the motor 3 frames, and goes on: a second master",
         "candump can0",
         "let it use the daemon",
+    ),
+    Case(
+        "other-master",
+        with_daemon(health_motor={"foreign_commands": 3}),
+        "error",
+        "a second master",
+        "candump can0",
+        "let it use the daemon",
+    ),
+    Case(
+        "other-master",
+        replace(
+            with_daemon(health_motor={"foreign_commands": 3, "foreign_active": True}),
+            interface="slcan",
+        ),
+        "error",
+        "a second master",
+        advises="let it use the daemon",
+    ),
+    Case(
+        "other-master",
+        with_daemon(health_motor={"foreign_commands": 3, "foreign_active": False}),
+        "warning",
+        "another program has sent the motor 3 frames since the daemon was started; it is quiet now",
+        advises="motions are refused",
     ),
     Case("control-mode", facts(), "ok", "CTRL_MODE 1, MIT"),
     Case("control-mode", with_daemon(info_registers={}), None),

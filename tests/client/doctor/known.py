@@ -58,7 +58,7 @@ HEALTH: dict[str, Any] = {
     "uptime_s": 12.3,
     "control": {"fifo_priority": 50, "memory_locked": True},
     "bus": {"state": "up", "error": None, "load": 0.123, "send_failures": 0},
-    "motor": {"foreign_commands": 0},
+    "motor": {"foreign_commands": 0, "foreign_active": False},
 }
 STATE: dict[str, Any] = {
     "motor": "disabled",
