@@ -182,7 +182,7 @@ def adapter(facts: Facts) -> Finding | None:
 
 def device(facts: Facts) -> Finding | None:
     """Check the adapter that is no network interface, as far as this program can."""
-    if facts.interface == "socketcan":
+    if facts.interface in (None, "socketcan"):
         return None
     if facts.interface in SIMULATED:
         return ok(f"interface {facts.interface}: no adapter to check")

@@ -6,6 +6,7 @@ from litegrip_client.doctor import daemon_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check
 
 CHECKS: tuple[Check, ...] = (
+    Check("configuration", daemon_checks.configuration),
     Check("iproute2", link_checks.tool),
     Check("link", link_checks.link),
     Check("device", link_checks.device),

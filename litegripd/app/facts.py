@@ -1,6 +1,5 @@
 """What the daemon tells about itself: identity, configuration, and how it fares."""
 
-import dataclasses
 import math
 import os
 import secrets
@@ -93,16 +92,7 @@ class DaemonFacts:
             "calibration_file": engine.calibrated.file,
             "calibration": _calibration(engine.calibrated),
             "motion": engine.config.as_fields(engine.period_s),
-            "configuration": {
-                "file": None if config.source is None else str(config.source),
-                "bus": {
-                    "interface": config.bus.interface,
-                    "channel": config.bus.channel,
-                    "bitrate": config.bus.bitrate,
-                },
-                "control": dataclasses.asdict(config.control),
-                "rpc": {"group": config.rpc.group},
-            },
+            "configuration": config.as_info(),
         }
 
     def health(self, now_s: float) -> dict[str, object]:
