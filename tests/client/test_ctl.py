@@ -280,8 +280,11 @@ def test_the_reasons_of_health_name_commands(daemon: FakeDaemon, ctl: Ctl) -> No
     ("state", "text"),
     [
         ({"motor": "fault", "mode": "fault", "enabled": False}, "nothing is held: the motor is fa"),
-        ({"motor": "disabled", "mode": "disabled", "enabled": False}, "the motor is disabled (no"),
-        ({"motor": "silent", "mode": "offline", "enabled": None}, "the motor is silent (no"),
+        (
+            {"motor": "disabled", "mode": "disabled", "enabled": False},
+            "held: the motor is disabled\n",
+        ),
+        ({"motor": "silent", "mode": "offline", "enabled": None}, "held: the motor is silent\n"),
         ({"mode": "relaxed"}, "taken over, the motor stays enabled, and slack (no command for 5"),
     ],
 )

@@ -120,13 +120,12 @@ def restart(run: Run) -> int:
             f"systemctl restart litegripd@{channel}; to hold all the while: --hold",
         )
     data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
-    gap_ms = render.figure(data["gap_s"] * 1e3, ".1f", "ms")
-    text = f"restarted: pid {data['pid']} has taken over, {_kept(run)} (no command for {gap_ms})"
+    text = f"restarted: pid {data['pid']} has taken over, {_kept(run, data['gap_s'])}"
     run.output.result(data, render.plain(text))
     return OK
 
 
-def _kept(run: Run) -> str:
+def _kept(run: Run, gap_s: float) -> str:
     """Say what became of the jaws: a successor holds only what was held before."""
     try:
         with run.way.connect() as successor:
@@ -136,7 +135,8 @@ def _kept(run: Run) -> str:
     if not state["enabled"]:
         return f"nothing is held: the motor is {state['motor']}"
     slack = state["mode"] == "relaxed"
-    return "the motor stays enabled, and slack" if slack else "the jaws are held"
+    kept = "the motor stays enabled, and slack" if slack else "the jaws are held"
+    return f"{kept} (no command for {render.figure(gap_s * 1e3, '.1f', 'ms')})"
 
 
 def _tree(data: Mapping[str, Any], output: Output) -> int:
