@@ -63,8 +63,9 @@ with its default, to be copied and changed; [etc/slcan.toml](../etc/slcan.toml) 
 adapter.
 
 An unknown key, a wrong type or an impossible value is refused at the start, with exit code 2 and a
-line that names the file, the key and what is allowed. `--socket`, `--interface` and `--simulate` of
-the command line win over the file.
+line that names the file, the key and what is allowed; `litegripd can0 --check` does only that, and
+ends with 0 where all is right. `--socket`, `--interface` and `--simulate` of the command line win
+over the file.
 """
 REREAD = """## What can be read again
 

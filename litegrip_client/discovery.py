@@ -56,6 +56,11 @@ def socket_paths(
     return [f"{directory}/{channel}.sock" for directory in _directories(environment)]
 
 
+def is_socket_given(path: str | None = None) -> bool:
+    """Whether a socket is named, by `path` or `LITEGRIPD_SOCKET`: then of no known channel."""
+    return bool(path if path is not None else os.environ.get(SOCKET_VARIABLE))
+
+
 def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
     """List the channels whose sockets there are, as far as this user can see them.
 
@@ -122,7 +127,13 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
         f"start one with 'systemctl start litegripd@{channel}' or 'litegripd {channel}', or try "
         f"without hardware: 'litegripd {channel} --simulate'"
     )
-    if of_channel and is_enabled(channel):
+    if not of_channel:  # which channel the socket is of, and so which unit, is not known
+        path = failures[0][0]
+        hint = (
+            f"start its daemon: 'litegripd CHANNEL --socket {path}', without hardware with"
+            " --simulate"
+        )
+    elif is_enabled(channel):
         hint = f"see why it does not run: systemctl status litegripd@{channel}"
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:

@@ -102,6 +102,7 @@ ROWS: tuple[Row, ...] = (
     _counter("motor.withheld_commands", "motor_withheld_commands", "Commands that were not sent."),
     _counter("motor.ignored_frames", "motor_ignored_frames", "Frames that nobody had asked for."),
     _counter("motor.foreign_commands", "motor_foreign_commands", "Commands of a second master."),
+    Row("motor.foreign_active", "motor_foreign_active", "gauge", "Whether it commands just now."),
     _counter(
         "motor.implausible_frames", "motor_implausible_frames", "Positions that no jaw can have."
     ),

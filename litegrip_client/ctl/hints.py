@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from argparse import Namespace
 
-from litegrip_client.discovery import running_channels
+from litegrip_client.discovery import is_socket_given, running_channels
 from litegrip_client.errors import LiteGripError
 
 CHOOSE_MOUNT = "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero"
@@ -75,7 +75,15 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
     if own:
         return in_commands(own)
     if error.reason == "internal_error":
-        return f"see the daemon's log: journalctl -u litegripd@{options.channel}"
+        return f"see the daemon's log: journalctl {_log_of(options)}"
     if error.retryable:
         return "" if "try again" in error.message else "try again"
     return f"see: {options.help_of} --help"
+
+
+def _log_of(options: Namespace) -> str:
+    """Name the daemon's unit; a socket that is named alone may be of any channel."""
+    alone = options.socket is not None or (options.ssh_host is None and is_socket_given())
+    if alone and not options.channel_chosen:
+        return "-t litegripd"
+    return f"-u litegripd@{options.channel}"

@@ -66,8 +66,9 @@ class Output:
                 flush=True,
             )
         else:
-            self.note(in_commands(error.message))
-            if hint and not error.message.endswith(hint):  # many a message ends in its remedy
+            message = in_commands(error.message)
+            self.note(message)
+            if hint and not message.endswith(hint):  # many a message ends in its remedy
                 print(f"  {one_line(hint)}", file=sys.stderr)
 
     def note(self, text: str) -> None:

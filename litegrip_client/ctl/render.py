@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
+from litegrip_client.ctl.hints import in_commands
+
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any, TypeAlias
@@ -150,7 +152,7 @@ def health(data: Data) -> str:
     """Show the daemon's verdict and its reasons, and then the figures."""
     figures = {name: value for name, value in data.items() if name not in ("verdict", "reasons")}
     lines = [f"verdict: {plain(data.get('verdict'))}"]
-    lines += [f"- {plain(reason)}" for reason in data.get("reasons", ())]
+    lines += [f"- {plain(in_commands(str(reason)))}" for reason in data.get("reasons", ())]
     return "\n".join([*lines, "", tree(figures)] if figures else lines)
 
 

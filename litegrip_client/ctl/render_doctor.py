@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from litegrip_client.ctl.hints import in_commands
 from litegrip_client.ctl.render import plain
 from litegrip_client.doctor.findings import Finding
 
@@ -26,12 +27,17 @@ def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
 
 def _lines(name: str, finding: Finding) -> list[str]:
     head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{_NAME_WIDTH}}{plain(finding.text)}"]
+    lines = [f"{head}{name:<{_NAME_WIDTH}}{_told(finding.text)}"]
     if finding.command is not None:
         lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
     if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({plain(finding.advice)})")
+        lines.append(f"{'':<{_LEVEL_WIDTH}}({_told(finding.advice)})")
     return lines
+
+
+def _told(text: str) -> str:
+    """Show a text that may be the daemon's, which names methods."""
+    return plain(in_commands(text))
 
 
 def _counted(count: int, level: str) -> str:

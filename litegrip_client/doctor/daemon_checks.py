@@ -12,22 +12,28 @@ _LIMITS = "[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n"
 _DROP_IN = "/etc/systemd/system/litegripd@.service.d"
 
 
+def configuration(facts: Facts) -> Finding | None:
+    """Check the configuration with which a daemon that does not run would be started."""
+    found = facts.configuration
+    if found is None:
+        return None
+    again = f"litegripd {facts.channel} --check"
+    if found.error is not None:
+        advice = f"the daemon ends with it: correct it, and check it again: {again}"
+        return error(found.error, advice=advice)
+    if found.content is None:
+        return warning(
+            f"{found.file} was not checked, nor the bus that it names: {found.unchecked}",
+            advice=f"where the daemon is installed, as who may read it: {again}",
+        )
+    return ok(f"{found.file}: interface {facts.interface}, channel {facts.bus_channel}")
+
+
 def daemon(facts: Facts) -> Finding | None:
     """Check whether a daemon answers, and the one that is meant."""
     answering = facts.daemon
     if answering is None:
-        status = f"systemctl status litegripd@{facts.channel}"
-        if _closed(facts):
-            return warning("not known whether it runs: its socket is closed to this user", status)
-        failure = facts.failure or "it does not answer"
-        if facts.is_unit_enabled:
-            return error(failure, status, "its unit is enabled: the status says why it has ended")
-        return error(
-            failure,
-            f"sudo systemctl start litegripd@{facts.channel}",
-            f"without systemd: litegripd {facts.channel};"
-            f" without hardware: litegripd {facts.channel} --simulate",
-        )
+        return _no_daemon(facts)
     channel = answering.hello.get("channel")
     if facts.asked_channel not in (None, channel):
         return error(
@@ -48,7 +54,7 @@ def version(facts: Facts) -> Finding | None:
         return ok(f"{told}, as this program")
     return warning(
         f"the daemon is {told}, this program {facts.version}",
-        f"sudo systemctl restart litegripd@{facts.channel}",
+        f"sudo systemctl restart {facts.unit}",
         "a daemon goes on running as what it was started; else install one version for both",
     )
 
@@ -98,7 +104,7 @@ def real_time(facts: Facts) -> Finding | None:
     return warning(
         f"not granted: {' and '.join(missing)}; ticks may start late",
         f"sudo mkdir -p {_DROP_IN} && printf '{_LIMITS}' | sudo tee {_DROP_IN}/realtime.conf"
-        f" && sudo systemctl daemon-reload && sudo systemctl restart litegripd@{facts.channel}",
+        f" && sudo systemctl daemon-reload && sudo systemctl restart {facts.unit}",
         "a container must be given CAP_SYS_NICE and CAP_IPC_LOCK as well",
     )
 
@@ -115,15 +121,45 @@ def health(facts: Facts) -> Finding | None:
     return found(f"{verdict}: {reasons}", f"{facts.ctl} health")
 
 
+def _no_daemon(facts: Facts) -> Finding:
+    """Tell why none answers, as far as is known, and how one is started."""
+    status = None if facts.unit is None else f"systemctl status {facts.unit}"
+    if _closed(facts):
+        text = "not known whether it runs: its socket is closed to this user"
+        return warning(text, status, None if status else "ask who has started it")
+    failure = facts.failure or "it does not answer"
+    if facts.hung_pid is not None:
+        who = f"pid {facts.hung_pid}" if facts.hung_pid else "a process"
+        return error(
+            f"{who} listens, but {failure}",
+            None if facts.unit is None else f"sudo systemctl restart {facts.unit}",
+            f"{f'look first: {status}; ' if status else ''}without systemd: end it, start it anew",
+        )
+    if facts.unit is None:
+        advice = "start its daemon: litegripd CHANNEL --socket PATH"
+        return error(failure, advice=f"{advice}; without hardware: with --simulate")
+    start = f"sudo systemctl start {facts.unit}"
+    if facts.configuration is not None and facts.configuration.error is not None:
+        return error(failure, start, "not before the configuration is mended")
+    if facts.is_unit_enabled:
+        return error(failure, status, "its unit is enabled: the status says why it has ended")
+    return error(
+        failure,
+        start,
+        f"without systemd: litegripd {facts.channel};"
+        f" without hardware: litegripd {facts.channel} --simulate",
+    )
+
+
 def _closed(facts: Facts) -> list[str]:
     return [socket.path for socket in facts.sockets if not socket.is_accessible]
 
 
-def _admit(facts: Facts) -> str:
+def _admit(facts: Facts) -> str | None:
     """Give the command that lets this user connect."""
     user = facts.user
     if user.has_group:
-        return f"sudo systemctl restart litegripd@{facts.channel}"
+        return None if facts.unit is None else f"sudo systemctl restart {facts.unit}"
     if user.group_exists and user.is_member:
         return f"newgrp {user.group}"
     join = f"sudo usermod --append --groups {user.group} {user.name}"

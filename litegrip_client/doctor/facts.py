@@ -97,11 +97,25 @@ class Daemon:
 
 
 @dataclass(frozen=True, slots=True)
+class Configuration:
+    """A channel's configuration file, of which the daemon's program was asked.
+
+    `content` is what it says, as `info.get` tells it; else `error` is what is wrong with it, or
+    `unchecked` why that is not known.
+    """
+
+    file: str
+    content: Mapping[str, Any] | None = None
+    error: str | None = None
+    unchecked: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """All that is known; `daemon` None where none answers, `failure` then says why.
 
     `ctl` is how litegripctl is called for this gripper, `asked_channel` the channel that was asked
-    for by name, `now_s` the Unix time.
+    for by name, `now_s` the Unix time. `interface` is None where it is not known.
     """
 
     channel: str
@@ -115,9 +129,20 @@ class Facts:
     asked_channel: str | None = None
     is_unit_enabled: bool = False
     """Whether systemd starts the channel's daemon by itself."""
-    interface: str = "socketcan"
+    is_channel_known: bool = True
+    """False where a socket alone was named, and nobody answers there."""
+    hung_pid: int | None = None
+    """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
+    configuration: Configuration | None = None
+    """The channel's file, where there is one and no daemon tells what it uses."""
+    interface: str | None = "socketcan"
     bus_channel: str = "can0"
     now_s: float = 0.0
+
+    @property
+    def unit(self) -> str | None:
+        """The systemd unit of the channel's daemon; None where the channel is not known."""
+        return f"litegripd@{self.channel}" if self.is_channel_known else None
 
     @property
     def is_enabled(self) -> bool:

@@ -53,8 +53,11 @@ def examine(facts: Facts, checks: Iterable[Check]) -> list[tuple[str, Finding]]:
     return [(name, finding) for name, finding in found if finding is not None]
 
 
-def as_data(channel: str, findings: Iterable[tuple[str, Finding]]) -> Mapping[str, Any]:
-    """Return findings as JSON can hold them; `ok` unless there is an error."""
+def as_data(channel: str | None, findings: Iterable[tuple[str, Finding]]) -> Mapping[str, Any]:
+    """Return findings as JSON can hold them; `ok` unless there is an error.
+
+    `channel` is None where it is not known.
+    """
     rows = [
         {
             "check": name,

@@ -24,6 +24,9 @@ MODEL_RANGES = {"PMAX": 12.5, "VMAX": 30.0, "TMAX": 10.0}
 BIT_RATES = {0: "125 kbit/s", 1: "200 kbit/s", 2: "250 kbit/s", 3: "500 kbit/s", 4: "1 Mbit/s"}
 """By the code of register can_br."""
 
+IMPLAUSIBLE_OUTSIDE_RAD = 1.0
+"""Further outside the calibrated travel the daemon moves no jaws, for none can be there."""
+
 _DAY_S = 86_400.0
 _SET = "with the maker's tool, while the daemon does not run"
 _NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X, at 1 Mbit/s"
@@ -37,7 +40,7 @@ def bus(facts: Facts) -> Finding | None:
     if figures.get("state") not in USABLE_BUS:
         return error(
             f"the daemon cannot use it ({figures.get('state')}): {figures.get('error')}",
-            advice="mend what is found above; the daemon then goes on by itself",
+            advice="mend what is found above, else what this error names; the daemon then goes on",
         )
     load = figures.get("load") or 0.0
     return ok(f"the daemon uses it, load {load:.0%}, {figures.get('send_failures')} lost frames")
@@ -71,10 +74,14 @@ def other_master(facts: Facts) -> Finding | None:
     count = counters["foreign_commands"]
     if not count:
         return ok("nobody but the daemon commands the motor")
-    return error(
-        f"another program has sent the motor {count} frames: a second master",
-        f"candump {facts.bus_channel}",
-        "end that program, or let it use the daemon",
+    text = f"another program has sent the motor {count} frames"
+    watch = f"candump {facts.bus_channel}" if facts.interface == "socketcan" else None
+    if counters.get("foreign_active", True):  # a daemon that does not tell: it may
+        advice = "end that program, or let it use the daemon"
+        return error(f"{text}, and goes on: a second master", watch, advice)
+    return warning(
+        f"{text} since the daemon was started; it is quiet now",
+        advice="should that program come back, motions are refused: let it use the daemon",
     )
 
 
@@ -176,6 +183,27 @@ def calibration(facts: Facts) -> Finding | None:
     if file is None:
         return warning(f"{text}, in no file: lost at a restart", f"{facts.ctl} calibration save")
     return ok(f"{text}, {_age(facts.now_s, source.get('saved_s'))}, {file}")
+
+
+def position(facts: Facts) -> Finding | None:
+    """Check whether the jaws can be where the motor says that they are."""
+    daemon = facts.daemon
+    if daemon is None or not _bus_is_up(daemon) or daemon.state.get("stale"):
+        return None
+    gripper, position_rad = daemon.hello.get("gripper", {}), daemon.state.get("position_rad")
+    ends_rad = (gripper.get("closed_rad"), gripper.get("open_rad"))
+    if position_rad is None or None in ends_rad:
+        return None
+    low_rad, high_rad = sorted(ends_rad)
+    text = f"{position_rad:.3f} rad, calibrated travel {low_rad:.3f} to {high_rad:.3f} rad"
+    if max(low_rad - position_rad, position_rad - high_rad) <= IMPLAUSIBLE_OUTSIDE_RAD:
+        return ok(text)
+    mount = gripper.get("mount") or "normal|reverse"
+    return error(
+        f"{text}: no jaw can be there, and motions are refused",
+        advice="the motor may have lost its count of turns: power-cycle it with the jaws inside"
+        f" the travel; if it is still off: {facts.ctl} enable && {facts.ctl} zero --mount {mount}",
+    )
 
 
 def calibration_channel(facts: Facts) -> Finding | None:

@@ -5,6 +5,9 @@ Facts in, findings out; nothing is asked.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from litegrip_client.doctor.facts import SIMULATED, Facts, Link
 from litegrip_client.doctor.findings import Finding, error, ok, warning
 from litegrip_client.state import USABLE_BUS
@@ -21,6 +24,21 @@ LONGEST_QUEUE_S = 0.1
 
 RATE_HZ = 200.0
 """The daemon's, where it does not tell."""
+
+UNOPENED = ("down", "adapter_gone")
+"""States of a bus whose adapter the daemon could not open, or has lost."""
+
+_OPENING = (
+    ("not supported", "python-can has no such interface: correct [bus] interface, then restart"),
+    ("library not found", "install the library that the adapter's maker offers, then restart"),
+    ("No module named", "install that module for the daemon's Python, then restart"),
+    ("not configure port", "that is no serial adapter: correct [bus] channel, then restart"),
+    ("ermission denied", "a daemon of systemd needs: litegripctl install-units --serial"),
+    ("busy", "another program has it: end that one; the daemon then opens it by itself"),
+)
+"""What to do about an adapter that cannot be opened, by a part of what its driver says."""
+
+_OPENING_ELSE = "mend what its driver says, or correct [bus] in the configuration and restart"
 
 _SETTINGS = f"type can bitrate {BITRATE} restart-ms 100"
 _WIRING = (
@@ -164,27 +182,42 @@ def adapter(facts: Facts) -> Finding | None:
 
 def device(facts: Facts) -> Finding | None:
     """Check the adapter that is no network interface, as far as this program can."""
-    if facts.interface == "socketcan":
+    if facts.interface in (None, "socketcan"):
         return None
     if facts.interface in SIMULATED:
         return ok(f"interface {facts.interface}: no adapter to check")
-    found = facts.system.device
+    found, bus = facts.system.device, _bus_figures(facts)
     if found is None:
-        return ok(f"interface {facts.interface}, channel {facts.bus_channel}: python-can opens it")
+        text = f"interface {facts.interface}, channel {facts.bus_channel}"
+        return _unopened(facts, text) or ok(f"{text}: the daemon opens it by python-can")
     if not found.is_there:
         advice = "plug the adapter in, and name it in the configuration: [bus] channel"
         return error(f"{found.path} is not there", "ls -l /dev/serial/by-id/", advice)
     if not found.is_character_device:
         advice = "name the adapter's device in the configuration: [bus] channel"
         return error(f"{found.path} is no device", "ls -l /dev/serial/by-id/", advice)
-    bus = {} if facts.daemon is None else facts.daemon.health.get("bus", {})
     if found.is_accessible or bus.get("state") in USABLE_BUS:
-        return ok(f"{found.path} is there and accessible")
+        unopened = _unopened(facts, found.path)
+        return unopened or ok(f"{found.path} is there and accessible")
     return warning(
         f"{found.path} is there, but not for {facts.user.name}",
         f"sudo usermod --append --groups {found.group or 'dialout'} {facts.user.name}",
         "needed if the daemon runs as this user; then log in anew",
     )
+
+
+def _bus_figures(facts: Facts) -> Mapping[str, Any]:
+    return {} if facts.daemon is None else facts.daemon.health.get("bus", {})
+
+
+def _unopened(facts: Facts, text: str) -> Finding | None:
+    """Pass on why the daemon cannot use an adapter that looks all right from here, if so."""
+    figures = _bus_figures(facts)
+    if figures.get("state") not in UNOPENED:
+        return None
+    why = str(figures.get("error"))
+    advice = next((advice for part, advice in _OPENING if part in why), _OPENING_ELSE)
+    return error(f"{text}: {why}", advice=advice)
 
 
 def _missing(facts: Facts) -> Finding:

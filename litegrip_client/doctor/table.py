@@ -6,6 +6,7 @@ from litegrip_client.doctor import daemon_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check
 
 CHECKS: tuple[Check, ...] = (
+    Check("configuration", daemon_checks.configuration),
     Check("iproute2", link_checks.tool),
     Check("link", link_checks.link),
     Check("device", link_checks.device),
@@ -30,6 +31,7 @@ CHECKS: tuple[Check, ...] = (
     Check("watchdog", gripper_checks.watchdog),
     Check("ranges", gripper_checks.ranges),
     Check("calibration", gripper_checks.calibration),
+    Check("position", gripper_checks.position),
     Check("channel", gripper_checks.calibration_channel),
     Check("health", daemon_checks.health),
 )

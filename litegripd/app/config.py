@@ -88,6 +88,16 @@ class Config:
     teleop: TeleopConfig = field(default_factory=TeleopConfig)
     source: Path | None = None
 
+    def as_info(self) -> dict[str, object]:
+        """Tell what a client may want to know of it, for `info.get` and `litegripd --check`."""
+        bus = self.bus
+        return {
+            "file": None if self.source is None else str(self.source),
+            "bus": {"interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate},
+            "control": dataclasses.asdict(self.control),
+            "rpc": {"group": self.rpc.group},
+        }
+
 
 _KEYS = {(key.table, key.name): key for key in KEYS}
 _OURS = ("ignore_config",)

@@ -1,6 +1,5 @@
 """What the daemon tells about itself: identity, configuration, and how it fares."""
 
-import dataclasses
 import math
 import os
 import secrets
@@ -12,6 +11,7 @@ from pathlib import Path
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.app.parts import Parts
+from litegripd.control.admission import position_refusal
 from litegripd.control.in_use import CalibrationInUse
 from litegripd.control.teleop.base import TeleopAction
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
@@ -92,16 +92,7 @@ class DaemonFacts:
             "calibration_file": engine.calibrated.file,
             "calibration": _calibration(engine.calibrated),
             "motion": engine.config.as_fields(engine.period_s),
-            "configuration": {
-                "file": None if config.source is None else str(config.source),
-                "bus": {
-                    "interface": config.bus.interface,
-                    "channel": config.bus.channel,
-                    "bitrate": config.bus.bitrate,
-                },
-                "control": dataclasses.asdict(config.control),
-                "rpc": {"group": config.rpc.group},
-            },
+            "configuration": config.as_info(),
         }
 
     def health(self, now_s: float) -> dict[str, object]:
@@ -135,8 +126,12 @@ class DaemonFacts:
         if not parts.helper.is_running:
             degraded.append("the helper process is not running")
         degraded += self._teleop_complaints(parts)
-        if self._machine.engine.geometry is None:
+        geometry = self._machine.engine.geometry
+        if geometry is None:
             degraded.append("no calibration is loaded")
+        elif not down:
+            misplaced = position_refusal(view, geometry)
+            degraded += [] if misplaced is None else [misplaced.message]
         late_s = parts.reactor.recent_lateness.p99_s()
         if late_s is not None and late_s > _LATE_SHARE * parts.reactor.period_s:
             degraded.append(f"ticks start late: p99 {late_s * 1e6:.0f} µs in the last minute")

@@ -2,6 +2,7 @@
 
 import argparse
 import faulthandler
+import json
 import logging
 import sys
 from collections.abc import Sequence
@@ -50,7 +51,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         is_off = succeed(lambda: _config(arguments), given)
         return EXIT_NOT_TAKEN if is_off is None else 0 if is_off else EXIT_NOT_OFF
     try:
-        daemon = Daemon(_config(arguments), given)
+        config = _config(arguments)
+        if arguments.check:
+            print(json.dumps(config.as_info(), indent=2))
+            return 0
+        daemon = Daemon(config, given)
     except ConfigError as error:
         _log.error("%s", error)
         return EXIT_USAGE
@@ -92,6 +97,9 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--socket", metavar="PATH", help="where clients connect")
     parser.add_argument("--interface", metavar="NAME", help="python-can interface (socketcan)")
     parser.add_argument("--simulate", action="store_true", help="a simulated gripper, no hardware")
+    parser.add_argument(
+        "--check", action="store_true", help="check the configuration, tell what it says, and end"
+    )
     parser.add_argument(SUCCESSOR_OPTION, action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--version", action="version", version=f"litegripd {daemon_version()}")
     return parser

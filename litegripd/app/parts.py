@@ -91,7 +91,7 @@ class Parts:
                 "load": round(self.bus_load, 4),
                 **{name: getattr(counters, name) for name in _BUS_COUNTERS},
             },
-            "motor": dataclasses.asdict(machine.motor.counters),
+            "motor": motor_figures(machine),
             "heat": _heat(machine.engine.output.heat),
             "rpc": {
                 "clients": self.server.clients,
@@ -126,6 +126,12 @@ _BUS_COUNTERS = (
     "errors",
     "reopened",
 )
+
+
+def motor_figures(machine: Machine) -> Mapping[str, object]:
+    """Tell the motor's counters, and whether somebody else commands it just now."""
+    is_active = machine.engine.second_master.is_active
+    return {**dataclasses.asdict(machine.motor.counters), "foreign_active": is_active}
 
 
 def _heat(heat: HeatGuard) -> Mapping[str, object]:

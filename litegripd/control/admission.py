@@ -158,11 +158,14 @@ def position_refusal(motor: MotorView, geometry: Geometry) -> Refusal | None:
     outside_rad = max(low_rad - position_rad, position_rad - high_rad)
     if outside_rad <= IMPLAUSIBLE_OUTSIDE_RAD:
         return None
+    remedy = (
+        "power-cycle the motor with the jaws inside the travel; if it is still off, calibrate anew"
+        " (calibration.zero with a mount)"
+    )
     return Refusal(
         "out_of_limits",
         f"the motor says that it is at {position_rad:.3f} rad, but the calibrated travel is"
         f" {low_rad:.3f} to {high_rad:.3f} rad: it may have lost its count of turns in a"
-        " power cycle; power it on with the jaws inside the travel, or load the"
-        " calibration that fits",
-        {"requested": position_rad, "limit": [low_rad, high_rad]},
+        f" power cycle; {remedy}",
+        {"requested": position_rad, "limit": [low_rad, high_rad], "hint": remedy},
     )

@@ -38,10 +38,13 @@ def fault_refusal(feedback: Feedback) -> Refusal:
 
 def implausible_refusal(jump_rad: float) -> Refusal:
     """Say that the position is not to be believed, and what to do about it."""
+    remedy = (
+        "look where the jaws are, and power-cycle the motor if what is shown is wrong; then"
+        " motor.clear_fault, and calibrate anew if it is still wrong"
+    )
     return Refusal(
         "implausible_feedback",
         f"the motor's position jumped by {jump_rad:.3f} rad, as no jaw can move: the motor was"
-        " disabled. Look where the jaws are; if what is shown is right, motor.clear_fault accepts"
-        " it, else power-cycle the motor or calibrate anew",
-        {"jump_rad": jump_rad, "hint": "motor.clear_fault"},
+        f" disabled; {remedy}",
+        {"jump_rad": jump_rad, "hint": remedy},
     )

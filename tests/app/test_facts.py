@@ -1,13 +1,21 @@
 """What the daemon tells about its calibration: the file, its date, and whether it was measured."""
 
+import math
+from types import SimpleNamespace
 from typing import Any
+
+import pytest
 
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
+from litegripd.app.parts import motor_figures
+from litegripd.control.second_master import QUIET_AFTER_S
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import DATA
+from litegripd.model.bus import UP
 from litegripd.model.calibration import to_plain
-from tests.world import World
+from litegripd.model.frame import CanFrame
+from tests.world import CAN_ID, World
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
 
@@ -15,6 +23,55 @@ MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
 def info(world: World) -> Any:
     config = Config("can0", BusSettings("socketcan", "can0", 1_000_000))
     return DaemonFacts(config, world.machine).info()
+
+
+def verdict(world: World) -> tuple[str, list[str]]:
+    """Return the verdict of a daemon whose parts all do their work."""
+    facts = DaemonFacts(Config("can0", BusSettings("socketcan", "can0", 1_000_000)), world.machine)
+    parts: Any = SimpleNamespace(
+        bus=SimpleNamespace(condition=UP),
+        rights=SimpleNamespace(refused=()),
+        helper=SimpleNamespace(is_running=True),
+        links=SimpleNamespace(status=None),
+        reactor=SimpleNamespace(
+            recent_lateness=SimpleNamespace(p99_s=lambda: None), tick_errors=0, backlog_errors=0
+        ),
+    )
+    facts.attach(parts)
+    return facts.verdict()
+
+
+def test_whether_a_second_master_is_at_it_just_now_is_a_figure() -> None:
+    world = World()
+    world.enabled()
+    assert motor_figures(world.machine)["foreign_active"] is False
+    world.inject(CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF")))
+    world.run(0.1)
+    figures = motor_figures(world.machine)
+    assert (figures["foreign_commands"], figures["foreign_active"]) == (1, True)
+    world.run(QUIET_AFTER_S)
+    figures = motor_figures(world.machine)
+    assert (figures["foreign_commands"], figures["foreign_active"]) == (1, False)
+
+
+@pytest.mark.parametrize("by_rad", [2.0 * math.pi, -2.0 * math.pi])
+def test_a_position_far_outside_the_travel_is_told_as_it_is_refused(by_rad: float) -> None:
+    world = World()
+    client = world.enabled()
+    assert client.result("motion.move", opening_mm=60)["ok"]
+    client.result("motor.disable")
+    assert verdict(world) == ("ok", [])
+    world.gripper.jump(by_rad)
+    world.run(0.2)
+    client.result("motor.enable")
+    error = client.call("motion.move", opening_mm=60)["error"]
+    assert error["data"]["reason"] == "out_of_limits"
+    assert verdict(world) == ("degraded", [error["message"]])
+    assert error["data"]["hint"].startswith("power-cycle the motor")
+    assert error["message"].endswith(error["data"]["hint"])
+    assert client.result("calibration.zero", mount="normal")["ok"]
+    assert verdict(world) == ("ok", [])
+    assert client.result("motion.move", opening_mm=60)["ok"]
 
 
 def test_a_template_is_nominal_and_has_no_date() -> None:

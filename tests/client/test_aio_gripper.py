@@ -113,7 +113,7 @@ def test_no_daemon_is_told_as_by_the_other_client(tmp_path: Path) -> None:
     async def main() -> None:
         with pytest.raises(ConnectError, match=r"no daemon can be reached.*missing") as caught:
             await LiteGrip(socket_path=str(tmp_path / "none.sock")).connect()
-        assert "litegripd can0 --simulate" in str(caught.value)
+        assert "litegripd CHANNEL --socket" in str(caught.value)
 
     run(main())
 

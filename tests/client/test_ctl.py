@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.client.fake_daemon import MOVE, STATE, FakeDaemon, Request
+from tests.client.fake_daemon import HELLO, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl
 
 JOBS = {
@@ -268,10 +268,50 @@ def test_watch_as_json_is_an_object_for_each_state(daemon: FakeDaemon, ctl: Ctl)
     assert [json.loads(line)["seq"] for line in out.splitlines()] == [7, 8]
 
 
+def test_the_reasons_of_health_name_commands(daemon: FakeDaemon, ctl: Ctl) -> None:
+    reasons = ["look at it, then motor.clear_fault"]
+    daemon.handlers["health"] = lambda request: {"verdict": "down", "reasons": reasons}
+    code, shown, _ = ctl("health")
+    assert (code, shown) == (2, "verdict: down\n- look at it, then litegripctl clear-fault\n")
+    assert json.loads(ctl("health", "--json")[1])["reasons"] == reasons
+
+
+@pytest.mark.parametrize(
+    ("state", "text"),
+    [
+        ({"motor": "fault", "mode": "fault", "enabled": False}, "nothing is held: the motor is fa"),
+        (
+            {"motor": "disabled", "mode": "disabled", "enabled": False},
+            "held: the motor is disabled\n",
+        ),
+        ({"motor": "silent", "mode": "offline", "enabled": None}, "held: the motor is silent\n"),
+        ({"mode": "relaxed"}, "taken over, the motor stays enabled, and slack (no command for 5"),
+    ],
+)
+def test_a_restart_says_held_only_of_what_is_held(
+    daemon: FakeDaemon, ctl: Ctl, state: dict[str, Any], text: str
+) -> None:
+    daemon.handlers["daemon.restart"] = lambda request: {"pid": 78, "gap_s": 0.005}
+    daemon.handlers["state.get"] = lambda request: {**STATE, **state}
+    code, shown, told = ctl("restart", "--hold")
+    assert (code, told) == (0, "")
+    assert text in shown
+    assert "jaws are held" not in shown
+
+
+def test_a_successor_that_does_not_answer_may_hold_or_not(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["daemon.restart"] = lambda request: {"pid": 78, "gap_s": 0.005}
+    daemon.handlers["state.get"] = lambda request: request.hang_up()
+    code, shown, told = ctl("restart", "--hold")
+    assert (code, told) == (0, "")
+    assert "pid 78 has taken over, whether the jaws are held is not known: " in shown
+
+
 def test_a_restart_that_lets_go_is_left_to_the_service_manager(
     daemon: FakeDaemon, ctl: Ctl
 ) -> None:
+    daemon.handlers["hello"] = lambda request: {**HELLO, "channel": "can3"}
     code, shown, told = ctl("restart")
     assert (code, shown) == (2, "")
-    assert "systemctl restart litegripd@can0" in told
+    assert "systemctl restart litegripd@can3" in told
     assert "daemon.restart" not in [request.method for request in daemon.requests]

@@ -2,12 +2,15 @@
 
 import json
 import os
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from litegrip_client.ctl import hints
+from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
+from litegripd.motor.faults import implausible_refusal
 from litegripd.rpc.methods import METHODS
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
@@ -55,7 +58,7 @@ def test_every_error_ends_with_its_exit_code(daemon: FakeDaemon, ctl: Ctl, kind:
             "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero",
         ),
         ("motor_silent", -32032, "try again"),
-        ("internal_error", -32603, "journalctl -u litegripd@can0"),
+        ("internal_error", -32603, "journalctl -t litegripd"),
     ],
 )
 def test_there_is_always_a_hint(
@@ -69,6 +72,22 @@ def test_there_is_always_a_hint(
     what, then = err.splitlines()
     assert what == "litegripctl: first second "
     assert hint in then
+
+
+def test_the_log_is_that_of_the_channel_where_that_is_known(
+    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def told(*arguments: str) -> str:
+        assert main([*arguments, "state"]) == 70
+        return capsys.readouterr().err.splitlines()[-1]
+
+    daemon.handlers["state.get"] = lambda request: request.fail("internal_error", -32603)
+    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
+    assert told() == "  see the daemon's log: journalctl -t litegripd"
+    assert told("-c", "can0") == "  see the daemon's log: journalctl -u litegripd@can0"
+    monkeypatch.delenv("LITEGRIPD_SOCKET")
+    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(Path(daemon.path).parent))
+    assert told() == "  see the daemon's log: journalctl -u litegripd@can0"
 
 
 def test_a_remedy_that_the_message_ends_with_is_not_told_twice(
@@ -89,6 +108,17 @@ def test_what_says_itself_that_it_may_be_tried_again_needs_no_hint(
         "motor_silent", -32032, text, retryable=True
     )
     assert ctl("state")[2] == f"litegripctl: {text}\n"
+
+
+def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    refusal = implausible_refusal(6.283)
+    daemon.handlers["state.get"] = lambda request: request.fail(
+        refusal.reason, -32037, refusal.message, **refusal.data
+    )
+    (told,) = ctl("state")[2].splitlines()
+    assert "if what is shown is wrong; then litegripctl clear-fault, and calibrate anew" in told
 
 
 @pytest.mark.parametrize(

@@ -72,6 +72,17 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
     assert caught.value.reason == "no_daemon"
 
 
+def test_a_socket_that_is_named_is_of_no_known_unit(monkeypatch: pytest.MonkeyPatch) -> None:
+    for path in ("/no/such.sock", None):
+        monkeypatch.setenv("LITEGRIPD_SOCKET", "/no/such.sock")
+        with pytest.raises(ConnectError) as caught:
+            connect("can0", path)
+        assert caught.value.data["hint"] == (
+            "start its daemon: 'litegripd CHANNEL --socket /no/such.sock', without hardware with"
+            " --simulate"
+        )
+
+
 def test_a_daemon_that_systemd_should_run_is_looked_at_before_it_is_started_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

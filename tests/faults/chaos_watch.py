@@ -16,6 +16,8 @@ EXCUSED_S = 1.0
 """For so long after a hand, a grip or somebody else's command the jaws may still move by it."""
 WATCHDOG_AT_MOST_S = 0.4
 STANDS_MM_S = 2.0
+GIVES_MM = 0.1
+"""So far what the jaws press on springs back when they are held anew, at what is measured."""
 TRAVEL_MM = 120.06
 UNWANTED_S = 2.0
 """So long at most the daemon leaves a motor enabled that it does not want so, once it hears it."""
@@ -38,8 +40,9 @@ class ChaosWatch:
         self._fed_until_s = 0.0
         self._is_excused = False
         self._stands_since_s = world.now_s
+        self._stands_mm = world.gripper.opening_mm
         self._unwanted_since_s: float | None = None
-        self._state: tuple[int, type] = (world.gripper.motor.status, type(world.engine.rest))
+        self._state = self._present_state()
 
     def tick(self) -> None:
         """Let a tick pass and check it."""
@@ -108,7 +111,7 @@ class ChaosWatch:
     def _check_jaws(self) -> None:
         """Jaws that are disabled or stopped stand; and none leave their travel, but by force."""
         world, engine = self._world, self._world.engine
-        before, self._state = self._state, (world.gripper.motor.status, type(engine.rest))
+        before, self._state = self._state, self._present_state()
         lets_go = before != self._state  # what the jaws have pressed on pushes them back then
         is_gripping = engine.grip is not None and engine.grip.watched  # it may yield, or go
         if lets_go or self.is_lied_to or self.is_pushed or is_gripping:
@@ -117,8 +120,11 @@ class ChaosWatch:
         if may_move or world.now_s < self._excused_until_s:
             self._stands_since_s = world.now_s
         speed_mm_s = abs(world.gripper.velocity_rad_s) * world.gripper.parameters.rad_to_mm
-        if world.now_s - self._stands_since_s > EXCUSED_S:
-            assert speed_mm_s < STANDS_MM_S, f"{speed_mm_s:.1f} mm/s though disabled or stopped"
+        if world.now_s - self._stands_since_s <= EXCUSED_S:
+            self._stands_mm = world.gripper.opening_mm
+        moved_mm = abs(world.gripper.opening_mm - self._stands_mm)
+        is_standing = speed_mm_s < STANDS_MM_S or moved_mm < GIVES_MM
+        assert is_standing, f"{speed_mm_s:.1f} mm/s though disabled or stopped"
         most_mm, opening_mm = engine.config.max_lead_mm, world.gripper.opening_mm
         is_inside = -most_mm <= opening_mm <= TRAVEL_MM + most_mm
         # Where a hand has pushed them they may be held.
@@ -126,6 +132,11 @@ class ChaosWatch:
             self._is_excused or world.now_s < self._excused_until_s
         )
         assert is_inside or self._is_excused, f"at {opening_mm:.1f} mm"
+
+    def _present_state(self) -> tuple[int, type, bool]:
+        """Return what keeps the jaws where they are: the motor, by what it is told, or a jam."""
+        gripper, rest = self._world.gripper, self._world.engine.rest
+        return gripper.motor.status, type(rest), gripper._plant._jammed
 
     def _check_unwanted(self) -> None:
         """A motor that is enabled though the daemon says disabled is disabled soon."""

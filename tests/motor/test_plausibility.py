@@ -62,6 +62,9 @@ def test_a_jump_that_stays_ends_in_a_disabled_motor_and_moves_nothing(by_rad: fl
     before_mm = world.gripper.opening_mm
     for method in ("motor.enable", "motion.open"):
         assert client.refusal(method) == "implausible_feedback"
+    hint = client.call("motor.enable")["error"]["data"]["hint"]
+    assert hint.startswith("look where the jaws are, and power-cycle the motor")
+    assert "; then motor.clear_fault" in hint
     assert client.result("motor.clear_fault")["cleared"] == "implausible_feedback"
     assert client.refusal("motion.open") == "not_enabled"
     assert client.result("motor.enable")["ok"]

@@ -4,11 +4,14 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
+import pytest
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
 from litegrip_client import metrics
+from litegrip_client.doctor import gather_configuration
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess
 
 NO_METRICS = {"control.cpus", "helper.pid", "bus.error", "teleop.pid", "teleop.link"}
@@ -53,6 +56,42 @@ def test_doctor(simulated: DaemonProcess) -> None:
         assert (found["calibration"], found["channel"]) == ("ok", "ok")
         client.result("stop", level="disable")
         assert levels(simulated)["motor"] == "ok"
+
+
+@pytest.mark.parametrize(
+    ("content", "told"),
+    [
+        ("[bus\n", "not valid TOML"),
+        ("[buss]\n", "unknown table [buss]"),
+        ("[bus]\nbitrate = 5\n", "[bus] bitrate is 5, it must be"),
+        ('[gripper]\nmount = "/no/such.json"\n', "where there is no file"),
+        ('[bus]\ninterface = "slcan"\nchannel = "/dev/ttyACM9"\n', None),
+    ],
+)
+def test_a_configuration_is_checked_by_the_daemons_program(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: str, told: str | None
+) -> None:
+    program, file = tmp_path / "litegripd", tmp_path / "can0.toml"
+    program.write_text(f'#!/bin/sh\nexec {sys.executable} -m litegripd.app.main "$@"\n')
+    program.chmod(0o755)
+    file.write_text(content, encoding="utf-8")
+    monkeypatch.setattr(gather_configuration, "DIRECTORY", tmp_path)
+    monkeypatch.setattr(gather_configuration, "CHECK_WITHIN_S", DEADLINE_S)
+    monkeypatch.setattr(gather_configuration, "_program", lambda: str(program))
+    found = gather_configuration.configuration("can0")
+    assert found is not None
+    assert found.unchecked is None
+    if told is None:
+        assert found.content is not None
+        assert found.content["file"] == str(file)
+        assert found.content["bus"] == {
+            "interface": "slcan",
+            "channel": "/dev/ttyACM9",
+            "bitrate": 1_000_000,
+        }
+    else:
+        assert str(found.error).startswith(f"{file}: ")
+        assert told in str(found.error)
 
 
 def test_health_and_metrics(simulated: DaemonProcess) -> None:

@@ -22,7 +22,7 @@ def doctor(run: Run) -> int:
         )
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
     findings = examine(facts, CHECKS)
-    data = as_data(facts.channel, findings)
+    data = as_data(facts.channel if facts.is_channel_known else None, findings)
     run.output.result(data, findings_text(findings))
     return OK if data["ok"] else NOT_OK
 

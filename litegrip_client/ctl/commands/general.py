@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import Output
 from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Run
-from litegrip_client.errors import CommandError
+from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
@@ -114,17 +114,29 @@ def info(run: Run) -> int:
 def restart(run: Run) -> int:
     """Have a successor take the daemon's place, while the jaws are held."""
     if not run.options.hold:
+        channel = run.connection.call("hello")["channel"]
         return run.refuse(
             "a restart that disables the motor is the service manager's to do",
-            f"systemctl restart litegripd@{run.options.channel}; to hold all the while: --hold",
+            f"systemctl restart litegripd@{channel}; to hold all the while: --hold",
         )
     data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
-    gap_ms = render.figure(data["gap_s"] * 1e3, ".1f", "ms")
-    text = (
-        f"restarted: pid {data['pid']} has taken over, the jaws are held (no command for {gap_ms})"
-    )
+    text = f"restarted: pid {data['pid']} has taken over, {_kept(run, data['gap_s'])}"
     run.output.result(data, render.plain(text))
     return OK
+
+
+def _kept(run: Run, gap_s: float) -> str:
+    """Say what became of the jaws: a successor holds only what was held before."""
+    try:
+        with run.way.connect() as successor:
+            state = successor.call("state.get")
+    except LiteGripError as error:
+        return f"whether the jaws are held is not known: {error.message}"
+    if not state["enabled"]:
+        return f"nothing is held: the motor is {state['motor']}"
+    slack = state["mode"] == "relaxed"
+    kept = "the motor stays enabled, and slack" if slack else "the jaws are held"
+    return f"{kept} (no command for {render.figure(gap_s * 1e3, '.1f', 'ms')})"
 
 
 def _tree(data: Mapping[str, Any], output: Output) -> int:

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from litegrip_client.doctor.facts import Socket, User
+from litegrip_client.doctor.facts import Configuration, Socket, User
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import SOCKETS, facts, with_daemon
 
@@ -15,6 +15,9 @@ CLOSED = (replace(SOCKETS[0], is_accessible=False), SOCKETS[1])
 ALICE = User("alice", 1000, "litegrip")
 OUTSIDE = replace(ALICE, is_member=False, has_group=False)
 NO_GROUP = replace(OUTSIDE, group_exists=False)
+FILE = "/etc/litegripd/can0.toml"
+WRONG = Configuration(FILE, error=f"{FILE}: not valid TOML: at line 3")
+UNKNOWN = facts(daemon=None, failure="no daemon can be reached", sockets=(), is_channel_known=False)
 ROOT = User("root", 0, "litegrip", is_member=False, has_group=False)
 
 DAEMON_CASES = [
@@ -49,6 +52,64 @@ DAEMON_CASES = [
         "the daemon at /run/litegripd/can0.sock has channel can0, not can1",
         "unset LITEGRIPD_SOCKET",
     ),
+    Case(
+        "daemon",
+        facts(daemon=None, failure="no daemon can be reached", sockets=(), configuration=WRONG),
+        "error",
+        "no daemon can be reached",
+        "sudo systemctl start litegripd@can0",
+        "not before the configuration is mended",
+    ),
+    Case(
+        "daemon",
+        facts(daemon=None, failure="the daemon did not answer hello within 5 s", hung_pid=77),
+        "error",
+        "pid 77 listens, but the daemon did not answer hello within 5 s",
+        "sudo systemctl restart litegripd@can0",
+        "look first: systemctl status litegripd@can0; without systemd: end it",
+    ),
+    Case(
+        "daemon",
+        replace(UNKNOWN, hung_pid=0),
+        "error",
+        "a process listens, but no daemon can be reached",
+        advises="without systemd: end it",
+    ),
+    Case(
+        "daemon",
+        UNKNOWN,
+        "error",
+        "no daemon can be reached",
+        advises="litegripd CHANNEL --socket PATH",
+    ),
+    Case(
+        "daemon",
+        replace(UNKNOWN, sockets=CLOSED),
+        "warning",
+        "is closed to this",
+        advises="ask who",
+    ),
+    Case("configuration", facts(), None),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=Configuration(FILE, content={"bus": {}})),
+        "ok",
+        f"{FILE}: interface socketcan, channel can0",
+    ),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=WRONG, interface=None),
+        "error",
+        f"{FILE}: not valid TOML",
+        advises="check it again: litegripd can0 --check",
+    ),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=Configuration(FILE, unchecked="it is closed")),
+        "warning",
+        f"{FILE} was not checked, nor the bus that it names: it is closed",
+        advises="litegripd can0 --check",
+    ),
     Case("version", facts(), "ok", "1.2.3, as this program"),
     Case("version", facts(daemon=None), None),
     Case(
@@ -67,6 +128,7 @@ DAEMON_CASES = [
         "alice may open /run/litegripd/can0.sock and /run/litegripd/can0.stop.sock",
     ),
     Case("sockets", facts(sockets=CLOSED), "error", "alice may not open /run", RESTART, LOGIN),
+    Case("sockets", replace(UNKNOWN, sockets=CLOSED), "error", "may not open", advises=LOGIN),
     Case(
         "sockets", facts(sockets=CLOSED, user=OUTSIDE), "error", "alice may not open", JOIN, LOGIN
     ),

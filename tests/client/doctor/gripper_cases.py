@@ -1,5 +1,7 @@
 """The cases of the checks of the gripper: the bus as the daemon has it, motor and calibration."""
 
+from dataclasses import replace
+
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import facts, with_daemon
 
@@ -45,11 +47,36 @@ GRIPPER_CASES = [
     Case("other-master", facts(daemon=None), None),
     Case(
         "other-master",
-        with_daemon(health_motor__foreign_commands=3),
+        with_daemon(health_motor={"foreign_commands": 3, "foreign_active": True}),
         "error",
-        "another program has sent the motor 3 frames: a second master",
+        "another program has sent the motor 3 frames, and goes on: a second master",
         "candump can0",
         "let it use the daemon",
+    ),
+    Case(
+        "other-master",
+        with_daemon(health_motor={"foreign_commands": 3}),
+        "error",
+        "a second master",
+        "candump can0",
+        "let it use the daemon",
+    ),
+    Case(
+        "other-master",
+        replace(
+            with_daemon(health_motor={"foreign_commands": 3, "foreign_active": True}),
+            interface="slcan",
+        ),
+        "error",
+        "a second master",
+        advises="let it use the daemon",
+    ),
+    Case(
+        "other-master",
+        with_daemon(health_motor={"foreign_commands": 3, "foreign_active": False}),
+        "warning",
+        "another program has sent the motor 3 frames since the daemon was started; it is quiet now",
+        advises="motions are refused",
     ),
     Case("control-mode", facts(), "ok", "CTRL_MODE 1, MIT"),
     Case("control-mode", with_daemon(info_registers={}), None),
@@ -148,6 +175,26 @@ GRIPPER_CASES = [
         "of unknown date, /var/lib/litegripd",
     ),
     Case("calibration", with_daemon(info_calibration__saved_s=1.8e9), "ok", "of today"),
+    Case("position", facts(), "ok", "-0.500 rad, calibrated travel -1.500 to 0.100 rad"),
+    Case("position", facts(daemon=None), None),
+    Case("position", with_daemon(state_stale=True, state_position_rad=9.0), None),
+    Case("position", with_daemon(hello_gripper={"calibrated": False}), None),
+    Case("position", with_daemon(state_position_rad=1.09), "ok"),
+    Case("position", with_daemon(state_position_rad=-2.49), "ok"),
+    Case(
+        "position",
+        with_daemon(state_position_rad=1.11),
+        "error",
+        "1.110 rad, calibrated travel -1.500 to 0.100 rad: no jaw can be there",
+        advises="litegripctl -c can0 enable && litegripctl -c can0 zero --mount normal",
+    ),
+    Case(
+        "position",
+        with_daemon(state_position_rad=-2.51),
+        "error",
+        "no jaw can be there",
+        advises="power-cycle it with the jaws inside the travel",
+    ),
     Case("channel", facts(), "ok", "the calibration is for can0"),
     Case("channel", with_daemon(info_calibration__channel=None), None),
     Case(

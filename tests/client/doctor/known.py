@@ -17,7 +17,13 @@ HELLO: dict[str, Any] = {
     "channel": "can0",
     "pid": 77,
     "motor": {"can_id": 8, "master_id": 24},
-    "gripper": {"calibrated": True, "mount": "normal", "travel_mm": 120.0},
+    "gripper": {
+        "calibrated": True,
+        "mount": "normal",
+        "travel_mm": 120.0,
+        "closed_rad": 0.1,
+        "open_rad": -1.5,
+    },
     "limits": {"rate_hz": 200},
 }
 REGISTERS = {
@@ -52,7 +58,7 @@ HEALTH: dict[str, Any] = {
     "uptime_s": 12.3,
     "control": {"fifo_priority": 50, "memory_locked": True},
     "bus": {"state": "up", "error": None, "load": 0.123, "send_failures": 0},
-    "motor": {"foreign_commands": 0},
+    "motor": {"foreign_commands": 0, "foreign_active": False},
 }
 STATE: dict[str, Any] = {
     "motor": "disabled",
@@ -60,6 +66,7 @@ STATE: dict[str, Any] = {
     "enabled": False,
     "age_s": 0.004,
     "stale": False,
+    "position_rad": -0.5,
 }
 SOCKETS = (
     Socket("/run/litegripd/can0.sock", True, 0),

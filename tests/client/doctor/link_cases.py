@@ -76,10 +76,29 @@ LINK_CASES = [
         "sudo ip link add dev vcan0 type vcan && sudo ip link set vcan0 up",
     ),
     Case("link", serial(SERIAL), None),
+    Case("link", facts(None, interface=None, daemon=None), None),
     Case("device", facts(), None),
+    Case("device", facts(None, interface=None, daemon=None), None),
     Case("device", facts(interface="litegrip_sim"), "ok", "no adapter to check"),
     Case("device", serial(SERIAL), "ok", "/dev/ttyACM0 is there and accessible"),
-    Case("device", serial(None), "ok", "channel /dev/ttyACM0: python-can opens it"),
+    Case("device", serial(None), "ok", "channel /dev/ttyACM0: the daemon opens it by python-can"),
+    *(
+        Case(
+            "device",
+            serial(device, health_bus={"state": state, "error": f"cannot be opened: {why}"}),
+            "error",
+            f"/dev/ttyACM0: cannot be opened: {why}",
+            advises=advice,
+        )
+        for device, state, why, advice in (
+            (None, "down", "CAN interface 'nonsense' not supported", "correct [bus] interface"),
+            (None, "down", "pcanbasic library not found.", "install the library that"),
+            (None, "adapter_gone", "No module named 'usb'", "for the daemon's Python"),
+            (SERIAL, "down", "Could not configure port: (25, 'Inapp", "no serial adapter: correct"),
+            (SERIAL, "down", "Device or resource busy", "another program has it"),
+            (SERIAL, "down", "it smells", "mend what its driver says"),
+        )
+    ),
     Case(
         "device",
         serial(Device("/dev/ttyACM0", False)),

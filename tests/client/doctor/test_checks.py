@@ -9,12 +9,14 @@ import pytest
 from litegrip_client.doctor.findings import Finding
 from litegrip_client.doctor.gripper_checks import (
     CAN_BR_1_MBIT_S,
+    IMPLAUSIBLE_OUTSIDE_RAD,
     LONGEST_WATCHDOG_S,
     MODEL_RANGES,
     TIMEOUT_UNIT_S,
 )
 from litegrip_client.doctor.link_checks import BITRATE
 from litegrip_client.doctor.table import CHECKS
+from litegripd.control import admission
 from litegripd.motor import look, registers
 from tests.client.doctor.case import Case
 from tests.client.doctor.daemon_cases import DAEMON_CASES
@@ -76,4 +78,5 @@ def test_what_is_expected_of_the_motor_is_what_the_daemon_expects() -> None:
         registers.TIMEOUT_UNIT_S,
         look.LONGEST_WATCHDOG_S,
     )
+    assert IMPLAUSIBLE_OUTSIDE_RAD == admission.IMPLAUSIBLE_OUTSIDE_RAD
     assert damiao_motor.CAN_BAUD_RATE_CODES[CAN_BR_1_MBIT_S] == BITRATE

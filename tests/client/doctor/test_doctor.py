@@ -1,6 +1,7 @@
 """litegripctl doctor as a command: with a daemon, without one, with a strange one."""
 
 import json
+import os
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,8 @@ import pytest
 import litegrip_client
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.render_doctor import findings_text
-from litegrip_client.doctor import gather_system
-from litegrip_client.doctor.facts import System, User
+from litegrip_client.doctor import gather, gather_configuration, gather_system
+from litegrip_client.doctor.facts import Configuration, System, User
 from litegrip_client.doctor.findings import error, ok, warning
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
 from tests.client.fake_daemon import FakeDaemon, Handler
@@ -20,7 +21,7 @@ ADAPTER = System(link("healthy"), None, ("can0",), "gs_usb")
 
 
 @pytest.fixture(autouse=True)
-def machine(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
     """Return what the system is asked, on a machine that is as it should be."""
     asked: dict[str, Any] = {"system": ADAPTER}
 
@@ -30,6 +31,7 @@ def machine(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         assert isinstance(found, System)
         return found
 
+    monkeypatch.setattr(gather_configuration, "DIRECTORY", tmp_path / "etc")
     monkeypatch.setattr(gather_system, "system", system)
     monkeypatch.setattr(gather_system, "user", lambda group: User("alice", 1000, group))
     return asked
@@ -111,6 +113,65 @@ def test_without_a_daemon(capsys: pytest.CaptureFixture[str], machine: dict[str,
     assert "motor" not in found
 
 
+def test_a_socket_without_a_daemon_is_of_no_known_channel(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    machine: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path = str(tmp_path / "x.sock")
+    assert main(["--socket", path, "doctor", "--json"]) == 1
+    by_option = json.loads(capsys.readouterr().out)
+    monkeypatch.setenv("LITEGRIPD_SOCKET", path)
+    assert main(["doctor", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out) == by_option
+    assert by_option["channel"] is None
+    assert {"link", "device", "bit-rate"}.isdisjoint(row["check"] for row in by_option["findings"])
+    assert "can0" not in json.dumps(by_option)
+    assert "bus" not in machine
+    assert main(["-c", "can3", "doctor"]) == 1
+    assert "sudo systemctl start litegripd@can3" in capsys.readouterr().out
+
+
+def test_a_daemon_that_hangs_is_to_be_restarted(
+    well: FakeDaemon,
+    ctl: Ctl,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(gather, "ANSWER_WITHIN_S", 0.05)
+    del well.handlers["hello"]
+    code, out, _ = ctl("doctor")
+    assert code == 1
+    assert f"ERROR    daemon        pid {os.getpid()} listens, but the daemon did not answer" in out
+    assert "systemctl start" not in out
+    assert "systemctl restart" not in out  # of which channel it is, is not known
+    monkeypatch.setenv("LITEGRIPD_SOCKET", well.path)
+    assert main(["-c", "can3", "doctor"]) == 1
+    assert "\n         sudo systemctl restart litegripd@can3\n" in capsys.readouterr().out
+
+
+def test_a_configuration_tells_the_bus_of_a_daemon_that_does_not_run(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    machine: dict[str, Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    bus = {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 1_000_000}
+    told = Configuration("/x.toml", content={"bus": bus, "rpc": {"group": "robots"}})
+    monkeypatch.setattr(gather_configuration, "configuration", lambda channel: told)
+    machine["system"] = System()
+    assert main(["-c", "nodaemon7", "doctor", "--json"]) == 1
+    found = levels(capsys.readouterr().out)
+    assert machine["bus"] == ("slcan", "/dev/ttyACM0")
+    assert (found["configuration"], found["device"], "link" in found) == ("ok", "ok", False)
+    told = Configuration("/x.toml", error="/x.toml: [bus] bitrate is 3")
+    machine.pop("bus")
+    assert main(["-c", "nodaemon7", "doctor", "--json"]) == 1
+    found = levels(capsys.readouterr().out)
+    assert (found["configuration"], "link" in found, "bus" in machine) == ("error", False, False)
+
+
 def test_a_bus_that_the_daemon_names(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
     bus = {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 1_000_000}
     well.handlers["info.get"] = lambda request: changed(INFO, "configuration.bus", bus)
@@ -156,9 +217,19 @@ def test_texts_from_elsewhere_do_not_steer_the_terminal() -> None:
     )
 
 
-def test_an_interrupt_ends_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_the_daemon_says_is_told_in_commands(well: FakeDaemon, ctl: Ctl) -> None:
+    verdict = {**HEALTH, "verdict": "down", "reasons": ["it jumped; then motor.clear_fault"]}
+    well.handlers["health"] = lambda request: verdict
+    out = ctl("doctor")[1]
+    assert "ERROR    health        down: it jumped; then litegripctl clear-fault\n" in out
+    assert findings_text([("a", warning("w", None, "stop.clear"))]).splitlines()[1] == (
+        "         (litegripctl clear)"
+    )
+
+
+def test_an_interrupt_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(interface: str, bus_channel: str) -> System:
         raise KeyboardInterrupt
 
     monkeypatch.setattr(gather_system, "system", interrupted)
-    assert main(["--socket", str(tmp_path / "x.sock"), "doctor"]) == 130
+    assert main(["-c", "nodaemon7", "doctor"]) == 130

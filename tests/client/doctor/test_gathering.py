@@ -1,13 +1,14 @@
 """What is asked of the system: iproute2, the kernel's files, devices, users, sockets."""
 
+import json
 import os
 import socket
 from pathlib import Path
 
 import pytest
 
-from litegrip_client.doctor import gather_system
-from litegrip_client.doctor.facts import Device, Link, Socket, System
+from litegrip_client.doctor import gather_configuration, gather_system
+from litegrip_client.doctor.facts import Configuration, Device, Link, Socket, System
 from litegrip_client.doctor.gather import gather
 from tests.client.doctor.known import LINKS, link
 
@@ -63,6 +64,77 @@ def test_whether_systemd_should_run_the_daemon_is_asked(
     (programs / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
     assert gather("can3", None, channel_chosen=True).is_unit_enabled
     assert not gather("can4", None, channel_chosen=True).is_unit_enabled
+
+
+CONTENT = {"bus": {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 1_000_000}}
+
+
+@pytest.fixture
+def directory(tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return the directory of configurations, with one for can0; litegripd is in `programs`."""
+    path = tmp_path / "etc"
+    path.mkdir()
+    (path / "can0.toml").write_text("[bus]\n", encoding="utf-8")
+    monkeypatch.setattr(gather_configuration, "DIRECTORY", path)
+    monkeypatch.setattr("sys.executable", str(tmp_path / "nowhere/python"))
+    return path
+
+
+def litegripd_says(programs: Path, script: str) -> None:
+    program = programs / "litegripd"
+    program.write_text(f"#!/bin/sh\n{script}\n", encoding="utf-8")
+    program.chmod(0o755)
+
+
+def test_litegripd_is_asked_what_a_configuration_says(directory: Path, programs: Path) -> None:
+    own, common = directory / "can0.toml", directory / "litegripd.toml"
+    assert gather_configuration.configuration("can1") is None
+    for channel, path in (("can0", own), ("can1", common)):
+        path.touch()
+        expected = f"{channel} --config {path} --check"
+        litegripd_says(programs, f"[ \"$*\" = '{expected}' ] && echo '{json.dumps(CONTENT)}'")
+        found = gather_configuration.configuration(channel)
+        assert found == Configuration(str(path), content=CONTENT)
+
+
+def test_a_configuration_that_is_wrong(directory: Path, programs: Path) -> None:
+    litegripd_says(programs, "echo 'litegripd: x.toml: [bus] baud is unknown' >&2; exit 2")
+    found = gather_configuration.configuration("can0")
+    path = str(directory / "can0.toml")
+    assert found == Configuration(path, error="x.toml: [bus] baud is unknown")
+
+
+@pytest.mark.parametrize(
+    ("script", "why"),
+    [
+        (None, "the program litegripd is not found here"),
+        ("echo 'usage: litegripd' >&2; exit 2", "ended with 2: usage: litegripd"),
+        ("echo 'litegripd: it may not be seen' >&2; exit 3", "ended with 3: litegripd: it may not"),
+        ("exit 0", "ended with 0: no word"),
+        ("read line < /dev/zero", "cannot be run"),
+    ],
+)
+def test_a_configuration_that_cannot_be_checked_is_not_called_wrong(
+    directory: Path, programs: Path, script: str | None, why: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        gather_configuration, "CHECK_WITHIN_S", 0.05 if why == "cannot be run" else 9
+    )
+    if script is not None:
+        litegripd_says(programs, script)
+    found = gather_configuration.configuration("can0")
+    assert found is not None
+    assert (found.content, found.error) == (None, None)
+    assert why in str(found.unchecked)
+
+
+def test_a_configuration_that_this_user_may_not_read(
+    directory: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    path = str(directory / "can0.toml")
+    found = gather_configuration.configuration("can0")
+    assert found == Configuration(path, unchecked="this user may not read it")
 
 
 def test_a_link_that_there_is_not(net: Path, programs: Path) -> None:
