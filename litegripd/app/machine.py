@@ -35,7 +35,8 @@ class Machine:
     ) -> list[CanFrame]:
         """Take what the bus brought since the last tick; return what it is to be given.
 
-        A bus that cannot be used explains why the motor cannot be.
+        A bus that cannot be used explains why the motor cannot be. What raises by a defect ends the
+        running job, so that the next tick holds.
         """
         self.motor.receive(now_s, received)
         view = self.motor.view()
@@ -49,8 +50,12 @@ class Machine:
         if refusal is not None:
             view = replace(view, problem=refusal)
         self.engine.note_bus(bus)
-        order = self.engine.step(now_s, view)
-        self._sent = self.motor.step(now_s, order)
+        try:
+            order = self.engine.step(now_s, view)
+            self._sent = self.motor.step(now_s, order)
+        except Exception as error:
+            self.engine.break_off(error)
+            raise
         return self._sent
 
     def take_sent(self) -> list[CanFrame]:

@@ -108,8 +108,11 @@ class Running:
         self._queue.append(_Queued(job, start))
         return job
 
-    def end(self, outcome: Result | Refusal) -> None:
-        """End the running job; what the jaws do then is its action's to say, else they hold."""
+    def end(self, outcome: Result | Refusal, *, by_defect: bool = False) -> None:
+        """End the running job; what the jaws do then is its action's to say, else they hold.
+
+        An action that failed `by_defect` is not asked: they hold where they are.
+        """
         job, action, self.action = self.jobs.running, self.action, None
         if job is None:
             return
@@ -117,10 +120,8 @@ class Running:
         feedback = self.motor.feedback
         took_part = action is not None and action.needs_power and self.has_stepped
         if action is not None and took_part and feedback is not None:
-            gains = self.calibrated.gains
-            self.rest = action.rest() or Hold(feedback.position_rad, gains)
-        if action is not None:
-            action.close()
+            rest = None if by_defect else action.rest()
+            self.rest = rest or Hold(feedback.position_rad, self.calibrated.gains)
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self.must_disable = True  # it may still take effect
@@ -128,6 +129,20 @@ class Running:
         if owed is not None:
             self._settle_into(owed)
         self.events += announce.job_ended(job, outcome)
+        if action is not None:
+            action.close()
+
+    def break_off(self, error: Exception) -> None:
+        """End the running job, in whose tick `error` was raised by a defect.
+
+        It would fail in every tick, and the motor be told nothing.
+        """
+        job = self.jobs.running
+        if job is None:
+            return
+        self.must_disable = self.must_disable or job.kind == "disable"
+        text = f"{job.kind} failed by a defect: {type(error).__name__}: {error}"
+        self.end(Refusal("internal_error", text), by_defect=True)
 
     def cancel(self, number: int, by: Owner) -> Job | Refusal:
         """End a job; the jaws go on holding what they hold, else where they are."""
