@@ -26,8 +26,9 @@ class Machine:
     ) -> None:
         self.motor = Motor(unit.can_id, master_id)
         self.engine = Engine(config, period_s, unit)
-        self.may_be_energised = False
-        """Whether the motor was being enabled and has not confirmed since that it is off."""
+        self.may_be_energised: bool | None = None
+        """Whether the motor was being enabled, or said that it is, and has not confirmed since that
+        it is off; None until it has said either."""
         self._sent: list[CanFrame] = []
 
     def tick(
@@ -40,7 +41,7 @@ class Machine:
         """
         self.motor.receive(now_s, received)
         view = self.motor.view()
-        if view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
+        if self.motor.says_enabled or view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
             self.may_be_energised = True
         elif view.phase in OFF:
             self.may_be_energised = False
