@@ -127,12 +127,17 @@ class DaemonFacts:
         elif view.phase in (MotorPhase.SILENT, MotorPhase.FAULT) or view.problem is not None:
             problem = view.fault or view.problem
             down.append("the motor is silent" if problem is None else problem.message)
-        other = self._machine.engine.second_master
-        if other.is_active:
-            down.append(f"another program commands the motor ({other.count} frames so far)")
         degraded = [f"not granted: {refused}" for refused in parts.rights.refused]
+        other = self._machine.engine.second_master
+        if other.is_active and other.is_tolerated:
+            degraded.append(
+                f"another program commands the motor ({other.count} frames so far),"
+                ' which second_master = "tolerate" lets it do'
+            )
+        elif other.is_active:
+            down.append(f"another program commands the motor ({other.count} frames so far)")
         if not parts.helper.is_running:
-            degraded.append("the helper process is not running")
+            degraded.append("the helper process is not running; it is being started again")
         degraded += self._teleop_complaints(parts)
         if self._machine.engine.geometry is None:
             degraded.append("no calibration is loaded")

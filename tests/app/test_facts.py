@@ -1,20 +1,45 @@
-"""What the daemon tells about its calibration: the file, its date, and whether it was measured."""
+"""What the daemon tells: where its calibration is from, and how it fares."""
 
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
 
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import DATA
+from litegripd.model.bus import UP
 from litegripd.model.calibration import to_plain
-from tests.world import World
+from litegripd.model.frame import CanFrame
+from tests.world import CAN_ID, World
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
 
 
 def info(world: World) -> Any:
+    return facts(world).info()
+
+
+def facts(world: World) -> DaemonFacts:
     config = Config("can0", BusSettings("socketcan", "can0", 1_000_000))
-    return DaemonFacts(config, world.machine).info()
+    return DaemonFacts(config, world.machine)
+
+
+def verdict(world: World, *, helper_runs: bool = True) -> tuple[str, list[str]]:
+    """Return the verdict of a daemon with these parts, and the reasons."""
+    lateness = SimpleNamespace(p99_s=lambda: None)
+    reactor = SimpleNamespace(recent_lateness=lateness, tick_errors=0, backlog_errors=0)
+    parts = SimpleNamespace(
+        bus=SimpleNamespace(condition=UP),
+        rights=SimpleNamespace(refused=[]),
+        helper=SimpleNamespace(is_running=helper_runs),
+        links=SimpleNamespace(status=None),
+        reactor=reactor,
+    )
+    made = facts(world)
+    made.attach(cast(Any, parts))
+    return made.verdict()
 
 
 def test_a_template_is_nominal_and_has_no_date() -> None:
@@ -83,3 +108,24 @@ def test_a_found_file_keeps_its_date() -> None:
     client.result("calibration.load")
     assert info(world)["calibration"]["saved_s"] == 1.5e9
     assert info(world)["configuration"]["rpc"] == {"group": "litegrip"}
+
+
+@pytest.mark.parametrize("is_tolerated", [False, True])
+def test_a_second_master_that_is_tolerated_only_degrades(is_tolerated: bool) -> None:
+    world = World()
+    world.engine.second_master.is_tolerated = is_tolerated
+    client = world.enabled()
+    assert verdict(world) == ("ok", [])
+    world.inject(CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF")))
+    world.tick()
+    told, (reason,) = verdict(world)
+    assert told == ("degraded" if is_tolerated else "down")
+    assert reason.startswith("another program commands the motor (1 frames so far)")
+    assert ("tolerate" in reason) is is_tolerated
+    assert ("result" in client.call("motion.hold")) is is_tolerated
+
+
+def test_a_helper_that_is_gone_is_told_to_be_started_again() -> None:
+    told, reasons = verdict(World().start(), helper_runs=False)
+    assert told == "degraded"
+    assert reasons == ["the helper process is not running; it is being started again"]
