@@ -133,16 +133,17 @@ class Running:
             action.close()
 
     def break_off(self, error: Exception) -> None:
-        """End the running job, in whose tick `error` was raised by a defect.
+        """End the job that runs, or was to begin, in the tick in which a defect raised `error`.
 
         It would fail in every tick, and the motor be told nothing.
         """
-        job = self.jobs.running
-        if job is None:
-            return
-        self.must_disable = self.must_disable or job.kind == "disable"
-        text = f"{job.kind} failed by a defect: {type(error).__name__}: {error}"
-        self.end(Refusal("internal_error", text), by_defect=True)
+        starting, self._starting = self._starting, None
+        if starting is not None:
+            self._end_queued(starting, _defect(starting, error))
+        running = self.jobs.running
+        if running is not None:
+            self.must_disable = self.must_disable or running.kind == "disable"
+            self.end(_defect(running, error), by_defect=True)
 
     def cancel(self, number: int, by: Owner) -> Job | Refusal:
         """End a job; the jaws go on holding what they hold, else where they are."""
@@ -191,3 +192,8 @@ class Running:
             self.must_disable = True  # a motor that does not answer can only be told to let go
         elif level == "relax":
             self.rest = Relax()
+
+
+def _defect(job: Job, error: Exception) -> Refusal:
+    text = f"{job.kind} failed by a defect: {type(error).__name__}: {error}"
+    return Refusal("internal_error", text)

@@ -99,3 +99,27 @@ def test_a_disabling_that_fails_disables_all_the_same(monkeypatch: pytest.Monkey
     assert client.has_answer(disabling)
     assert client.answers[disabling]["error"]["data"]["reason"] == "internal_error"
     assert world.gripper.motor.status == Status.DISABLED
+
+
+def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = World()
+    client = world.enabled()
+    motion = client.send("motion.open")
+    queued = client.send("motion.close", if_busy="queue")
+
+    def broken(*_arguments: Any) -> Any:
+        raise ZeroDivisionError("a defect")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(world.engine, "begin", broken)
+        with pytest.raises(ZeroDivisionError):
+            world.run(20.0)
+    world.run(0.1)
+    assert client.has_answer(motion)
+    assert client.has_answer(queued)
+    assert client.answers[queued]["error"]["data"]["reason"] == "internal_error"
+    jobs = {job.number: job.state for job in world.engine.jobs}
+    other = world.client().result("motion.close", wait=False)["job"]
+    assert other not in jobs
