@@ -173,7 +173,9 @@ user who may not write there.
 - A motion that could not run its course (cancelled, stopped, a fault, its client lost) answers
   with an error. [errors.md](errors.md) lists all reasons.
 - Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a
-  motion that was sent before a stop never runs after it.
+  motion that was sent before a stop never runs after it, and a `stop.clear` never clears it. Both
+  are refused (`sent_before_stop`): look at the state, and send them again. Without the two
+  parameters a request counts as sent when it is read.
 - `hello` names in `stop_socket` a socket that is served before everything else. Any line there is a
   stop: a level's name, a request `stop` of at most {MAX_STOP_LINE_BYTES} bytes, else a `hold`. The
   answer has the latched `level` and the `generation`.

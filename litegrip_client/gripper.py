@@ -151,7 +151,11 @@ class LiteGrip(GripperActions):
         return wait(self._core.stop(level, why))
 
     def clear_stop(self) -> GripperState:
-        """Clear a stop, so that the motor may be enabled and moved again. Moves nothing."""
+        """Clear a stop, so that the motor may be enabled and moved again. Moves nothing.
+
+        Raises `StoppedError` (`sent_before_stop`) for a stop of which nothing had told this object:
+        look at the state, and clear again.
+        """
         return wait(self._core.clear_stop())
 
     # Reading

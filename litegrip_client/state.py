@@ -21,12 +21,13 @@ class GripperState:
 
     Times are CLOCK_MONOTONIC seconds: `monotonic_s` of this state, `feedback_s` of the motor's
     last feedback. `age_s` is the feedback's age when the state was made; `stale` tells that the
-    figures are old ones. `error_code` is the motor's status nibble and `status` its name.
+    figures are old ones. `error_code` is the motor's status nibble and `status` its name. `enabled`
+    is None while nobody knows: take only False for a motor that is off.
 
     `command_rad` and `command_torque_nm` are what the motor was told, `requested_rad` and
     `requested_torque_nm` what the motion wanted it to be told; `limited` says why they differ.
-    `force_set_n` is the squeezing force that a hold by force aims at, None in any other; and
-    `is_grasped` whether an object is being held.
+    `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
+    when the motor is off; `is_grasped` whether an object is being held.
     """
 
     seq: int

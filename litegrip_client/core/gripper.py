@@ -125,8 +125,13 @@ class Gripper(GripperActions):
         return state_of(await stop(self._link, params))
 
     async def clear_stop(self) -> GripperState:
-        """Clear a stop, so that the motor may be enabled and moved again. Moves nothing."""
-        return state_of(await self._link.wire.call("stop.clear"))
+        """Clear a stop, so that the motor may be enabled and moved again. Moves nothing.
+
+        Raises `StoppedError` (`sent_before_stop`) for a stop of which nothing had told this object:
+        look at the state, and clear again.
+        """
+        wire = self._link.wire
+        return state_of(await wire.run(wire.prepare_guarded("stop.clear", {})))
 
     # Reading
 

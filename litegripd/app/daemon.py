@@ -114,7 +114,7 @@ class Daemon:
         self._retirement: Retirement | None = None
 
     def run(self) -> bool:
-        """Run until told to end, and disable the motor; tell whether it is known to be off."""
+        """Run until told to end, and disable the motor; False if it may be energised still."""
         load_at_start(self._machine.engine, self._note_calibration)
         self._begin()
         self._opens_at_s = time.monotonic() + OPEN_WITHIN_S

@@ -42,11 +42,16 @@ class Ending:
         return self._machine.is_disabled or waited_s >= END_WITHIN_S
 
     def tell(self) -> bool:
-        """Log how it has ended; return whether the motor is known to be off."""
-        is_off = not self._machine.may_be_energised
+        """Log how it has ended; return False if the motor may be energised still.
+
+        One that has never told anything mostly has no power: that is no failure, but is told.
+        """
+        may_be_energised = self._machine.may_be_energised
         phase = self._machine.motor.view().phase.value
-        if is_off:
-            _log.info("ended; the motor is off (%s)", phase)
-        else:
+        if may_be_energised is None:
+            _log.warning("ended; it is not known whether the motor is off (%s)", phase)
+        elif may_be_energised:
             _log.error("ended; the motor did not confirm that it is off (%s): cut its power", phase)
-        return is_off
+        else:
+            _log.info("ended; the motor is off (%s)", phase)
+        return not may_be_energised

@@ -118,30 +118,31 @@ class DaemonFacts:
         elif view.phase in (MotorPhase.SILENT, MotorPhase.FAULT) or view.problem is not None:
             problem = view.fault or view.problem
             down.append("the motor is silent" if problem is None else problem.message)
-        degraded = [f"not granted: {refused}" for refused in parts.rights.refused]
         other = self._machine.engine.second_master
-        if other.is_active:
-            harmed = degraded if other.is_tolerated else down
-            harmed.append(f"another program commands the motor ({other.count} frames so far)")
-        if not parts.helper.is_running:
-            degraded.append("the helper process is not running")
+        if other.is_active and not other.is_tolerated:
+            down.append(f"another program commands the motor ({other.count} frames so far)")
+        degraded = self._gripper_complaints(is_usable=not down)
         degraded += self._teleop_complaints(parts)
-        geometry = self._machine.engine.geometry
+        return down, degraded + _process_complaints(parts)
+
+    def _gripper_complaints(self, *, is_usable: bool) -> list[str]:
+        """Return what is not as it should be of a gripper that can be used, or could be."""
+        engine = self._machine.engine
+        found, other, geometry = [], engine.second_master, engine.geometry
+        if other.is_active and other.is_tolerated:
+            found.append(
+                f"another program commands the motor ({other.count} frames so far),"
+                ' which second_master = "tolerate" lets it do'
+            )
         if geometry is None:
-            degraded.append("no calibration is loaded")
-        elif not down:
-            misplaced = position_refusal(view, geometry)
-            degraded += [] if misplaced is None else [misplaced.message]
-        late_s = parts.reactor.recent_lateness.p99_s()
-        if late_s is not None and late_s > _LATE_SHARE * parts.reactor.period_s:
-            degraded.append(f"ticks start late: p99 {late_s * 1e6:.0f} µs in the last minute")
-        allowed_nm = self._machine.engine.output.heat.allowance_nm
+            found.append("no calibration is loaded")
+        elif is_usable:
+            misplaced = position_refusal(self._machine.motor.view(), geometry)
+            found += [] if misplaced is None else [misplaced.message]
+        allowed_nm = engine.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
-            degraded.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
-        defects = parts.reactor.tick_errors + parts.reactor.backlog_errors
-        if defects:
-            degraded.append(f"{defects} ticks or requests failed by a defect; see the log")
-        return down, degraded
+            found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
+        return found
 
     def _teleop_complaints(self, parts: Parts) -> list[str]:
         """Return what is not as it should be between leader and follower."""
@@ -176,6 +177,20 @@ class DaemonFacts:
             "kp": engine.gains.kp_nm_rad,
             "kd": engine.gains.kd_nm_s_rad,
         }
+
+
+def _process_complaints(parts: Parts) -> list[str]:
+    """Return what is not as it should be of the daemon's own processes, rights and ticks."""
+    found = [f"not granted: {refused}" for refused in parts.rights.refused]
+    if not parts.helper.is_running:
+        found.append("the helper process is not running; it is being started again")
+    late_s = parts.reactor.recent_lateness.p99_s()
+    if late_s is not None and late_s > _LATE_SHARE * parts.reactor.period_s:
+        found.append(f"ticks start late: p99 {late_s * 1e6:.0f} µs in the last minute")
+    defects = parts.reactor.tick_errors + parts.reactor.backlog_errors
+    if defects:
+        found.append(f"{defects} ticks or requests failed by a defect; see the log")
+    return found
 
 
 def _calibration(in_use: CalibrationInUse) -> Mapping[str, object]:

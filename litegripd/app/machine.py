@@ -26,8 +26,9 @@ class Machine:
     ) -> None:
         self.motor = Motor(unit.can_id, master_id)
         self.engine = Engine(config, period_s, unit)
-        self.may_be_energised = False
-        """Whether the motor was being enabled and has not confirmed since that it is off."""
+        self.may_be_energised: bool | None = None
+        """Whether the motor was being enabled, or said that it is, and has not confirmed since that
+        it is off; None until it has said either."""
         self._sent: list[CanFrame] = []
 
     def tick(
@@ -35,11 +36,12 @@ class Machine:
     ) -> list[CanFrame]:
         """Take what the bus brought since the last tick; return what it is to be given.
 
-        A bus that cannot be used explains why the motor cannot be.
+        A bus that cannot be used explains why the motor cannot be. What raises by a defect ends the
+        running job, so that the next tick holds.
         """
         self.motor.receive(now_s, received)
         view = self.motor.view()
-        if view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
+        if self.motor.says_enabled or view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
             self.may_be_energised = True
         elif view.phase in OFF:
             self.may_be_energised = False
@@ -49,8 +51,12 @@ class Machine:
         if refusal is not None:
             view = replace(view, problem=refusal)
         self.engine.note_bus(bus)
-        order = self.engine.step(now_s, view)
-        self._sent = self.motor.step(now_s, order)
+        try:
+            order = self.engine.step(now_s, view)
+            self._sent = self.motor.step(now_s, order)
+        except Exception as error:
+            self.engine.break_off(error)
+            raise
         return self._sent
 
     def take_sent(self) -> list[CanFrame]:

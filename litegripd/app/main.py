@@ -25,7 +25,7 @@ EXIT_NOT_TAKEN = 4
 """Only of a successor that has not taken over; the daemon before tells why."""
 
 EXIT_CODES = (
-    (0, "ended by SIGTERM or SIGINT with the motor off, or followed by a successor that holds"),
+    (0, "ended by SIGTERM or SIGINT, the motor off or never heard of, or followed by a successor"),
     (EXIT_NOT_OFF, "ended, but the motor did not confirm that it is off"),
     (EXIT_USAGE, "usage or configuration"),
     (

@@ -99,7 +99,7 @@ class Successor(Daemon):
         return due_s + self._reactor.period_s
 
     def go_on(self, next_tick_s: float) -> bool:
-        """Serve as any daemon, to the end; tell whether the motor is known to be off then."""
+        """Serve as any daemon, to the end; False if the motor may be energised still."""
         try:
             history = read_document(self._history)
             handover.adopt_history(self._machine, self._service, history)
@@ -164,7 +164,7 @@ class Successor(Daemon):
 def succeed(load: Callable[[], Config], arguments: Sequence[str]) -> bool | None:
     """Take over from the daemon that has started this process, and run to the end.
 
-    Returns whether the motor is off then, None where nothing was taken over.
+    Returns False if the motor may be energised still, None where nothing was taken over.
     """
     try:
         link = Link.inherited()

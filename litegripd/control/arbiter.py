@@ -45,9 +45,9 @@ class Arbiter(Running):
     def shut_down(self) -> None:
         """Begin the daemon's end: what runs is cancelled, the motor disabled, all else refused."""
         self._is_ending = True
+        self.must_disable = True
         self.end(ENDING)
         self._drop_queued(ENDING, lambda _job: True)
-        self.must_disable = True
 
     # The lease
 

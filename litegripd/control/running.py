@@ -108,8 +108,11 @@ class Running:
         self._queue.append(_Queued(job, start))
         return job
 
-    def end(self, outcome: Result | Refusal) -> None:
-        """End the running job; what the jaws do then is its action's to say, else they hold."""
+    def end(self, outcome: Result | Refusal, *, by_defect: bool = False) -> None:
+        """End the running job; what the jaws do then is its action's to say, else they hold.
+
+        An action that failed `by_defect` is not asked: they hold where they are.
+        """
         job, action, self.action = self.jobs.running, self.action, None
         if job is None:
             return
@@ -117,10 +120,8 @@ class Running:
         feedback = self.motor.feedback
         took_part = action is not None and action.needs_power and self.has_stepped
         if action is not None and took_part and feedback is not None:
-            gains = self.calibrated.gains
-            self.rest = action.rest() or Hold(feedback.position_rad, gains)
-        if action is not None:
-            action.close()
+            rest = None if by_defect else action.rest()
+            self.rest = rest or Hold(feedback.position_rad, self.calibrated.gains)
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self.must_disable = True  # it may still take effect
@@ -128,6 +129,21 @@ class Running:
         if owed is not None:
             self._settle_into(owed)
         self.events += announce.job_ended(job, outcome)
+        if action is not None:
+            action.close()
+
+    def break_off(self, error: Exception) -> None:
+        """End the job that runs, or was to begin, in the tick in which a defect raised `error`.
+
+        It would fail in every tick, and the motor be told nothing.
+        """
+        starting, self._starting = self._starting, None
+        if starting is not None:
+            self._end_queued(starting, _defect(starting, error))
+        running = self.jobs.running
+        if running is not None:
+            self.must_disable = self.must_disable or running.kind == "disable"
+            self.end(_defect(running, error), by_defect=True)
 
     def cancel(self, number: int, by: Owner) -> Job | Refusal:
         """End a job; the jaws go on holding what they hold, else where they are."""
@@ -178,3 +194,8 @@ class Running:
             self.rest = Relax()
         elif isinstance(self.rest, Grip):
             self.rest.stay()
+
+
+def _defect(job: Job, error: Exception) -> Refusal:
+    text = f"{job.kind} failed by a defect: {type(error).__name__}: {error}"
+    return Refusal("internal_error", text)

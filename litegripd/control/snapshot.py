@@ -6,7 +6,7 @@ from litegripd.control.engine import Engine
 from litegripd.control.rest import Relax
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job
-from litegripd.model.motor import Feedback, MotorPhase, Status, status_name
+from litegripd.model.motor import Feedback, MotorPhase, MotorView, Status, status_name
 from litegripd.model.state import GripperState, JobSummary, Mode, StopSummary
 
 STALE_AFTER_PERIODS = 4.0
@@ -33,6 +33,7 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
     stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_POLL_S
     command, requested = engine.output.command, engine.output.requested
     grip = engine.grip
+    keeps_force = motor.phase in (MotorPhase.ENABLED, MotorPhase.SILENT)
     return GripperState(
         seq=engine.ticks,
         monotonic_s=now_s,
@@ -43,7 +44,7 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         motor=motor.phase.value,
         error_code=None if feedback is None else feedback.status,
         status=None if feedback is None else status_name(feedback.status),
-        enabled=None if out_of_reach and _was_enabled(feedback) else enabled,
+        enabled=_enabled(motor),
         mode=mode_of(motor.phase, engine.jobs.running is not None, isinstance(engine.rest, Relax)),
         position_rad=None if feedback is None else feedback.position_rad,
         velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
@@ -58,7 +59,7 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         requested_rad=None if requested is None else requested.position_rad,
         requested_torque_nm=None if requested is None else requested.torque_nm,
         limited=engine.output.limited,
-        force_set_n=None if grip is None else grip.force_n,
+        force_set_n=None if grip is None or not keeps_force else grip.force_n,
         is_grasped=grip is not None and grip.is_holding and enabled,
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
@@ -68,9 +69,14 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
     )
 
 
-def _was_enabled(feedback: Feedback | None) -> bool:
-    """Whether the last that a motor said was that it is enabled."""
-    return feedback is not None and feedback.status == Status.ENABLED
+def _enabled(motor: MotorView) -> bool | None:
+    """Return whether the motor is enabled, None where it has not said so, or that it is not."""
+    if motor.phase is MotorPhase.ENABLED:
+        return True
+    if motor.phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
+        return False
+    feedback = motor.feedback
+    return None if feedback is None or feedback.status == Status.ENABLED else False
 
 
 def mode_of(phase: MotorPhase, has_job: bool, is_slack: bool) -> Mode:

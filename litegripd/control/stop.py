@@ -8,8 +8,8 @@ class StopLatch:
     """Keeps the latched stop and counts the stops in `generation`.
 
     A request tells the generation that its sender knew; one from before the latest stop never
-    runs, though it lay unread in the kernel when the stop came. `repeats` counts the stops that
-    raised nothing since the first one that is latched.
+    runs and clears nothing, though it lay unread in the kernel when the stop came. `repeats` counts
+    the stops that raised nothing since the first one that is latched.
     """
 
     def __init__(self) -> None:
@@ -59,6 +59,7 @@ class StopLatch:
             return None
         return Refusal(
             "sent_before_stop",
-            f"the request {told}: it is not carried out; ask for the state and send it anew",
+            f"the request {told}: a stop has come since, so it is not carried out; look at the"
+            " state and, when it is safe, send it again",
             {"stop_generation": self.generation},
         )

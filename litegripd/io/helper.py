@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from litegripd.io.child import Child
+from litegripd.io.child import MAX_PACKET_BYTES, Child
 from litegripd.model.errands import ErrandResult
 
 _log = logging.getLogger(__name__)
@@ -21,6 +21,9 @@ FINISH_WITHIN_S = 2.5
 """So long the end waits for a helper that has something to finish, the dump of a fault for one."""
 
 _PACKETS_PER_EVENT = 8
+_MOST_KEPT = 64
+"""So many posts wait for a helper to be started: log lines, that of its own death among them."""
+
 MODULE = "litegripd.io.helper_main"
 GOODBYE = "goodbye"
 """Tells the helper that the daemon ends as it should; one that just vanishes has crashed."""
@@ -63,6 +66,7 @@ class Helper:
         self._requests: dict[int, _Request] = {}
         self._next_id = 0
         self._restart_at_s = 0.0
+        self._kept: list[bytes] = []
         self._child: Child | None = None
 
     @property
@@ -100,9 +104,14 @@ class Helper:
         self._requests[self._next_id] = _Request(on_result)
 
     def post(self, operation: str, parameters: Mapping[str, object]) -> bool:
-        """Send a request that wants no answer; tell whether it left."""
+        """Send a request that wants no answer, now or to the next helper; tell whether it could."""
         packet = json.dumps([0, operation, parameters]).encode()
-        return self._child is not None and self._child.send(packet)
+        if self._child is not None:
+            return self._child.send(packet)
+        if len(self._kept) >= _MOST_KEPT or len(packet) > MAX_PACKET_BYTES:
+            return False
+        self._kept.append(packet)
+        return True
 
     def on_event(self, _mask: int) -> None:
         """Take the packets that have come, a bounded number at a time."""
@@ -146,6 +155,9 @@ class Helper:
             _log.error("the helper process cannot be started: %s", error)
             return
         self._watch(self._child)
+        kept, self._kept = self._kept, []
+        for packet in kept:
+            self._child.send(packet)
 
     def _take(self, packet: bytes) -> None:
         identity = int.from_bytes(packet[:4], "little")

@@ -13,7 +13,9 @@ from typing import Any
 from litegripd.model.geometry import Geometry
 
 _KNOWN_NUMBERS = ("zero_position_rad", "max_position_rad", "rad_to_mm")
-_GAIN_RANGES = {"kp": 500.0, "kd": 5.0}  # what a command frame can carry
+_GAIN_RANGES = {"kp": (1.0, 500.0), "kd": (0.0, 5.0)}
+"""The most is what a command frame can carry; without stiffness nothing would be held or led."""
+
 _MAX_NESTING = 16
 """Objects and arrays of a file, inside each other. The SDK's files have one level; thousands would
 be a `RecursionError` for whoever passes the content on."""
@@ -204,9 +206,9 @@ def _gain(content: Mapping[str, Any], key: str) -> float | None:
     if content.get(key) is None:
         return None
     value = _number(content, key)
-    highest = _GAIN_RANGES[key]
-    if not 0.0 <= value <= highest:
-        raise CalibrationError(f"{key} is {value}, it must be 0 to {highest:g}")
+    lowest, highest = _GAIN_RANGES[key]
+    if not lowest <= value <= highest:
+        raise CalibrationError(f"{key} is {value}, it must be {lowest:g} to {highest:g}")
     return value
 
 

@@ -42,11 +42,13 @@ class GripperState:
 
     Times are of CLOCK_MONOTONIC, which all processes of a machine share. `feedback_s` is when the
     motor was asked for the measurement, `age_s` its age at `monotonic_s`; `stale` marks one that
-    is older than it should be, or of a motor that does not answer; `enabled` is None while such a
-    motor had been enabled. `requested_rad` and `requested_torque_nm` are what the running motion or
-    hold wanted in this tick, `command_rad` and `command_torque_nm` what the motor was told, and
-    `limited` names the limits that make the difference. `force_set_n` is the set force of a hold
-    by force, None without one; `is_grasped` whether such a hold has something between the jaws.
+    is older than it should be, or of a motor that does not answer. `enabled` is None while nothing
+    is known, and while a motor that is silent, or is being enabled or disabled, said last that it
+    is enabled. `requested_rad` and `requested_torque_nm` are what the running motion or hold wanted
+    in this tick, `command_rad` and `command_torque_nm` what the motor was told, and `limited` names
+    the limits that make the difference. `force_set_n` is the set force of a hold by force, None
+    without one and when the motor is off; `is_grasped` whether such a hold has something between
+    the jaws.
     """
 
     seq: int

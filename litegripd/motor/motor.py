@@ -59,6 +59,11 @@ class Motor(Listener):
         return self._phase
 
     @property
+    def says_enabled(self) -> bool:
+        """Whether its latest status was that it is enabled; that needs no ranges to be known."""
+        return self._feedback is not None and self._feedback.status == Status.ENABLED
+
+    @property
     def unanswered(self) -> int:
         """How many requests have gone out since the last answer."""
         return self._silence.unanswered

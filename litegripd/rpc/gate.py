@@ -36,7 +36,7 @@ class Gate:
 
     def _void(self, request: Request, method: Method) -> Refusal | None:
         """Say that a request was sent before the latest stop, if so."""
-        if not method.moves:
+        if not method.stop_voids:
             return None
         params = request.params
         latch = self._engine.stop_latch

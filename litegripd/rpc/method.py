@@ -10,7 +10,7 @@ COMMON_PARAMS = (
     Param("sent_s", "number", "When the request was sent, seconds of CLOCK_MONOTONIC.", minimum=0),
     Param("stop_generation", "integer", "The count of stops that the sender knew of.", minimum=0),
 )
-"""Every method takes these; a motion that was sent before a stop never runs after it."""
+"""Every method takes these; what was sent before a stop neither moves nor clears after it."""
 
 LEASE = Param("lease", "string", "The token of the lease under which to do it.")
 KEY = Param(
@@ -47,7 +47,7 @@ class Method:
     """One method.
 
     `role` is the least that its caller must be; `needs_lease` marks those that are for the holder
-    of the lease alone, as long as somebody holds it; `moves` those that a stop makes void when
+    of the lease alone, as long as somebody holds it; `stop_voids` those that a stop makes void when
     they were sent before it; `waits` those whose answer comes when a job has ended; `may_notify`
     those that may be sent without an id.
     """
@@ -58,7 +58,7 @@ class Method:
     params: tuple[Param, ...] = ()
     role: Role = "observer"
     needs_lease: bool = False
-    moves: bool = False
+    stop_voids: bool = False
     waits: bool = False
     may_notify: bool = False
     declared: Mapping[str, Param] = field(init=False)

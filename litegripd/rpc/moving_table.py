@@ -65,7 +65,7 @@ _GRASP = Method(
     ),
     role="operator",
     needs_lease=True,
-    moves=True,
+    stop_voids=True,
     waits=True,
 )
 _MOVE = Method(
@@ -86,7 +86,7 @@ _MOVE = Method(
     ),
     role="operator",
     needs_lease=True,
-    moves=True,
+    stop_voids=True,
     waits=True,
 )
 _SET_FORCE = Method(
@@ -96,7 +96,7 @@ _SET_FORCE = Method(
     (_FORCE_DUE, CONFIG),
     role="operator",
     needs_lease=True,
-    moves=True,
+    stop_voids=True,
 )
 _STREAM = Method(
     "stream.set",
@@ -123,7 +123,7 @@ _STREAM = Method(
     ),
     role="operator",
     needs_lease=True,
-    moves=True,
+    stop_voids=True,
     may_notify=True,
 )
 _ZERO_GRAVITY = Method(
@@ -132,7 +132,7 @@ _ZERO_GRAVITY = Method(
     "The position and the state.",
     role="operator",
     needs_lease=True,
-    moves=True,
+    stop_voids=True,
     waits=True,
 )
 
@@ -149,7 +149,7 @@ MOVING: tuple[Method, ...] = (
         ),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
         waits=True,
     ),
     Method(
@@ -178,7 +178,7 @@ MOVING: tuple[Method, ...] = (
         (speed_param("speed_mm_s"), *RUN_PARAMS),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
         waits=True,
     ),
     Method(
@@ -188,7 +188,7 @@ MOVING: tuple[Method, ...] = (
         (speed_param("speed_mm_s"), *RUN_PARAMS),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
         waits=True,
     ),
     _GRASP,
@@ -199,7 +199,7 @@ MOVING: tuple[Method, ...] = (
         "The position and the state.",
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
         waits=True,
     ),
     _ZERO_GRAVITY,
@@ -221,10 +221,11 @@ MOVING: tuple[Method, ...] = (
     ),
     Method(
         "stop.clear",
-        "Allow motions again.",
+        "Allow motions again. Refused where a stop came after it was sent: look, clear again.",
         "The generation and the state.",
         role="operator",
         needs_lease=True,
+        stop_voids=True,
     ),
     Method(
         "job.cancel",

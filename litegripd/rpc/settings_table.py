@@ -28,7 +28,7 @@ SETTINGS: tuple[Method, ...] = (
         ),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
         waits=True,
     ),
     Method(
@@ -46,7 +46,7 @@ SETTINGS: tuple[Method, ...] = (
         (_MOUNT, _SAVE, *RUN_PARAMS),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
         waits=True,
     ),
     Method(
@@ -65,7 +65,7 @@ SETTINGS: tuple[Method, ...] = (
         ),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
         waits=True,
     ),
     Method(
@@ -83,7 +83,7 @@ SETTINGS: tuple[Method, ...] = (
         (WAIT, DETACH),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
         waits=True,
     ),
     Method("config.get", "Tell the daemon's motion configuration.", "Fields and ranges."),

@@ -120,7 +120,7 @@ TELEOP: tuple[Method, ...] = (
         (*_WHERE, *_HOW, CONFIG, DETACH),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
     ),
     Method(
         "teleop.stop",

@@ -60,7 +60,7 @@ _RECORD = Method(
         LEASE,
     ),
     role="operator",
-    moves=True,
+    stop_voids=True,
 )
 _PLAY = Method(
     "trajectory.play",
@@ -103,7 +103,7 @@ _PLAY = Method(
     ),
     role="operator",
     needs_lease=True,
-    moves=True,
+    stop_voids=True,
     waits=True,
 )
 
@@ -146,7 +146,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         ),
         role="operator",
         needs_lease=True,
-        moves=True,
+        stop_voids=True,
     ),
     Method(
         "trajectory.status",

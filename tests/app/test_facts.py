@@ -1,8 +1,8 @@
-"""What the daemon tells about its calibration: the file, its date, and whether it was measured."""
+"""What the daemon tells: where its calibration is from, and how it fares."""
 
 import math
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -21,24 +21,28 @@ MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}
 
 
 def info(world: World) -> Any:
+    return facts(world).info()
+
+
+def facts(world: World) -> DaemonFacts:
     config = Config("can0", BusSettings("socketcan", "can0", 1_000_000))
-    return DaemonFacts(config, world.machine).info()
+    return DaemonFacts(config, world.machine)
 
 
-def verdict(world: World) -> tuple[str, list[str]]:
-    """Return the verdict of a daemon whose parts all do their work."""
-    facts = DaemonFacts(Config("can0", BusSettings("socketcan", "can0", 1_000_000)), world.machine)
-    parts: Any = SimpleNamespace(
+def verdict(world: World, *, helper_runs: bool = True) -> tuple[str, list[str]]:
+    """Return the verdict of a daemon with these parts, and the reasons."""
+    lateness = SimpleNamespace(p99_s=lambda: None)
+    reactor = SimpleNamespace(recent_lateness=lateness, tick_errors=0, backlog_errors=0)
+    parts = SimpleNamespace(
         bus=SimpleNamespace(condition=UP),
-        rights=SimpleNamespace(refused=()),
-        helper=SimpleNamespace(is_running=True),
+        rights=SimpleNamespace(refused=[]),
+        helper=SimpleNamespace(is_running=helper_runs),
         links=SimpleNamespace(status=None),
-        reactor=SimpleNamespace(
-            recent_lateness=SimpleNamespace(p99_s=lambda: None), tick_errors=0, backlog_errors=0
-        ),
+        reactor=reactor,
     )
-    facts.attach(parts)
-    return facts.verdict()
+    made = facts(world)
+    made.attach(cast(Any, parts))
+    return made.verdict()
 
 
 def test_whether_a_second_master_is_at_it_just_now_is_a_figure() -> None:
@@ -140,3 +144,24 @@ def test_a_found_file_keeps_its_date() -> None:
     client.result("calibration.load")
     assert info(world)["calibration"]["saved_s"] == 1.5e9
     assert info(world)["configuration"]["rpc"] == {"group": "litegrip"}
+
+
+@pytest.mark.parametrize("is_tolerated", [False, True])
+def test_a_second_master_that_is_tolerated_only_degrades(is_tolerated: bool) -> None:
+    world = World()
+    world.engine.second_master.is_tolerated = is_tolerated
+    client = world.enabled()
+    assert verdict(world) == ("ok", [])
+    world.inject(CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF")))
+    world.tick()
+    told, (reason,) = verdict(world)
+    assert told == ("degraded" if is_tolerated else "down")
+    assert reason.startswith("another program commands the motor (1 frames so far)")
+    assert ("tolerate" in reason) is is_tolerated
+    assert ("result" in client.call("motion.hold")) is is_tolerated
+
+
+def test_a_helper_that_is_gone_is_told_to_be_started_again() -> None:
+    told, reasons = verdict(World().start(), helper_runs=False)
+    assert told == "degraded"
+    assert reasons == ["the helper process is not running; it is being started again"]

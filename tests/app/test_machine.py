@@ -1,7 +1,12 @@
-"""The machine: what it knows of the motor's power, and what a bus that is down explains."""
+"""The machine: what it knows of the motor's power, a bus that is down, and a job that fails."""
+
+from typing import Any
+
+import pytest
 
 from litegripd.model.bus import BusCondition
-from tests.world import World
+from litegripd.model.motor import Status
+from tests.world import PERIOD_S, World
 
 
 def silent(world: World) -> World:
@@ -43,3 +48,78 @@ def test_a_bus_that_is_down_is_the_reason_that_clients_are_told() -> None:
     answer = client.call("motion.open")
     assert answer["error"]["data"]["reason"] == "bus_down"
     assert "Network is down" in answer["error"]["message"]
+
+
+@pytest.mark.parametrize("fails", ["once", "always"])
+def test_a_job_whose_action_fails_ends_at_once_and_the_jaws_hold(
+    fails: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = World()
+    client = world.enabled()
+    motion = client.send("motion.open")
+    world.run(0.5)
+    kind: Any = type(world.engine.action)
+    step: Any = kind.step
+    calls: list[Any] = []
+
+    def broken(*arguments: Any) -> Any:
+        calls.append(arguments)
+        if fails == "always" or len(calls) == 1:
+            raise ZeroDivisionError("a defect")
+        return step(*arguments)
+
+    monkeypatch.setattr(kind, "step", broken)
+    failed_s, before_mm = world.now_s, world.gripper.opening_mm
+    with pytest.raises(ZeroDivisionError):
+        world.tick()
+    world.run(1.0)
+    assert client.has_answer(motion)
+    error = client.answers[motion]["error"]
+    assert error["data"]["reason"] == "internal_error"
+    assert "open failed by a defect: ZeroDivisionError: a defect" in error["message"]
+    assert (world.state.mode, world.state.job) == ("holding", None)
+    assert world.gripper.motor.status == Status.ENABLED
+    assert world.gripper.opening_mm == pytest.approx(before_mm, abs=3.0)
+    assert world.longest_gap_s(failed_s - PERIOD_S) < 2.5 * PERIOD_S
+    assert len(calls) == 1
+
+
+def test_a_disabling_that_fails_disables_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    world = World()
+    client = world.enabled()
+    disabling = client.send("motor.disable")
+
+    def broken(*_arguments: Any) -> Any:
+        raise ZeroDivisionError("a defect")
+
+    monkeypatch.setattr(type(world.engine.action), "step", broken)
+    with pytest.raises(ZeroDivisionError):
+        world.tick()
+    world.run_until(lambda: world.machine.is_disabled, 1.0)
+    assert client.has_answer(disabling)
+    assert client.answers[disabling]["error"]["data"]["reason"] == "internal_error"
+    assert world.gripper.motor.status == Status.DISABLED
+
+
+def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = World()
+    client = world.enabled()
+    motion = client.send("motion.open")
+    queued = client.send("motion.close", if_busy="queue")
+
+    def broken(*_arguments: Any) -> Any:
+        raise ZeroDivisionError("a defect")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(world.engine, "begin", broken)
+        with pytest.raises(ZeroDivisionError):
+            world.run(20.0)
+    world.run(0.1)
+    assert client.has_answer(motion)
+    assert client.has_answer(queued)
+    assert client.answers[queued]["error"]["data"]["reason"] == "internal_error"
+    jobs = {job.number: job.state for job in world.engine.jobs}
+    other = world.client().result("motion.close", wait=False)["job"]
+    assert other not in jobs

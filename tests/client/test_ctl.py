@@ -112,6 +112,7 @@ def test_what_is_shown(
         (["open", "--no-wait"], "motion.open", {"detach": True, "wait": False}),
         (["stop", "--level", "relax"], "stop", {"level": "relax"}),
         (["stop", "--why", "smoke"], "stop", {"level": "hold", "why": "smoke"}),
+        (["clear"], "stop.clear", {}),
         (["cancel", "12"], "job.cancel", {"job": 12}),
         (["restart", "--hold"], "daemon.restart", {"hold_through_restart": True}),
         (["watch", "--hz", "50", "--count", "1"], "state.subscribe", {"hz": 50.0}),
@@ -124,7 +125,8 @@ def test_what_is_asked(
     code, _, _ = ctl(*arguments)
     assert code == 70
     (request,) = daemon.wait_for(method)
-    guards = {"sent_s", "stop_generation"} if method.startswith("mot") else set()
+    is_guarded = method.startswith("mot") or method == "stop.clear"
+    guards = {"sent_s", "stop_generation"} if is_guarded else set()
     guards -= {"sent_s", "stop_generation"} if method == "motor.disable" else set()
     assert request.params.keys() == params.keys() | guards
     assert request.params.items() >= params.items()

@@ -138,6 +138,8 @@ def test_hold_stop_and_clear(daemon: FakeDaemon, gripper: LiteGrip) -> None:
     gripper.stop("disable", why="smoke")
     assert daemon.requests[-1].params == {"level": "disable", "why": "smoke"}
     gripper.clear_stop()
+    assert daemon.requests[-1].params.keys() == {"sent_s", "stop_generation"}
+    assert daemon.requests[-1].params["stop_generation"] == 4
     gripper.hold()
     assert daemon.requests[-1].params["stop_generation"] == 5
 

@@ -113,8 +113,13 @@ class LimitWatch:
         *,
         is_motion: bool,
     ) -> None:
-        """Check where a command leads: into the travel, or where none is known, not far."""
+        """Check where a command leads: into the travel, or where none is known, not far.
+
+        A calibration that has waited for its turn may have begun in this very tick.
+        """
         engine, probe = self._engine, self._probe if is_motion else None
+        if isinstance(engine.action, Calibrate) and engine.jobs.running is not None:
+            probe = probe or (engine.action if engine.has_stepped else None)
         config = probe._config if isinstance(probe, Calibrate) else engine.config
         lead_rad = abs(command.position_rad - feedback.position_rad) - code_rad
         fits = lead_rad <= config.calib_step_rad and torque_nm <= config.calib_tau_limit

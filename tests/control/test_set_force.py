@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from litegripd.model.motor import MotorPhase
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.world import Client, World
 
@@ -39,6 +40,22 @@ def holding(client: Client, **params: Any) -> int:
     job = world.engine.jobs.running
     assert job is not None
     return job.number
+
+
+def test_a_motor_that_is_off_has_no_set_force() -> None:
+    world, client = with_object()
+    client.result("motion.grasp", force_n=10, until="verdict")
+    assert world.state.force_set_n == 10.0
+    world.lose_from_motor = lambda _frame: True
+    world.run_until(lambda: world.in_phase(MotorPhase.SILENT), 1.0)
+    assert world.state.force_set_n == 10.0  # it may go on squeezing
+    world.lose_from_motor = lambda _frame: False
+    world.run_until(lambda: not world.in_phase(MotorPhase.SILENT), 1.0)
+    assert world.in_phase(MotorPhase.ENABLED)
+    assert world.state.force_set_n == 10.0
+    client.result("motor.disable")
+    assert world.in_phase(MotorPhase.DISABLED)
+    assert world.state.force_set_n is None
 
 
 @pytest.mark.parametrize("mount", MOUNTS)

@@ -133,6 +133,34 @@ def test_requests_that_were_sent_before_a_stop_never_run() -> None:
     assert client.result("motion.open", stop_generation=generation + 1, sent_s=world.now_s)["ok"]
 
 
+@pytest.mark.parametrize("mark", ["stop_generation", "sent_s"])
+def test_a_clear_that_was_sent_before_a_stop_does_not_clear_it(mark: str) -> None:
+    world = World()
+    client = world.enabled()
+    before = {"stop_generation": client.result("stop")["generation"], "sent_s": world.now_s}
+    world.tick()
+    world.engine.stop("disable", None, "a hand in the jaws", world.now_s)
+    error = client.call("stop.clear", **{mark: before[mark]})["error"]
+    generation = world.state.stop_generation
+    told = {"reason": "sent_before_stop", "retryable": False, "stop_generation": generation}
+    assert error["data"] == told
+    assert "a stop has come since" in error["message"]
+    stop = world.state.stop
+    assert stop is not None
+    assert stop.level == "disable"
+    client.result("stop.clear", stop_generation=generation, sent_s=world.now_s)
+    assert world.state.stop is None
+
+
+def test_a_clear_that_does_not_say_when_it_was_sent_clears() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("stop")
+    world.client().result("stop")
+    client.result("stop.clear")
+    assert world.state.stop is None
+
+
 def stop_events(world: World) -> list[Event]:
     """Return what there is to be told about stops since the last call."""
     found: list[Event] = []

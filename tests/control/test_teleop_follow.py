@@ -8,6 +8,11 @@ from typing import Any
 
 import pytest
 
+from litegripd.control.gains import Gains
+from litegripd.control.teleop.leading import Leading
+from litegripd.model.calibration import NOMINAL
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, Status
 from tests.control.teleop_scene import (
     CODE_RAD,
     MM_RAD,
@@ -184,6 +189,14 @@ def test_stiffer_gains_push_no_harder(gains: dict[str, Any]) -> None:
     follower.lead(sweep(0.5, 0.1, 0.8), 1.5, each=note)
     most_nm = {400.0: 5.5, 20.0: 20.0 * MAX_LEAD_MM / MM_RAD}.get(gains.get("kp", 0.0), 5.35)
     assert max(pushes) == pytest.approx(most_nm, abs=0.01)
+
+
+def test_no_stiffness_is_no_defect() -> None:
+    leading = Leading(NOMINAL[0], MotionConfig(), Gains(0.0, 2.0), None, PERIOD_S)
+    feedback = Feedback(Status.ENABLED, -0.7, 0.0, 0.0, 30, 30, 0.0)
+    command = leading.command(-0.2, 0.0, feedback)
+    assert command.kp_nm_rad == 0.0
+    assert command.position_rad == pytest.approx(-0.7 + MAX_LEAD_MM / NOMINAL[0].rad_to_mm)
 
 
 def test_a_force_limit_bounds_what_it_presses_with() -> None:

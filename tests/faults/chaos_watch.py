@@ -37,6 +37,7 @@ class ChaosWatch:
         self.is_lied_to = False
         self.is_pushed = False
         self._excused_until_s = 0.0
+        self._forced_until_s = 0.0
         self._fed_until_s = 0.0
         self._is_excused = False
         self._stands_since_s = world.now_s
@@ -113,8 +114,10 @@ class ChaosWatch:
         world, engine = self._world, self._world.engine
         before, self._state = self._state, self._present_state()
         lets_go = before != self._state  # what the jaws have pressed on pushes them back then
-        is_gripping = engine.grip is not None and engine.grip.watched  # it may yield, or go
-        if lets_go or self.is_lied_to or self.is_pushed or is_gripping:
+        is_moved = lets_go or self.is_lied_to or self.is_pushed
+        if is_moved or engine.grip is not None:
+            self._forced_until_s = world.now_s + EXCUSED_S
+        if is_moved or (engine.grip is not None and engine.grip.watched):  # an object may yield
             self._excused_until_s = world.now_s + EXCUSED_S
         may_move = world.gripper.motor.status == ENABLED and engine.stop_latch.latched is None
         if may_move or world.now_s < self._excused_until_s:
@@ -129,7 +132,7 @@ class ChaosWatch:
         is_inside = -most_mm <= opening_mm <= TRAVEL_MM + most_mm
         # Where a hand has pushed them they may be held.
         self._is_excused = not is_inside and (
-            self._is_excused or world.now_s < self._excused_until_s
+            self._is_excused or world.now_s < self._forced_until_s
         )
         assert is_inside or self._is_excused, f"at {opening_mm:.1f} mm"
 

@@ -1,5 +1,6 @@
 """The helper process: requests, results in pieces, its death and its return."""
 
+import logging
 import os
 import select
 import signal
@@ -12,6 +13,7 @@ import pytest
 from litegripd.io import helper as helper_module
 from litegripd.io.child import MAX_PACKET_BYTES, Child
 from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.log import LogHandler
 
 DEADLINE_S = 30.0
 
@@ -126,7 +128,38 @@ def test_without_a_helper_requests_are_refused_at_once(rig: Rig) -> None:
     rig.helper.request("double", {"x": 1}, rig.results.append)
     assert rig.results[-1].error is not None
     assert rig.helper.refused == 1
-    assert not rig.helper.post("double", {"x": 1})
+
+
+def test_the_line_that_tells_of_its_death_is_written_by_the_next_one(
+    capfd: pytest.CaptureFixture[str],
+) -> None:
+    rig = Rig()
+    handler = LogHandler(lambda _record, text: rig.helper.post("log", {"text": f"{text}\n"}))
+    logging.getLogger("litegripd").addHandler(handler)
+    try:
+        assert rig.helper.pid is not None
+        os.kill(rig.helper.pid, signal.SIGKILL)
+        rig.until(lambda: rig.helper.deaths == 1 and rig.helper.is_running)
+    finally:
+        logging.getLogger("litegripd").removeHandler(handler)
+        rig.helper.close()
+    assert "died; it will be started again\n" in capfd.readouterr().err
+    assert handler.dropped == 0
+
+
+def test_posts_that_wait_for_a_helper_are_bounded(rig: Rig) -> None:
+    assert rig.helper.pid is not None
+    os.kill(rig.helper.pid, signal.SIGKILL)
+    rig.until(lambda: not rig.helper.is_running)
+    assert not rig.helper.post("double", {"x": "y" * MAX_PACKET_BYTES})
+    posted = 0
+    while rig.helper.post("double", {"x": posted}):
+        posted += 1
+        assert posted < 1000
+    assert posted == 64
+    rig.until(lambda: rig.helper.is_running)
+    assert rig.ask("double", x=1).error is None
+    assert rig.helper.post("double", {"x": 1})
 
 
 def test_a_stopped_helper_refuses_rather_than_makes_wait(rig: Rig) -> None:

@@ -77,6 +77,7 @@ def test_unknown_keys_are_kept_and_a_template_brings_direction_only() -> None:
         (changed(zero_position_rad=-1.491), "equal"),
         (changed(kp=501), "kp"),
         (changed(kp=-1), "kp"),
+        (changed(kp=0), "kp is 0.0, it must be 1 to 500"),
         (changed(kd=5.1), "kd"),
         (changed(calibrated=1), "calibrated"),
         (changed(channel=3), "channel"),

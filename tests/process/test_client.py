@@ -81,6 +81,19 @@ def test_a_task_stops_a_motion(simulated: DaemonProcess) -> None:
     asyncio.run(main())
 
 
+def test_who_does_not_know_of_a_stop_clears_it_only_after_a_look(simulated: DaemonProcess) -> None:
+    place = of(simulated)
+    with LiteGrip(**place) as knowing, LiteGrip(**place) as unaware:
+        knowing.stop("disable", why="a hand")
+        with pytest.raises(StoppedError) as caught:
+            unaware.clear_stop()
+        assert caught.value.reason == "sent_before_stop"
+        state = unaware.get_state()
+        assert state.stop is not None
+        assert state.stop["why"] == "a hand"
+        assert unaware.clear_stop().stop is None
+
+
 def test_states_in_batches_are_those_of_consecutive_ticks(simulated: DaemonProcess) -> None:
     place = of(simulated)
     with LiteGrip(**place) as gripper, gripper.states(200, batch=10) as states:

@@ -63,7 +63,8 @@ def hold(run: Run) -> int:
 
 def clear(run: Run) -> int:
     """Clear a stop."""
-    run.output.result(run.connection.call("stop.clear"), "cleared: motions are allowed")
+    data = run.connection.run(run.connection.prepare_guarded("stop.clear", {}))
+    run.output.result(data, "cleared: motions are allowed")
     return OK
 
 

@@ -96,7 +96,8 @@ class Leading:
         limit_rad = geometry.closed_rad if closing else geometry.open_rad
         cap_rad = lead_cap_rad(abs(limit_rad - here_rad), geometry, self._config)
         if self._limit_nm is None:
-            return gains, min(cap_rad, MOST_NM / gains.kp_nm_rad)
+            is_soft = gains.kp_nm_rad * cap_rad <= MOST_NM  # kp may even be 0
+            return gains, cap_rad if is_soft else MOST_NM / gains.kp_nm_rad
         speed_rad_s = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
         gains, lead_rad = budgeted(self._limit_nm, speed_rad_s, gains, self._period_s)
         return gains, min(cap_rad, lead_rad)
