@@ -44,9 +44,6 @@ class DirectBus:
             self._read(self._bus, frames)
         except _BUS_ERRORS as error:
             self._failed(error, now_s)
-        else:
-            if frames:
-                self._works()
         self.counters.received += len(frames)
         return frames
 
@@ -111,6 +108,7 @@ class DirectBus:
                 continue
             self.counters.count(frame)
             frames.append(frame)
+            self._works()  # here, so that a bus-off that is told behind it counts
 
     def _take_error_frame(self, message: can.Message) -> None:
         """Note a bus-off, and its end; most error frames only tell what the controller mended."""
