@@ -50,11 +50,13 @@ class DirectBus:
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
         """Send `frames` in their order; from the first that fails on, they are counted and lost.
 
-        An enable frame must never go without the zero-gain frame before it.
+        An enable frame must never go without the zero-gain frame before it. Nothing is counted
+        before the bus was open for the first time.
         """
         for number, frame in enumerate(frames):
             if self._bus is None:
-                self.counters.send_failures += len(frames) - number
+                if self._was_open:
+                    self.counters.send_failures += len(frames) - number
                 return
             try:
                 self._bus.send(to_message(frame))
