@@ -38,6 +38,7 @@ class Machine:
         A bus that cannot be used explains why the motor cannot be.
         """
         self.motor.receive(now_s, received)
+        self.motor.note_bus(is_usable=bus.is_usable)
         view = self.motor.view()
         if view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
             self.may_be_energised = True
