@@ -24,17 +24,17 @@ class Silence:
         self._was_total = False
 
     def note_bus(self, phase: Phase, *, is_usable: bool) -> None:
-        """Count anew, for a motor that is looked for, once the bus can carry anything again.
+        """Count anew, for a motor out of reach, once the bus can carry anything again.
 
         What was asked before that reached nobody, and tells nothing of a motor that was not silent
-        when the bus was lost. One that was enabled and is lost stays so, by whatever it was lost.
+        when the bus was lost. The phase stays: one that was lost while enabled is treated alike.
         """
         if is_usable is self._bus_is_usable:
             return
         self._bus_is_usable = is_usable
         if not is_usable:
             self._was_total = self.is_total(phase)
-        elif phase is Phase.LOOKING and not self._was_total:
+        elif phase in (Phase.LOOKING, Phase.LOST) and not self._was_total:
             self.unanswered = 0
 
     def begin_phase(self, event: Event) -> None:

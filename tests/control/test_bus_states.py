@@ -128,17 +128,17 @@ def test_a_motor_is_not_called_silent_because_the_bus_took_long_to_open(
 
 @pytest.mark.parametrize("state", DOWN)
 @pytest.mark.parametrize("was_enabled", [False, True])
-def test_a_motor_that_was_lost_with_the_bus_is_looked_for_before_it_is_called_silent(
-    state: BusState, was_enabled: bool
+@pytest.mark.parametrize("lost_s", [0.05, 0.5, 2.0])
+def test_a_motor_that_was_lost_with_the_bus_is_asked_before_it_is_called_silent(
+    state: BusState, was_enabled: bool, lost_s: float
 ) -> None:
     world = World()
     client = world.enabled() if was_enabled else world.start().client()
     client.result("events.subscribe")
     cut(world, state)
-    world.run(2.0)
-    assert world.in_phase(MotorPhase.SILENT)
+    world.run(lost_s)
     mend(world)
-    world.run_until(lambda: world.in_phase(MotorPhase.DISABLED, MotorPhase.FAULT), 2.0)
+    world.run_until(lambda: not (world.machine.is_out_of_reach or world.state.stale), 2.0)
     assert [data["state"] for data in bus_events(client)] == [state, "up"]
 
 
@@ -150,6 +150,18 @@ def test_a_motor_that_does_not_answer_is_called_silent_soon_after_the_bus_has_op
     world.run(0.1)
     assert (world.state.bus, world.state.mode) == ("up", "offline")
     world.run_until(lambda: world.state.bus == "motor_silent", 0.15)
+
+
+def test_a_motor_that_was_enabled_and_has_lost_its_power_meanwhile_is_soon_called_silent() -> None:
+    world = World()
+    world.enabled()
+    cut(world, "down")
+    world.run(0.5)
+    world.condition = UP
+    world.tick()
+    assert world.state.bus == "up"
+    assert world.in_phase(MotorPhase.SILENT)
+    world.run_until(lambda: world.state.bus == "motor_silent", 0.03)
 
 
 def test_a_motor_that_was_silent_before_the_bus_was_lost_is_so_when_it_is_back() -> None:
