@@ -13,6 +13,7 @@ from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
 from litegripd.model.unit import Unit
 from litegripd.motor.motor import Motor
+from litegripd.motor.silence import SILENT_AFTER_POLLS
 
 OFF = (MotorPhase.DISABLED, MotorPhase.FAULT)
 """Phases of a motor that has confirmed that it is not energised."""
@@ -40,12 +41,15 @@ class Machine:
         running job, so that the next tick holds.
         """
         self.motor.receive(now_s, received)
+        self.motor.note_bus(is_usable=bus.is_usable)
         view = self.motor.view()
         if self.motor.says_enabled or view.phase in (MotorPhase.ENABLING, MotorPhase.ENABLED):
             self.may_be_energised = True
         elif view.phase in OFF:
             self.may_be_energised = False
-        if view.phase is MotorPhase.SILENT and bus.is_usable and view.problem is not None:
+        is_asked = self.motor.unanswered > SILENT_AFTER_POLLS  # since the bus is open
+        is_silent = view.phase is MotorPhase.SILENT and is_asked
+        if is_silent and bus.is_usable and view.problem is not None:
             bus = BusCondition("motor_silent", view.problem.message)
         refusal = bus.refusal()
         if refusal is not None:

@@ -43,11 +43,13 @@ class BusCounters:
     sent: int = 0
     received: int = 0
     send_failures: int = 0
+    """Frames lost since the bus was open for the first time."""
     ignored: int = 0
     """Remote, extended and CAN FD frames, and lines of an adapter that are no frames."""
     error_frames: int = 0
     errors: int = 0
     reopened: int = 0
+    """How often it was opened after that; attempts that fail do not count."""
     bits: float = 0.0
 
     def count(self, frame: CanFrame) -> None:

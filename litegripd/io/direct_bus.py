@@ -44,20 +44,19 @@ class DirectBus:
             self._read(self._bus, frames)
         except _BUS_ERRORS as error:
             self._failed(error, now_s)
-        else:
-            if frames:
-                self._works()
         self.counters.received += len(frames)
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
         """Send `frames` in their order; from the first that fails on, they are counted and lost.
 
-        An enable frame must never go without the zero-gain frame before it.
+        An enable frame must never go without the zero-gain frame before it. Nothing is counted
+        before the bus was open for the first time.
         """
         for number, frame in enumerate(frames):
             if self._bus is None:
-                self.counters.send_failures += len(frames) - number
+                if self._was_open:
+                    self.counters.send_failures += len(frames) - number
                 return
             try:
                 self._bus.send(to_message(frame))
@@ -111,6 +110,7 @@ class DirectBus:
                 continue
             self.counters.count(frame)
             frames.append(frame)
+            self._works()  # here, so that a bus-off that is told behind it counts
 
     def _take_error_frame(self, message: can.Message) -> None:
         """Note a bus-off, and its end; most error frames only tell what the controller mended."""

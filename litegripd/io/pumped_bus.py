@@ -67,6 +67,7 @@ class PumpedBus:
         self._start = start
         self._child: Child | None = None
         self._is_open = False
+        self._was_open = False
         self._dropping_since_s: float | None = None
         self._dropped_at_s = 0.0
         self._restart_at_s = 0.0
@@ -94,7 +95,10 @@ class PumpedBus:
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
-        """Hand `frames` to the pump; while the adapter is not open they are dropped."""
+        """Hand `frames` to the pump; while the adapter is not open they are dropped.
+
+        Before it was open for the first time, that is no loss to be counted.
+        """
         if not frames:
             return
         deadline_s = now_s + self._lifetime_s
@@ -105,7 +109,8 @@ class PumpedBus:
                     self.counters.count(frame)
                 return
             self.counters.errors += 1
-        self.counters.send_failures += len(frames)
+        if self._was_open:
+            self.counters.send_failures += len(frames)
 
     def close(self) -> None:
         """End the pump."""
@@ -125,6 +130,7 @@ class PumpedBus:
         """Go on with the predecessor's pump, which has the adapter open."""
         connected, pidfd = descriptors
         self._child = Child.of(pid, socket.socket(fileno=connected), pidfd)
+        self._was_open = True
         self._works()
 
     def leave(self) -> None:
@@ -150,6 +156,8 @@ class PumpedBus:
             if self._dropping_since_s is None:
                 self._dropping_since_s = now_s
         elif kind == b"o":
+            self.counters.reopened += self._was_open
+            self._was_open = True
             self._works()
             self._restart_after_s = _RESTART_FIRST_S
         else:
@@ -188,7 +196,7 @@ class PumpedBus:
             self._child = self._start(MODULE, (described,))
         except OSError as error:
             self.condition = BusCondition("down", f"the pump process cannot be started: {error}")
-            self._restart_at_s = now_s + self._restart_after_s
+            self._restart_later(now_s)
         return self._child
 
     def _bury(self, child: Child, frames: list[CanFrame], now_s: float) -> None:
@@ -196,10 +204,13 @@ class PumpedBus:
             self._take(packet, frames, now_s)
         child.close()
         self._child = None
-        self.counters.reopened += 1
         if self._is_open:
             self.condition = BusCondition("down", "the pump process died")
         self._is_open = False
         self._dropping_since_s = None
+        self._restart_later(now_s)
+
+    def _restart_later(self, now_s: float) -> None:
+        """Wait before the next attempt, ever longer until one opens the adapter."""
         self._restart_at_s = now_s + self._restart_after_s
         self._restart_after_s = min(2 * self._restart_after_s, _RESTART_AT_MOST_S)

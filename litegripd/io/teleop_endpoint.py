@@ -40,6 +40,10 @@ class Endpoint(Protocol):
     def matching(self) -> bool | None:
         """Whether somebody listens; None where nobody can know."""
 
+    @property
+    def failure(self) -> Exception | None:
+        """What has ended the listening, if anything; only opening anew helps."""
+
     def close(self) -> None:
         """Send and receive nothing more."""
 
@@ -48,6 +52,7 @@ class UdpListener:
     """A thread that takes datagrams from a socket, which is its own to close."""
 
     def __init__(self, own: socket.socket, take: Callable[[bytes, Address], None]) -> None:
+        self.failure: OSError | None = None
         self._own = own
         self._take = take
         self._own.settimeout(_LOOK_EVERY_S)
@@ -67,6 +72,9 @@ class UdpListener:
                     payload, sender = listening.recvfrom(MAX_PAYLOAD_BYTES)
                 except (TimeoutError, ConnectionRefusedError):
                     continue
+                except OSError as error:
+                    self.failure = error
+                    return
                 self._take(payload, sender)
 
 
@@ -97,6 +105,11 @@ class UdpLeader:
             for own in self._sockets.values():
                 own.bind(("", 0))
             self._listeners = [UdpListener(own, self._hear) for own in self._sockets.values()]
+
+    @property
+    def failure(self) -> Exception | None:
+        """What has ended a listener, if anything."""
+        return next((listener.failure for listener in self._listeners if listener.failure), None)
 
     def publish(self, payload: bytes) -> None:
         """Send one datagram to each; nobody has to be there, and none waits for another's error."""
@@ -148,6 +161,11 @@ class UdpFollower:
             self._socket.close()
             raise
         self._listener = UdpListener(self._socket, self._hear)
+
+    @property
+    def failure(self) -> Exception | None:
+        """What has ended the listener, if anything."""
+        return self._listener.failure
 
     def publish(self, _payload: bytes) -> None:
         """Say nothing: a follower only listens, and replies."""

@@ -123,17 +123,14 @@ class Station:
         """Keep one link open until the next order; return that."""
         self._told = LinkStatus()
         self._flood = Flood()
-        endpoint: Endpoint | None = None
+        endpoint = self._open(order)
         while True:
-            if endpoint is None:
-                endpoint = self._open(order)
             try:
                 following = self._orders.get(
                     timeout=_RETRY_AFTER_S if endpoint is None else _LOOK_EVERY_S
                 )
             except Empty:
-                if endpoint is not None:
-                    self._look(order, endpoint)
+                endpoint = self._open(order) if endpoint is None else self._look(order, endpoint)
                 continue
             self._endpoint = None
             if endpoint is not None:
@@ -178,8 +175,14 @@ class Station:
         self._leaders = self._leaders or ZenohLeaders()
         return self._leaders.open(wish, order.zenoh_config, deliver)
 
-    def _look(self, order: Order, endpoint: Endpoint) -> None:
-        """Tell of what has changed."""
+    def _look(self, order: Order, endpoint: Endpoint) -> Endpoint | None:
+        """Tell of what has changed; give an end up that has stopped listening."""
+        failure = endpoint.failure
+        if failure is not None:
+            self._endpoint = None
+            endpoint.close()
+            self._tell(order, LinkStatus("failed", f"listening: {_worded(failure)}"))
+            return None
         error = self._error
         state = LinkStatus("open" if error is None else "failed", error)
         state = replace(
@@ -189,6 +192,7 @@ class Station:
             is_protected=endpoint.is_protected,
         )
         self._tell(order, state)
+        return endpoint
 
     def _tell(self, order: Order, status: LinkStatus) -> None:
         """Tell the daemon how the link is, if it is not as told; what did not leave comes again."""

@@ -59,6 +59,8 @@ class ZenohLeaders:
 class ZenohLeader:
     """Publishes at once, and drops what the network does not take."""
 
+    failure = None
+
     def __init__(
         self, session: zenoh.Session, wish: LinkWish, deliver: Deliver, *, is_protected: bool
     ) -> None:
@@ -98,7 +100,7 @@ class ZenohLeader:
 class ZenohFollower:
     """Connects to one leader, also to one that is not there yet or comes back."""
 
-    matching = None
+    matching = failure = None
 
     def __init__(self, wish: LinkWish, file: str | None, deliver: Deliver) -> None:
         config = _config(file)

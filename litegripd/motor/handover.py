@@ -61,7 +61,7 @@ _MOTOR = Carried(
     ),
     _feedback=Feedback,
     _asked_s=float,
-    _silence=Carried(Silence, unanswered=int),
+    _silence=Carried(Silence, left=("_bus_is_usable", "_was_total"), unanswered=int),
     _traffic=Carried(
         Traffic,
         left=("_can_id", "_silence", "_counters"),

@@ -58,6 +58,10 @@ class Listener:
             self.counters.missed_replies += 1
         self._watch_silence(now_s)
 
+    def note_bus(self, *, is_usable: bool) -> None:
+        """Take whether the bus can carry frames; call it after `receive`."""
+        self._silence.note_bus(self._phase, is_usable=is_usable)
+
     def _receive(self, frame: CanFrame) -> None:
         if frame.can_id == self._can_id:
             self.counters.foreign_commands += 1

@@ -20,6 +20,22 @@ class Silence:
 
     def __init__(self) -> None:
         self.unanswered = 0
+        self._bus_is_usable = True
+        self._was_total = False
+
+    def note_bus(self, phase: Phase, *, is_usable: bool) -> None:
+        """Count anew, for a motor out of reach, once the bus can carry anything again.
+
+        What was asked before that reached nobody, and tells nothing of a motor that was not silent
+        when the bus was lost. The phase stays: one that was lost while enabled is treated alike.
+        """
+        if is_usable is self._bus_is_usable:
+            return
+        self._bus_is_usable = is_usable
+        if not is_usable:
+            self._was_total = self.is_total(phase)
+        elif phase in (Phase.LOOKING, Phase.LOST) and not self._was_total:
+            self.unanswered = 0
 
     def begin_phase(self, event: Event) -> None:
         """Count anew; a motor that is looked for because of its silence is known to be silent."""

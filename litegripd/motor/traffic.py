@@ -87,4 +87,5 @@ class Traffic:
         """Ask for the status in every tick, in place of the commands to a motor that is lost."""
         self._counters.withheld_commands += 1
         self._polled_at_s = now_s
+        self._silence.unanswered += 1
         return [status_request(self._can_id)]

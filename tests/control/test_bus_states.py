@@ -110,3 +110,86 @@ def test_nothing_that_arms_is_sent_to_a_bus_that_does_not_answer() -> None:
     world.run_until(lambda: client.has_answer(number), 10.0)
     to_motor = [s for s in world.sent if s.frame.can_id == CAN_ID and s.at_s > since_s]
     assert {s.frame.data for s in to_motor} <= {codec.DISABLE}
+
+
+@pytest.mark.parametrize("opens_after_s", [0.1, 0.2, 3.0])
+def test_a_motor_is_not_called_silent_because_the_bus_took_long_to_open(
+    opens_after_s: float,
+) -> None:
+    world = World()
+    client = world.client()
+    client.result("events.subscribe")
+    cut(world, "down")
+    world.run(opens_after_s)
+    mend(world)
+    world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 2.0)
+    assert [data["state"] for data in bus_events(client)] == ["down", "up"]
+
+
+@pytest.mark.parametrize("state", DOWN)
+@pytest.mark.parametrize("was_enabled", [False, True])
+@pytest.mark.parametrize("lost_s", [0.05, 0.5, 2.0])
+def test_a_motor_that_was_lost_with_the_bus_is_asked_before_it_is_called_silent(
+    state: BusState, was_enabled: bool, lost_s: float
+) -> None:
+    world = World()
+    client = world.enabled() if was_enabled else world.start().client()
+    client.result("events.subscribe")
+    cut(world, state)
+    world.run(lost_s)
+    mend(world)
+    world.run_until(lambda: not (world.machine.is_out_of_reach or world.state.stale), 2.0)
+    assert [data["state"] for data in bus_events(client)] == [state, "up"]
+
+
+def test_a_motor_that_does_not_answer_is_called_silent_soon_after_the_bus_has_opened() -> None:
+    world = World()
+    cut(world, "down")
+    world.run(3.0)
+    world.condition = UP
+    world.run(0.1)
+    assert (world.state.bus, world.state.mode) == ("up", "offline")
+    world.run_until(lambda: world.state.bus == "motor_silent", 0.15)
+
+
+def test_a_motor_that_was_enabled_and_has_lost_its_power_meanwhile_is_soon_called_silent() -> None:
+    world = World()
+    world.enabled()
+    cut(world, "down")
+    world.run(0.5)
+    world.condition = UP
+    world.tick()
+    assert world.state.bus == "up"
+    assert world.in_phase(MotorPhase.SILENT)
+    world.run_until(lambda: world.state.bus == "motor_silent", 0.03)
+
+
+def test_a_motor_that_was_silent_before_the_bus_was_lost_is_so_when_it_is_back() -> None:
+    world = World().start()
+    world.lose_to_motor = lambda _frame: True
+    world.run(1.0)
+    assert world.state.bus == "motor_silent"
+    world.condition = BusCondition("link_down", "as the test wants it")
+    world.run(1.0)
+    world.condition = UP
+    world.tick()
+    assert world.state.bus == "motor_silent"
+
+
+def test_a_motor_that_was_lost_with_the_bus_for_a_moment_is_neither_found_anew_nor_stiff() -> None:
+    """A hand may be between jaws that were slack."""
+    world = World()
+    client = world.enabled()
+    client.result("stop", level="relax")
+    world.run(0.05)
+    cut(world, "link_down")
+    world.run(0.05)
+    assert world.in_phase(MotorPhase.SILENT)
+    mend(world)
+    phases = set()
+    while not world.in_phase(MotorPhase.ENABLED):
+        phases.add(world.phase)
+        world.tick()
+        assert len(phases) == 1
+    assert phases == {MotorPhase.SILENT}
+    assert world.state.mode == "relaxed"

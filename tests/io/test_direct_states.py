@@ -125,6 +125,23 @@ def test_bus_off_lasts_until_something_comes_though_frames_can_be_sent(
     assert rig.state == "up"
 
 
+@pytest.mark.parametrize(
+    ("comes", "state"),
+    [
+        ([MESSAGE, error_frame(0x40)], "bus_off"),
+        ([MESSAGE, error_frame(0x40), error_frame(0x08)], "bus_off"),
+        ([error_frame(0x40), MESSAGE], "up"),
+    ],
+)
+def test_what_comes_last_in_a_tick_tells_whether_the_bus_is_off(
+    rig: Rig, comes: list[can.Message], state: str
+) -> None:
+    rig.tick()
+    rig.fake.to_receive += comes
+    assert len(rig.tick()) == 1
+    assert rig.state == state
+
+
 def test_a_queue_that_was_full_before_the_bus_off_does_not_end_it(rig: Rig) -> None:
     rig.tick()
     rig.fake.send_error = operation_error(errno.ENOBUFS)

@@ -24,6 +24,7 @@ class Rig:
     def __init__(self, reborn: Callable[[FakeChild], None]) -> None:
         self.now_s = 0.0
         self.started_s: list[float] = []
+        self.start_error: OSError | None = None
         self.child = FakeChild()
         self._reborn = reborn
         self.bus = PumpedBus(BusSettings("slcan", "/dev/x", 1_000_000), PERIOD_S, self._start)  # type: ignore[arg-type]
@@ -45,6 +46,8 @@ class Rig:
 
     def _start(self, _module: str, _arguments: Sequence[str]) -> FakeChild:
         self.started_s.append(self.now_s)
+        if self.start_error is not None:
+            raise self.start_error
         self.child = FakeChild()
         self._reborn(self.child)
         return self.child
@@ -106,11 +109,34 @@ def test_the_name_that_the_pump_has_told_is_not_changed_by_what_was_dropped(rig:
     assert (rig.state, rig.bus.condition.error) == ("adapter_gone", "reading: gone")
 
 
-def test_a_pump_that_dies_is_started_again_ever_less_often() -> None:
+@pytest.mark.parametrize("start_error", [None, OSError(11, "no processes left")])
+def test_a_pump_that_dies_or_cannot_be_started_is_started_again_ever_less_often(
+    start_error: OSError | None,
+) -> None:
     rig = Rig(dies)
+    rig.start_error = start_error
     rig.run(40.0)
     gaps_s = [later - earlier for earlier, later in pairwise(rig.started_s)]
     assert gaps_s[:7] == pytest.approx([0.5, 1.0, 2.0, 4.0, 5.0, 5.0, 5.0], abs=2.5 * POLL_S)
+
+
+def test_only_openings_after_the_first_are_counted_and_only_what_is_lost_since_then() -> None:
+    rig = Rig(dies)
+    rig.run(20.0)
+    counters = rig.bus.counters
+    assert len(rig.started_s) > 3
+    assert (counters.reopened, counters.send_failures) == (0, 0)
+    rig._reborn = opens
+    rig.run(6.0)
+    assert (rig.state, counters.reopened, counters.send_failures) == ("up", 0, 0)
+    rig._reborn = dies
+    rig.child.has_ended = True
+    rig.run(20.0)
+    assert counters.reopened == 0
+    assert counters.send_failures == 20.0 / POLL_S
+    rig._reborn = opens
+    rig.run(6.0)
+    assert (rig.state, counters.reopened) == ("up", 1)
 
 
 def test_a_pump_that_opens_its_adapter_is_soon_started_again() -> None:
