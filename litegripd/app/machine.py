@@ -55,11 +55,13 @@ class Machine:
         if refusal is not None:
             view = replace(view, problem=refusal)
         self.engine.note_bus(bus)
+        must_disable = self.engine.must_disable
         try:
             order = self.engine.step(now_s, view)
             self._sent = self.motor.step(now_s, order)
         except Exception as error:
             self.engine.break_off(error)
+            self.engine.must_disable |= must_disable  # it may not have got that far
             raise
         return self._sent
 

@@ -11,7 +11,7 @@ from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Job, OnLost, Owner, StopLevel
-from litegripd.model.motor import MotorView
+from litegripd.model.motor import MotorPhase, MotorView
 from litegripd.model.results import GraspResult, ReplayResult, Result
 
 _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
@@ -163,13 +163,10 @@ def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
         data = {"phase": now.phase.value, "error": fault.message, **fault.data}
         events.append(Event("motor", text, data))
     problem = now.problem
-    if _is_implausible(problem) and not _is_implausible(before.problem) and problem is not None:
+    has_jumped = problem is not None and problem.reason == "implausible_feedback"
+    if problem is not None and has_jumped and before.phase is MotorPhase.ENABLED:
         events.append(Event("implausible", problem.message, problem.data))
     return events
-
-
-def _is_implausible(problem: Refusal | None) -> bool:
-    return problem is not None and problem.reason == "implausible_feedback"
 
 
 def bus_changed(before: BusCondition, now: BusCondition) -> Event:

@@ -113,7 +113,7 @@ class Dumps:
             self._note_once("motor_silent", now_s)
         elif phase is MotorPhase.UNKNOWN and before is MotorPhase.ENABLED:
             self._note("motor_reset", now_s)
-        elif phase is MotorPhase.DISABLING and has_jumped:
+        elif (before, phase) == (MotorPhase.ENABLED, MotorPhase.DISABLING) and has_jumped:
             self._note("implausible", now_s)
 
     def _note_once(self, cause: Cause, now_s: float) -> None:

@@ -124,7 +124,7 @@ class Grip:
         if self.is_holding:
             self._watch(feedback)
         elif self._stays:
-            self._note(self._sign * feedback.velocity_rad_s > STANDING_RAD_S, feedback)
+            self._note(self._is_free(feedback, STANDING_RAD_S), feedback)
         if self._settings.by == "gains":
             return self._around_reading(now_s, feedback)
         limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
@@ -154,12 +154,16 @@ class Grip:
 
         An object that gives way while the force rises may be as fast, but it resists.
         """
-        settings, sign = self._settings, self._sign
-        fast = sign * feedback.velocity_rad_s > LOST_SPEED_SHARE * settings.grasp_speed_rad_s
-        least_nm = max(LOST_TORQUE_SHARE * self._applied_nm, LOST_TORQUE_NM)
-        free = fast and sign * feedback.torque_nm < least_nm
-        closed = sign * feedback.position_rad >= settings.lost_at_rad
+        settings = self._settings
+        free = self._is_free(feedback, LOST_SPEED_SHARE * settings.grasp_speed_rad_s)
+        closed = self._sign * feedback.position_rad >= settings.lost_at_rad
         self._note(free or closed, feedback)
+
+    def _is_free(self, feedback: Feedback, fast_rad_s: float) -> bool:
+        """Tell whether the jaws close faster than that, and nothing takes the torque."""
+        least_nm = max(LOST_TORQUE_SHARE * self._applied_nm, LOST_TORQUE_NM)
+        fast = self._sign * feedback.velocity_rad_s > fast_rad_s
+        return fast and self._sign * feedback.torque_nm < least_nm
 
     def _note(self, is_closing_on: bool, feedback: Feedback) -> None:
         """Count the measurements in a row, each once, that show jaws which hold nothing."""

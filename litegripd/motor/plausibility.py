@@ -41,7 +41,12 @@ class Plausibility:
         self._last: Feedback | None = None
         self._doubted: Feedback | None = None
         self._told_s = 0.0
+        self._silent_s = 0.0
+        """For how long no frame had come before the latest; late ones may come together."""
         self._gap_s = 0.0
+        """That of the first frame in doubt: so long the jaws could have gone anywhere."""
+        self._can_be = False
+        self._was_driven = False
 
     @property
     def brake_kd_nm_s_rad(self) -> float:
@@ -68,9 +73,11 @@ class Plausibility:
         more than slack.
         """
         last, doubted = self._last, self._doubted
-        silent_s, self._told_s = feedback.at_s - self._told_s, feedback.at_s
+        if feedback.at_s > self._told_s:
+            self._silent_s, self._told_s = feedback.at_s - self._told_s, feedback.at_s
         if doubted is None:
-            self._gap_s = silent_s
+            self._gap_s, self._was_driven = self._silent_s, False
+        self._was_driven = is_driven or self._was_driven  # braking without damping is no command
         is_judged = (
             last is not None
             and feedback.status == Status.ENABLED
@@ -79,15 +86,16 @@ class Plausibility:
         if not is_judged or last is None or _is_reachable(last, feedback, ALONE_S):
             self.believe(feedback)
             return True
-        agrees = doubted is not None and _is_reachable(doubted, feedback, silent_s)
+        agrees = doubted is not None and _is_reachable(doubted, feedback, self._silent_s)
         is_lasting = self.in_a_row + 1 >= IMPLAUSIBLE_FRAMES
-        is_slack = is_lasting and not is_driven
-        if agrees and (is_slack or _is_reachable(last, feedback, self._gap_s)):
+        is_slack = is_lasting and not self._was_driven
+        if agrees and (is_slack or self._can_be):
             self.believe(feedback)
             return True
         self.in_a_row += 1
         self._doubted = feedback
-        if is_lasting and is_driven:
+        self._can_be = _is_reachable(last, feedback, self._gap_s)
+        if is_lasting and self._was_driven:
             self.refusal = implausible_refusal(feedback.position_rad - last.position_rad)
         return False
 

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 
 from litegripd.model.bus import BusCondition
-from litegripd.model.motor import Status
+from litegripd.model.frame import CanFrame
+from litegripd.model.motor import MotorOrder, MotorPhase, Status
 from tests.world import PERIOD_S, World
 
 
@@ -123,3 +124,23 @@ def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
     jobs = {job.number: job.state for job in world.engine.jobs}
     other = world.client().result("motion.close", wait=False)["job"]
     assert other not in jobs
+
+
+def test_a_disabling_that_is_due_in_a_tick_that_fails_is_not_forgotten(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = World()
+    world.enabled()
+    motor, step = world.machine.motor, world.machine.motor.step
+    fails = [True]
+
+    def failing(now_s: float, order: MotorOrder) -> list[CanFrame]:
+        if fails.pop() if fails else False:
+            raise RuntimeError("a defect")
+        return step(now_s, order)
+
+    world.client().send("stop", level="disable")
+    monkeypatch.setattr(motor, "step", failing)
+    with pytest.raises(RuntimeError):
+        world.tick()
+    world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)

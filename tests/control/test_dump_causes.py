@@ -115,3 +115,16 @@ def test_a_second_master_that_is_tolerated_is_not() -> None:
     world.inject(FOREIGN)
     world.run(2.0)
     assert world.disk.dumps == []
+
+
+def test_a_jump_is_dumped_once_however_often_the_motor_is_disabled_after_it() -> None:
+    world = World()
+    client = world.enabled()
+    observer = watching(world)
+    world.gripper.jump(0.5)
+    until_dumped(world, 1)
+    for _ in range(2):
+        world.run(APART_S + 10.0)
+        client.result("motor.disable")
+    world.run(APART_S + 10.0)
+    assert causes(observer) == ["implausible"]

@@ -254,3 +254,44 @@ def test_a_press_of_a_blocked_move_does_not_outlast_it_in_a_gentler_force() -> N
     for _ in range(400):
         world.tick()
         assert squeeze_nm(world) < 0.6
+
+
+@pytest.mark.parametrize("ends_by", ["stop", "hold"])
+@pytest.mark.parametrize("stiffness_nm_rad", [30.0, 60.0, 250.0])
+def test_what_is_squeezed_may_be_shaken_and_is_squeezed_on(
+    ends_by: str, stiffness_nm_rad: float
+) -> None:
+    """It moves, but it resists: that is no closing on nothing."""
+    world, client = with_object(None)
+    world.gripper.put_object(width_mm=50.0, stiffness_nm_rad=stiffness_nm_rad)
+    client.result("motion.set_force", force_n=20)
+    world.run(4.0)
+    sign = world.gripper.parameters.close_sign
+    world.gripper.push(sign * 0.3)
+    world.run(0.02)
+    if ends_by == "stop":
+        world.client().send("stop")
+    else:
+        client.send("motion.hold")
+    world.run(0.02)
+    world.gripper.push(0.0)
+    world.run(1.0)
+    world.gripper.push(sign * 1.0)
+    world.run(0.06)
+    world.gripper.push(0.0)
+    world.run(1.0)
+    assert squeeze_nm(world) == pytest.approx(2.0, abs=0.1)
+    assert world.state.force_set_n == pytest.approx(20.0, abs=0.2)
+
+
+@pytest.mark.parametrize("stiffness_nm_rad", [10.0, 30.0])
+def test_a_stop_while_the_force_on_something_soft_rises_keeps_what_there_is(
+    stiffness_nm_rad: float,
+) -> None:
+    world, client = with_object(None)
+    world.gripper.put_object(width_mm=50.0, stiffness_nm_rad=stiffness_nm_rad)
+    client.result("motion.set_force", force_n=30)
+    world.run_until(lambda: squeeze_nm(world) > 2.5)
+    world.client().send("stop")
+    world.run(1.0)
+    assert squeeze_nm(world) > 2.4

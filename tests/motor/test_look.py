@@ -1,5 +1,6 @@
 """Reading what the motor tells about itself, and refusing what does not fit."""
 
+import random
 import struct
 
 import pytest
@@ -238,3 +239,27 @@ def test_registers_are_not_asked_for_again_while_an_answer_may_be_under_way() ->
     assert not look.step(0.005)
     assert not look.step(0.015)
     assert look.step(0.021)
+
+
+def test_one_clear_fault_sees_to_a_fault_and_to_registers_that_were_set_meanwhile() -> None:
+    world = world_with(10, struct.pack("<I", 2)).start()
+    client = world.client()
+    world.gripper.latch_fault(0xE)
+    world.run_until(lambda: world.in_phase(MotorPhase.FAULT), 1.0)
+    world.gripper.motor.registers.write(10, struct.pack("<I", 1))
+    assert client.result("motor.clear_fault")["cleared"] == "overload"
+    assert client.result("motor.enable")["ok"]
+
+
+def test_registers_are_read_again_though_half_of_the_answers_are_lost() -> None:
+    world = world_with(10, struct.pack("<I", 2)).start()
+    world.gripper.motor.registers.write(10, struct.pack("<I", 1))
+    chance = random.Random(1)
+    for _ in range(8):
+        world.lose_from_motor = lambda _frame: chance.random() < 0.5
+        assert world.client().result("motor.clear_fault")["ok"]
+        world.lose_from_motor = lambda _frame: False
+        world.gripper.motor.registers.write(10, struct.pack("<I", 2))
+        world.gripper.power_cycle()
+        world.run(1.0)
+        world.gripper.motor.registers.write(10, struct.pack("<I", 1))

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.model.calibration import Calibration
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import Feedback, MotorPhase, Status
 from litegripd.motor.plausibility import IMPLAUSIBLE_FRAMES, Plausibility
@@ -284,3 +285,50 @@ def test_a_jump_is_told_as_an_event_once() -> None:
     assert [event["kind"] for event in told_of] == ["implausible"]
     assert 0.2 < told_of[0]["data"]["jump_rad"] < 0.6  # the jaws have followed it meanwhile
     assert "motor.clear_fault" in told_of[0]["message"]
+
+
+def test_a_jump_is_told_once_even_after_the_motor_was_away() -> None:
+    world = World()
+    client = holding(world)
+    client.result("events.subscribe", kinds=["implausible"])
+    world.gripper.jump(0.5)
+    world.run(1.0)
+    world.gripper.power_off()
+    world.run(2.0)
+    world.gripper.power_on()
+    world.run(2.0)
+    assert client.refusal("motor.enable") == "implausible_feedback"
+    assert len([n for n in client.notifications if n["method"] == "event"]) == 1
+
+
+@pytest.mark.parametrize("by_rad", [-0.5, 1.5, 6.283])
+def test_without_damping_a_jump_that_stays_disables_the_motor_all_the_same(by_rad: float) -> None:
+    world = World()
+    geometry = world.engine.geometry
+    assert geometry is not None
+    world.engine.use_calibration(Calibration(geometry, kp_nm_rad=100.0, kd_nm_s_rad=0.0), None)
+    holding(world)
+    world.gripper.jump(by_rad)
+    world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
+
+
+def test_late_answers_that_come_together_are_no_jump() -> None:
+    """They are dated alike, for nobody can tell them apart; the jaws have gone on between them."""
+    judge = Plausibility()
+    speed_rad_s, period_s = 10.0, 0.010
+    assert accepts(judge, told(0.0, 0.0, speed_rad_s))
+    for tick in range(1, 4):
+        assert accepts(judge, told(tick * period_s, speed_rad_s * tick * period_s, speed_rad_s))
+    for tick in range(4, 8):
+        accepts(judge, told(4 * period_s, speed_rad_s * tick * period_s, speed_rad_s))
+    assert judge.refusal is None
+
+
+def test_a_bounce_that_each_measurement_leads_to_is_no_jump() -> None:
+    """Of jaws thrown at 1.4 m/s, at 100 Hz: between two, full torque may do more than in 5 ms."""
+    judge = Plausibility()
+    bounce = [(-1.081, 12.5), (-1.230, -18.6), (-1.296, 4.2), (-1.344, -9.4), (-1.42, -7.0)]
+    for tick, (position_rad, velocity_rad_s) in enumerate(bounce):
+        accepts(judge, told(0.010 * tick, position_rad, velocity_rad_s))
+    assert judge.refusal is None
+    assert judge.in_a_row == 0

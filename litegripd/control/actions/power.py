@@ -8,6 +8,8 @@ from litegripd.model.results import ClearFaultResult, DisableResult, EnableResul
 
 _DISABLE_WITHIN_S = 1.0
 _CLEAR_WITHIN_S = 0.5
+_LOOK_WITHIN_S = 3.0
+"""So long reading the registers anew may take; a third of the frames may be lost meanwhile."""
 
 
 class Enable(PlainAction):
@@ -71,19 +73,29 @@ class ClearFault(PlainAction):
     def __init__(self) -> None:
         self._asked_s: float | None = None
         self._cleared: str | None = None
+        self._had_fault = False
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Ask once, then watch."""
+        """Ask, then watch; once a fault is gone, ask again for what else is wrong, if anything."""
         if self._asked_s is None:
-            self._asked_s = now_s
+            self._had_fault = motor.fault is not None
             latched = motor.fault or motor.problem
             self._cleared = None if latched is None else _name_of(latched)
-            return Step(request=ClearFaultRequest())
+            return self._ask(now_s)
+        if motor.phase is MotorPhase.DISABLED and motor.problem is not None and self._had_fault:
+            self._had_fault = False
+            return self._ask(now_s)
         if motor.phase is MotorPhase.DISABLED:
             return Step(outcome=motor.problem or ClearFaultResult(True, self._cleared))
-        if motor.failure is None and now_s - self._asked_s < _CLEAR_WITHIN_S:
+        is_looked_at = motor.phase is MotorPhase.UNKNOWN
+        within_s = _LOOK_WITHIN_S if is_looked_at else _CLEAR_WITHIN_S
+        if motor.failure is None and now_s - self._asked_s < within_s:
             return Step()
         return Step(outcome=motor.failure or motor.fault or motor.problem or _NOT_CLEARED)
+
+    def _ask(self, now_s: float) -> Step:
+        self._asked_s = now_s
+        return Step(request=ClearFaultRequest())
 
 
 def _name_of(refusal: Refusal) -> str:
