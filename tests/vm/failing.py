@@ -22,6 +22,7 @@ from tests.vm.guest import (
     witness,
 )
 
+ZERO_GAINS = "800000000800"  # behind the position: what undoes the last command of before
 FOREIGN = "79DA7FF3336667FF"  # q = -0.6 rad, kp = 100, kd = 2: what a script would send
 
 
@@ -78,7 +79,8 @@ def interface_removed_while_holding() -> None:
                 partial(rpc.bus_is, "up")
             )
             check("interface added again: the motor is found", found, reasons(rpc))
-            check("and nothing was sent to it", not bus.data(COMMANDS), bus.data(COMMANDS)[:3])
+            moving = [data for data in bus.data(COMMANDS) if not data.endswith(ZERO_GAINS)]
+            check("and nothing was sent to it but zero gains", not moving, moving[:3])
             check("and it can be used", rpc.insist("motion.close").get("ok") is True)
             rpc.call("motor.disable")
         check("the daemon never ended", program.status is None)
