@@ -154,17 +154,15 @@ def left_to_holder() -> Event:
 def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
     """Tell that the motor is in another phase, or has another fault, and why it was disabled."""
     events = []
-    fault = now.fault
-    if fault is None and now.phase is not before.phase:
+    fault, problem = now.fault, now.problem
+    if now.phase is not before.phase or (fault is not None and fault != before.fault):
         text = f"motor: {before.phase.value} -> {now.phase.value}"
-        events.append(Event("motor", text, {"phase": now.phase.value}))
-    elif fault is not None and fault != before.fault:
-        text = f"motor: {before.phase.value} -> {now.phase.value}: {fault.message}"
-        data = {"phase": now.phase.value, "error": fault.message, **fault.data}
+        data: dict[str, object] = {"phase": now.phase.value}
+        if fault is not None:
+            text += f": {fault.message}"
+            data |= {"error": fault.message, **fault.data}
         events.append(Event("motor", text, data))
-    problem = now.problem
-    has_jumped = problem is not None and problem.reason == "implausible_feedback"
-    if problem is not None and has_jumped and before.phase is MotorPhase.ENABLED:
+    if problem is not None and now.has_jumped and before.phase is MotorPhase.ENABLED:
         events.append(Event("implausible", problem.message, problem.data))
     return events
 

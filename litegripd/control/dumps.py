@@ -97,8 +97,7 @@ class Dumps:
         self, before: MotorPhase, phase: MotorPhase, now_s: float, *, bus_is_up: bool
     ) -> None:
         """Tell what begins from what was found, or what the motor cannot get rid of."""
-        problem = self._engine.motor.problem
-        has_jumped = problem is not None and problem.reason == "implausible_feedback"
+        has_jumped = self._engine.motor.has_jumped
         if phase in _POWERED:
             self._is_powered = True
         elif phase in (MotorPhase.DISABLED, MotorPhase.FAULT):

@@ -158,6 +158,11 @@ class MotorView:
     zero: ZeroView = ZeroView()
     foreign_commands: int = 0
 
+    @property
+    def has_jumped(self) -> bool:
+        """Whether the position is not believed, because it jumped."""
+        return self.problem is not None and self.problem.reason == "implausible_feedback"
+
 
 @dataclass(frozen=True, slots=True)
 class EnableMotor:

@@ -59,7 +59,6 @@ _MOTOR = Carried(
         _told_s=float,
         _silent_s=float,
         _gap_s=float,
-        _can_be=bool,
         _was_driven=bool,
     ),
     _feedback=Feedback,

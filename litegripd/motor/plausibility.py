@@ -45,7 +45,6 @@ class Plausibility:
         """For how long no frame had come before the latest; late ones may come together."""
         self._gap_s = 0.0
         """That of the first frame in doubt: so long the jaws could have gone anywhere."""
-        self._can_be = False
         self._was_driven = False
 
     @property
@@ -86,15 +85,14 @@ class Plausibility:
         if not is_judged or last is None or _is_reachable(last, feedback, ALONE_S):
             self.believe(feedback)
             return True
-        agrees = doubted is not None and _is_reachable(doubted, feedback, self._silent_s)
         is_lasting = self.in_a_row + 1 >= IMPLAUSIBLE_FRAMES
-        is_slack = is_lasting and not self._was_driven
-        if agrees and (is_slack or self._can_be):
-            self.believe(feedback)
-            return True
+        if doubted is not None and _is_reachable(doubted, feedback, self._silent_s):
+            is_slack = is_lasting and not self._was_driven
+            if is_slack or _is_reachable(last, doubted, self._gap_s):
+                self.believe(feedback)
+                return True
         self.in_a_row += 1
         self._doubted = feedback
-        self._can_be = _is_reachable(last, feedback, self._gap_s)
         if is_lasting and self._was_driven:
             self.refusal = implausible_refusal(feedback.position_rad - last.position_rad)
         return False

@@ -109,33 +109,33 @@ def told(at_s: float, position_rad: float, velocity_rad_s: float, status: int = 
     return Feedback(status, position_rad, velocity_rad_s, 0.0, 30, 30, at_s)
 
 
-@given(
-    velocity=st.floats(-29.0, 29.0),
-    acceleration=st.floats(-5000.0, 5000.0),
-    elapsed=st.floats(0.0, 0.005),
-)
+SPEEDS, ACCELERATIONS = st.floats(-29.0, 29.0), st.floats(-5000.0, 5000.0)
+
+
+def told_after(elapsed: float, velocity: float, acceleration: float) -> Feedback:
+    """Return what is told of jaws that were at 0 with this velocity, and have accelerated since."""
+    way = velocity * elapsed + acceleration * elapsed**2 / 2.0
+    return told(elapsed, way, velocity + acceleration * elapsed)
+
+
+@given(velocity=SPEEDS, acceleration=ACCELERATIONS, elapsed=st.floats(0.0, 0.005))
 def test_whatever_torque_can_do_in_a_period_is_plausible(
     velocity: float, acceleration: float, elapsed: float
 ) -> None:
     judge = Plausibility()
     assert accepts(judge, told(0.0, 0.0, velocity))
-    way = velocity * elapsed + acceleration * elapsed**2 / 2.0
-    assert accepts(judge, told(elapsed, way, velocity + acceleration * elapsed))
+    assert accepts(judge, told_after(elapsed, velocity, acceleration))
 
 
-@given(
-    velocity=st.floats(-29.0, 29.0),
-    acceleration=st.floats(-5000.0, 5000.0),
-    elapsed=st.floats(0.0, 0.02),
-)
+@given(velocity=SPEEDS, acceleration=ACCELERATIONS, elapsed=st.floats(0.0, 0.02))
 def test_whatever_torque_can_do_in_a_gap_is_plausible_by_two_frames(
     velocity: float, acceleration: float, elapsed: float
 ) -> None:
     judge = Plausibility()
     assert accepts(judge, told(0.0, 0.0, velocity))
-    way = velocity * elapsed + acceleration * elapsed**2 / 2.0
-    then = velocity + acceleration * elapsed
-    if not accepts(judge, told(elapsed, way, then)):
+    first = told_after(elapsed, velocity, acceleration)
+    if not accepts(judge, first):
+        way, then = first.position_rad, first.velocity_rad_s
         assert accepts(judge, told(elapsed + 0.005, way + then * 0.005, then))
     assert judge.refusal is None
 
