@@ -42,6 +42,12 @@ def object_lost(job: int | None) -> Event:
     return Event("object_lost", text, {"job": job})
 
 
+def object_moved(moved_mm: float, width_mm: float) -> Event:
+    """Report that the jaws had to follow what they hold, and hold it again."""
+    text = f"the object gave way by {moved_mm:.1f} mm and is held again, at {width_mm:.1f} mm"
+    return Event("object_moved", text, {"moved_mm": moved_mm, "width_mm": width_mm})
+
+
 def heat_changed(change: HeatChange) -> Event:
     """Tell that the coil's heat limits the torque otherwise than before."""
     data = {"from_nm": _finite(change.from_nm), "to_nm": _finite(change.to_nm)}

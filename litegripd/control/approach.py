@@ -9,8 +9,11 @@ stiffness reaches 3.2 N·m 50 ms after it has met an object of 250 N·m/rad.
 from typing import Literal, TypeAlias
 
 from litegripd.control.budget import budgeted
+from litegripd.control.friction import FrictionGauge
 from litegripd.control.gains import Gains
+from litegripd.control.lasting import Lasting
 from litegripd.control.lead import led
+from litegripd.control.speed_window import SpeedWindow
 from litegripd.control.stall import StallDetector
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -28,6 +31,8 @@ CONTACT_SPEED_SHARE = 0.5
 """Slower than this share of their speed the jaws are held up. With less, something soft and damped
 that they meet slowly would take its time: they slow down as they compress it."""
 CONTACT_TORQUE_SHARE = 0.5
+STANDS_S = 0.02
+"""Over so long the positions show whether the jaws stand, whatever speed is reported."""
 KP_MAX_NM_RAD = 500.0  # what a command frame can carry
 SLOWEST_RAD_S = 0.02  # feedback counts velocity in steps of 0.015 rad/s
 
@@ -64,8 +69,10 @@ class Approach:
         self._anchor = (0.0, 0.0)
         self._ramp_s = 0.0
         self._arrived_s: float | None = None
-        self._slow_since_s: float | None = None
-        self._contact_since_s: float | None = None
+        self._slow = Lasting(CONTACT_S)
+        self._contact = Lasting(CONTACT_S)
+        self._window = SpeedWindow(STANDS_S)
+        self.friction = FrictionGauge()
 
     @property
     def ramp_s(self) -> float:
@@ -112,38 +119,32 @@ class Approach:
         """
         position_rad = feedback.position_rad
         if self._arrived_s is not None and self._short_rad(position_rad) <= self._config.reach_tol:
-            self._slow_since_s = self._contact_since_s = None
+            self._slow.reset()
+            self._contact.reset()
             return "empty" if now_s - self._arrived_s >= self._config.settle_s else None
-        self._note_signs(now_s, feedback, held_back)
-        if _has_lasted(self._contact_since_s, now_s):
+        if self._touches(now_s, feedback, held_back):
             return "contact"
         stalled = self._stall.add(now_s, position_rad)
-        if stalled and _has_lasted(self._slow_since_s, now_s):
+        if stalled and self._slow.has_lasted(now_s):
             return "stalled"  # and not just turning round where a thump has thrown them
         began_s = now_s if self._began_s is None else self._began_s
         late_s = _GIVE_UP_FACTOR * self._ramp_s + _GIVE_UP_EXTRA_S
         return "timed_out" if now_s - began_s > late_s else None
 
-    def _note_signs(self, now_s: float, feedback: Feedback, held_back: bool) -> None:
-        """Note since when the jaws stand, and since when against something that takes the torque.
+    def _touches(self, now_s: float, feedback: Feedback, held_back: bool) -> bool:
+        """Return True once the jaws have stood against something that takes the torque.
 
-        Thrown back, they do not stand.
+        Thrown back, they do not stand. A noisy speed does not hide that they do: either the
+        reported speed or the way of the last `STANDS_S` may show it.
         """
+        mean_rad_s = self._window.add(now_s, feedback.position_rad)
         slow_rad_s = max(CONTACT_SPEED_SHARE * self.speed_rad_s, SLOWEST_RAD_S)
         slow = abs(feedback.velocity_rad_s) < slow_rad_s
-        pressing = self._sign * feedback.torque_nm >= CONTACT_TORQUE_SHARE * BUDGET_NM
-        self._slow_since_s = _since(self._slow_since_s, slow, now_s)
-        self._contact_since_s = _since(
-            self._contact_since_s, slow and held_back and pressing, now_s
-        )
-
-
-def _since(since_s: float | None, is_so: bool, now_s: float) -> float | None:
-    """Return since when something is so without a break, given what was known before."""
-    if not is_so:
-        return None
-    return now_s if since_s is None else since_s
-
-
-def _has_lasted(since_s: float | None, now_s: float) -> bool:
-    return since_s is not None and now_s - since_s >= CONTACT_S * 0.999
+        slow = slow or (mean_rad_s is not None and abs(mean_rad_s) < slow_rad_s)
+        torque_nm = self._sign * feedback.torque_nm
+        if mean_rad_s is not None and not held_back:
+            share = self._sign * mean_rad_s / self.speed_rad_s
+            self.friction.add(now_s, share, torque_nm)
+        self._slow.step(slow, now_s)
+        pressing = torque_nm >= CONTACT_TORQUE_SHARE * BUDGET_NM
+        return self._contact.step(slow and held_back and pressing, now_s)

@@ -135,6 +135,7 @@ class Engine(Arbiter):
             return MotorOrder(request=request, register=inquiry)
         is_motion = command is not None
         command = command or self._rest_command(now_s, feedback)
+        self._note_moved_object(feedback)
         return MotorOrder(self._send(now_s, command, feedback), request, is_motion, inquiry)
 
     def progress(self) -> Progress | None:
@@ -175,6 +176,13 @@ class Engine(Arbiter):
             self.rest = Hold(feedback.position_rad, self.gains)
             return self.rest.command(now_s, feedback)
         return command
+
+    def _note_moved_object(self, feedback: Feedback) -> None:
+        grip, geometry = self.grip, self.geometry
+        moved_mm = None if grip is None else grip.take_moved_mm()
+        if grip is not None and grip.is_holding and moved_mm is not None and geometry is not None:
+            width_mm = geometry.opening_mm(feedback.position_rad)
+            self.events.append(announce.object_moved(moved_mm, width_mm))
 
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
         """Return what is sent in place of `command`."""

@@ -1,37 +1,66 @@
-"""Holding something by force, and watching that it is still there.
+"""Holding something by force: how hard, how fast, and whether it is still there.
 
 The force is a torque, not a stiffness: around an old position reading, kp = 150 turned 20 N into
-5 N when the object yielded at 3 mm/s. But a torque alone lets the jaws shoot shut when the object
-vanishes, so the motor damps what is faster than half the grasp speed: the damping is told to
-expect the measured velocity, as far as that is slow, and so costs a yielding object no force.
+5 N when the object yielded at 3 mm/s. The motor damps what is faster than the object yields: the
+damping expects the measured speed, as far as that is slow, and so costs a yielding object no force.
+
+Friction keeps what a contact put in: jaws that pressed with 10 N and are told 2 N go on pressing
+with more. So a force that is lowered goes below its value once, by the friction, and then up to it.
+
+A grip that closes on nothing searches: with no more torque than lets the jaws travel at a bounded
+speed. `GripWatch` says when, and whether the object is lost.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
+from litegripd.control.friction import ASSUMED_NM
+from litegripd.control.grip_watch import GripWatch, WatchLimits
+from litegripd.control.lasting import Lasting
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
 
 HoldBy: TypeAlias = Literal["torque", "gains"]
 
-HARDEST_DAMPING_NM_S_RAD = 5.0  # what a command frame can carry
+HARDEST_DAMPING_NM_S_RAD = 1.0
+"""Stable with a reserve of 1.4 on a motor that filters its speed by 2 ms, with a current loop of
+1 ms and half the inertia: J·(1/T_filter + 1/T_current) is 1.4 there, and 2.8 with the whole
+inertia. More damping shakes on such motors as soon as something moves the jaws."""
 SOFTEST_DAMPING_NM_S_RAD = 0.5
-FREE_SPEED_SHARE = 0.5
-"""Up to this share of the grasp speed the jaws follow a yielding object undamped; vanishing
-objects let them go at most this much and the grasp speed together."""
+SOFTEST_SEARCH_DAMPING_NM_S_RAD = 0.25
 
-LOST_SPEED_SHARE = 0.55
-"""A little above `FREE_SPEED_SHARE`: with 3 N, of which friction takes half, jaws that have lost
-their object get no faster than about 0.7 of the grasp speed."""
-LOST_TORQUE_SHARE = 0.4
-LOST_TORQUE_NM = 0.4
-"""Closing freely takes 0.15 to 0.3 N·m of friction, whatever the force. With a larger share a soft
-object would seem lost when jaws that stuck in the close-side dead band break away into it."""
-LOST_TICKS = 3
-"""So many measurements must agree that there is nothing: one alone may be disturbed."""
+FREE_SPEED_SHARE = 0.5
+"""Up to this share of the grasp speed the jaws follow a yielding object undamped."""
+YIELD_TIME_S = 0.02
+"""The expected speed follows the measured one this slowly, so that no vibration is followed."""
+FAST_SHARE = 0.55
+"""A little above `FREE_SPEED_SHARE`: jaws that are faster, and meet no resistance, are free."""
+
+SEARCH_SHARE = 1.4
+LEAST_SEARCH_MM_S = 45.0
+MOST_SEARCH_SHARE = 2.0
+"""A search travels at `SEARCH_SHARE` of the grasp speed, but no slower than so many mm/s, as far as
+that is at most `MOST_SEARCH_SHARE`: what is lost is to be known within 50 ms."""
+FAR_S = 0.032
+FAR_MM = (1.5, 3.5)
+"""What a search travels in so long, within these bounds, is too far for an object that gave way."""
+MOVED_MM = 0.3
+RECOVERY_NM_S = 10.0
+"""The torque comes back this fast where the jaws press again: they have bounced already."""
+
 STANDING_RAD_S = 0.05
 """Jaws that press on something are slower than this, 4 mm/s."""
+CLOSES_ON_S = 0.010
+
+BREAKAWAY_SHARE = 1.5
+"""Standing jaws are held by so much more than travelling ones (0.21 against 0.15 N·m)."""
+NOTICED_SHARE = 2.0
+NOTICED_NM = 0.05
+"""From this multiple of the friction, and this much more, free jaws are sure to run."""
+STICK_NM, STICK_MM = 1.1, 10.0
+"""Near the closed stop jaws that stand are held by up to 0.95 N·m (field use of the gripper)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,10 +76,17 @@ class GripSettings:
     interval_s: float
     kp_nm_rad: float
     kd_nm_s_rad: float
+    friction_nm: float | None = None
+    """What the jaws were measured to take while they closed freely; None: not measured."""
 
     @classmethod
     def of(
-        cls, geometry: Geometry, config: MotionConfig, speed_mm_s: float, by: HoldBy
+        cls,
+        geometry: Geometry,
+        config: MotionConfig,
+        speed_mm_s: float,
+        by: HoldBy,
+        friction_nm: float | None = None,
     ) -> "GripSettings":
         """Take the settings from a configuration."""
         return cls(
@@ -62,6 +98,41 @@ class GripSettings:
             interval_s=config.hold_interval,
             kp_nm_rad=config.hold_kp,
             kd_nm_s_rad=config.hold_kd,
+            friction_nm=friction_nm,
+        )
+
+    @property
+    def likely_friction_nm(self) -> float:
+        """The measured friction, or the usual one."""
+        return ASSUMED_NM if self.friction_nm is None else self.friction_nm
+
+    def search(self, force_n: float) -> tuple[float, float, float]:
+        """Return torque (N·m), damping (N·m·s/rad) and speed (rad/s) of a search for `force_n`.
+
+        Standing jaws press with that torque; free ones travel at that speed.
+        """
+        grasp_rad_s, friction_nm = self.grasp_speed_rad_s, self.likely_friction_nm
+        least_rad_s = self.geometry.to_rad(LEAST_SEARCH_MM_S)
+        speed_rad_s = max(SEARCH_SHARE * grasp_rad_s, least_rad_s)
+        speed_rad_s = min(speed_rad_s, MOST_SEARCH_SHARE * grasp_rad_s)
+        most_nm = friction_nm + HARDEST_DAMPING_NM_S_RAD * speed_rad_s
+        torque_nm = min(force_n / FORCE_PER_TORQUE_N_NM, most_nm)
+        damping = max((torque_nm - friction_nm) / speed_rad_s, SOFTEST_SEARCH_DAMPING_NM_S_RAD)
+        return torque_nm, damping, speed_rad_s
+
+    def watch_limits(self, force_n: float) -> WatchLimits:
+        """Return what a watch of a grip by `force_n` judges by."""
+        torque_nm, damping, speed_rad_s = self.search(force_n)
+        reached_rad_s = min((torque_nm - self.likely_friction_nm) / damping, speed_rad_s)
+        to_rad = self.geometry.to_rad
+        nearest_rad, farthest_rad = map(to_rad, FAR_MM)
+        return WatchLimits(
+            fast_rad_s=FAST_SHARE * self.grasp_speed_rad_s,
+            search_rad_s=speed_rad_s,
+            far_rad=min(max(FAR_S * reached_rad_s, nearest_rad), farthest_rad),
+            lost_at_rad=self.lost_at_rad,
+            friction_nm=self.likely_friction_nm,
+            moved_rad=to_rad(MOVED_MM),
         )
 
 
@@ -77,16 +148,28 @@ class Grip:
     ) -> None:
         self.force_n = force_n
         self.watched = watched
-        self.is_lost = False
         self._settings = settings
         self._sign = settings.geometry.close_sign
         self._applied_nm = max(in_flight_nm, 0.0)
+        self._before_nm = self._applied_nm
+        """The torque before the latest search, to which a recovery returns fast."""
+        self._below_nm: float | None = None
+        """Where a force that is being lowered goes first, so that friction lets it out."""
         self._ramped_at_s: float | None = None
-        self._lost_ticks = 0
-        self._watched_s = 0.0
+        self._watch = GripWatch(settings.watch_limits(force_n))
         self._stays = False
+        self._decides_next = False
+        self._closes_on = Lasting(CLOSES_ON_S)
+        self._has_moved_on = False
+        self._expected_rad_s = 0.0
         self._slice_began_s = 0.0
         self._slice_rad: float | None = None
+        self._aim(force_n)
+
+    @property
+    def settings(self) -> GripSettings:
+        """What the grip is made of."""
+        return self._settings
 
     @property
     def applied_n(self) -> float:
@@ -94,45 +177,117 @@ class Grip:
         return self._applied_nm * FORCE_PER_TORQUE_N_NM
 
     @property
+    def is_lost(self) -> bool:
+        """True once there is nothing between the jaws, or what was to stay has moved on."""
+        return (self.watched and self._watch.is_lost) or self._has_moved_on
+
+    @property
     def is_holding(self) -> bool:
-        """Whether there is something between the jaws."""
+        """True while there is something between the jaws, as far as is known."""
         return self.watched and not self.is_lost
 
+    @property
+    def clamp_n(self) -> tuple[float, float]:
+        """The least and the most force that the object may feel: friction hides the difference.
+
+        While the jaws search for it, it may feel none.
+        """
+        hidden_n = BREAKAWAY_SHARE * self._settings.likely_friction_nm * FORCE_PER_TORQUE_N_NM
+        low_n = 0.0 if self._watch.is_searching else max(self.applied_n - hidden_n, 0.0)
+        return low_n, self.applied_n + hidden_n
+
+    def loss_detected_from_n(self, opening_mm: float) -> float:
+        """Return the set force from which on the loss of an object so wide is noticed.
+
+        With less, friction may keep the jaws where they are when the object vanishes.
+        """
+        friction_nm = self._settings.likely_friction_nm
+        needed_nm = NOTICED_SHARE * friction_nm + NOTICED_NM
+        if opening_mm < STICK_MM:
+            needed_nm = max(needed_nm, STICK_NM)
+        return needed_nm * FORCE_PER_TORQUE_N_NM
+
+    def take_moved_mm(self) -> float | None:
+        """Return how far the object has given way, once for each time that it did."""
+        moved_rad, self._watch.moved_rad = self._watch.moved_rad, None
+        return None if moved_rad is None else moved_rad * self._settings.geometry.rad_to_mm
+
     def squeeze(self, force_n: float) -> None:
-        """Go over to another force, closing on for it where nothing is watched."""
-        self.force_n = force_n
+        """Change to another force, closing on for it where nothing is watched."""
+        self._aim(force_n)
         self._stays = False
+
+    def again(self, settings: GripSettings, force_n: float) -> "Grip":
+        """Return the grip that continues this one with other settings, without a gap."""
+        if settings.friction_nm is None:
+            settings = replace(settings, friction_nm=self._settings.friction_nm)
+        grip = Grip(settings, force_n, self._applied_nm, watched=True)
+        grip._watch.continue_from(self._watch)
+        return grip
 
     def stay(self) -> None:
         """Hold what is held; jaws that are still closing, or begin to, have met nothing."""
         if not self.watched and not self._stays:
-            self._stays, self._lost_ticks = True, LOST_TICKS - 1  # the next measurement decides
+            self._stays = self._decides_next = True
 
     def freeze(self) -> None:
-        """Let the force rise no further: what is in flight is what is held."""
-        self.force_n = min(self.force_n, self.applied_n)
+        """Let the force rise no further: what is in flight is what is held.
+
+        The torque of before a search was in flight, and comes back.
+        """
+        had_nm = max(self._before_nm, self._applied_nm)
+        self.force_n = min(self.force_n, had_nm * FORCE_PER_TORQUE_N_NM)
 
     def resume(self) -> None:
-        """Go on after a silence, in which the motor kept its last command: from what is now."""
+        """Continue after a silence, in which the motor kept its last command: from what is now."""
         self._ramped_at_s = None
         self._slice_rad = None
-        self._lost_ticks = 0
+        self._expected_rad_s = 0.0
+        self._watch.resume()
+        self._closes_on.reset()
 
     def command(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
-        self._ramp(now_s)
-        if self.is_holding:
-            self._watch(feedback)
-        elif self._stays:
-            self._note(self._is_free(feedback, STANDING_RAD_S), feedback)
+        elapsed_s = 0.0 if self._ramped_at_s is None else max(now_s - self._ramped_at_s, 0.0)
+        self._ramped_at_s = now_s
+        self._judge(feedback)
+        self._ramp(elapsed_s)
         if self._settings.by == "gains":
             return self._around_reading(now_s, feedback)
-        limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
-        expected_rad_s = min(max(feedback.velocity_rad_s, -limit_rad_s), limit_rad_s)
+        torque_nm = self._sign * self._applied_nm
+        if self._watch.is_searching:
+            _, damping, _ = self._settings.search(self.force_n)
+            return MitCommand(feedback.position_rad, 0.0, 0.0, damping, torque_nm)
+        expected_rad_s = self._expect(elapsed_s, feedback)
         damping = self._applied_nm / self._settings.grasp_speed_rad_s
         damping = min(max(damping, SOFTEST_DAMPING_NM_S_RAD), HARDEST_DAMPING_NM_S_RAD)
-        torque_nm = self._sign * self._applied_nm
         return MitCommand(feedback.position_rad, expected_rad_s, 0.0, damping, torque_nm)
+
+    def _judge(self, feedback: Feedback) -> None:
+        was_searching = self._watch.is_searching
+        wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
+        is_full = math.isclose(self._applied_nm, wanted_nm)
+        falls = self._applied_nm > wanted_nm or self._below_nm is not None
+        is_new = self._watch.see(
+            feedback, self._sign, self._applied_nm, is_full=is_full, falls=falls
+        )
+        if self._watch.is_searching and not was_searching:
+            self._before_nm, self._expected_rad_s = self._applied_nm, 0.0
+        if is_new and self._stays:
+            is_fast = self._sign * feedback.velocity_rad_s > STANDING_RAD_S
+            closes_on = is_fast and self._watch.takes_nothing
+            has_lasted = self._closes_on.step(closes_on, feedback.at_s)
+            if has_lasted or (closes_on and self._decides_next):
+                self._has_moved_on = True
+            self._decides_next = False
+
+    def _expect(self, elapsed_s: float, feedback: Feedback) -> float:
+        """Return the speed that the damping lets pass: that of a yielding object, smoothed."""
+        limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
+        measured_rad_s = min(max(feedback.velocity_rad_s, -limit_rad_s), limit_rad_s)
+        share = min(elapsed_s / YIELD_TIME_S, 1.0)
+        self._expected_rad_s += share * (measured_rad_s - self._expected_rad_s)
+        return self._expected_rad_s
 
     def _around_reading(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Hold as the vendor's SDK does: stiff around a position that is read now and then."""
@@ -142,33 +297,30 @@ class Grip:
         torque_nm = self._sign * self._applied_nm
         return MitCommand(self._slice_rad, 0.0, settings.kp_nm_rad, settings.kd_nm_s_rad, torque_nm)
 
-    def _ramp(self, now_s: float) -> None:
-        elapsed_s = 0.0 if self._ramped_at_s is None else max(now_s - self._ramped_at_s, 0.0)
-        self._ramped_at_s = now_s
-        step_nm = self._settings.rate_nm_s * elapsed_s
+    def _aim(self, force_n: float) -> None:
+        """Take another force; one that is lowered goes below it once, by the friction."""
+        self.force_n = force_n
+        wanted_nm = force_n / FORCE_PER_TORQUE_N_NM
+        lowers = self._settings.by == "torque" and wanted_nm < self._applied_nm
+        below_nm = max(wanted_nm - self._settings.likely_friction_nm, 0.0)
+        self._below_nm = below_nm if lowers else None
+        self._watch.limits = self._settings.watch_limits(force_n)
+
+    def _ramp(self, elapsed_s: float) -> None:
+        """Bring the torque closer to the one that is wanted now."""
         wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
+        rate_nm_s = self._settings.rate_nm_s
+        if self._watch.is_searching and self._settings.by == "torque":
+            search_nm, _, _ = self._settings.search(self.force_n)
+            self._applied_nm = min(self._applied_nm, search_nm)  # at once: the jaws run
+            wanted_nm = search_nm
+        elif self._below_nm is not None:
+            wanted_nm = self._below_nm
+        elif self._applied_nm < min(self._before_nm, wanted_nm):
+            wanted_nm, rate_nm_s = min(self._before_nm, wanted_nm), max(rate_nm_s, RECOVERY_NM_S)
+        step_nm = rate_nm_s * elapsed_s
         self._applied_nm += min(max(wanted_nm - self._applied_nm, -step_nm), step_nm)
-
-    def _watch(self, feedback: Feedback) -> None:
-        """Notice that the jaws close on nothing: fast without resistance, or all the way.
-
-        An object that gives way while the force rises may be as fast, but it resists.
-        """
-        settings = self._settings
-        free = self._is_free(feedback, LOST_SPEED_SHARE * settings.grasp_speed_rad_s)
-        closed = self._sign * feedback.position_rad >= settings.lost_at_rad
-        self._note(free or closed, feedback)
-
-    def _is_free(self, feedback: Feedback, fast_rad_s: float) -> bool:
-        """Tell whether the jaws close faster than that, and nothing takes the torque."""
-        least_nm = max(LOST_TORQUE_SHARE * self._applied_nm, LOST_TORQUE_NM)
-        fast = self._sign * feedback.velocity_rad_s > fast_rad_s
-        return fast and self._sign * feedback.torque_nm < least_nm
-
-    def _note(self, is_closing_on: bool, feedback: Feedback) -> None:
-        """Count the measurements in a row, each once, that show jaws which hold nothing."""
-        if feedback.at_s == self._watched_s:
-            return
-        self._watched_s = feedback.at_s
-        self._lost_ticks = self._lost_ticks + 1 if is_closing_on else 0
-        self.is_lost = self._lost_ticks >= LOST_TICKS
+        if self._below_nm is not None and self._applied_nm <= self._below_nm:
+            self._below_nm = None
+        if self._watch.state == "held":
+            self._before_nm = self._applied_nm

@@ -13,6 +13,7 @@ from litegripd.control.engine import Engine
 from litegripd.control.filter import LastWord
 from litegripd.control.gains import Gains
 from litegripd.control.grip import Grip, GripSettings
+from litegripd.control.grip_watch import GripWatch, WatchLimits, WatchState
 from litegripd.control.heat import HeatGuard, HeatModel, Readings
 from litegripd.control.in_use import CalibrationInUse
 from litegripd.control.jobs import JobBook
@@ -126,16 +127,30 @@ _ENGINE = Carried(
 )
 _GRIP = Carried(
     Grip,
+    left=("_closes_on",),
     force_n=float,
     watched=bool,
-    is_lost=bool,
     _settings=GripSettings,
     _sign=int,
     _applied_nm=float,
+    _before_nm=float,
+    _below_nm=float | None,
     _ramped_at_s=float | None,
-    _lost_ticks=int,
-    _watched_s=float,
+    _watch=Carried(
+        GripWatch,
+        left=("_closed", "_far", "_free", "_settled", "_speed", "_touching"),
+        limits=WatchLimits,
+        state=WatchState,
+        is_lost=bool,
+        takes_nothing=bool,
+        moved_rad=float | None,
+        _contact_rad=float | None,
+        _seen_s=float,
+    ),
     _stays=bool,
+    _decides_next=bool,
+    _has_moved_on=bool,
+    _expected_rad_s=float,
     _slice_began_s=float,
     _slice_rad=float | None,
 )

@@ -15,6 +15,7 @@ EventKind: TypeAlias = Literal[
     "implausible",
     "client_lost",
     "object_lost",
+    "object_moved",
     "heat",
     "calibration",
     "lease",

@@ -38,7 +38,7 @@ class GraspRequest:
 
 
 class Grasp(PlainAction):
-    """One grasp."""
+    """One grasp; of what is `held` already, without letting go of it to feel for it."""
 
     def __init__(
         self,
@@ -48,6 +48,7 @@ class Grasp(PlainAction):
         config: MotionConfig,
         gains: Gains,
         period_s: float,
+        held: Grip | None = None,
     ) -> None:
         self._request = request
         self._geometry = geometry
@@ -62,6 +63,9 @@ class Grasp(PlainAction):
         self._steps = 0
         self._command_rad = 0.0
         self._feedback: Feedback | None = None
+        if held is not None:
+            self._verdict = "contact"
+            self._grip = held.again(self._settings(None), request.force_n)
 
     def step(self, now_s: float, motor: MotorView) -> Step:
         """Close, then hold; the verdict is this tick's."""
@@ -79,6 +83,11 @@ class Grasp(PlainAction):
                 return Step(command)
             self._grip = self._take(now_s, feedback)
             if self._request.until == "verdict":
+                return Step(command, outcome=self._result(self._held()))
+        elif self._width_mm is None:
+            self._note_contact(now_s, feedback)
+            if self._request.until == "verdict":
+                command = self._grip.command(now_s, feedback)
                 return Step(command, outcome=self._result(self._held()))
         command = self._grip.command(now_s, feedback)
         self._command_rad = command.position_rad
@@ -100,14 +109,20 @@ class Grasp(PlainAction):
 
     def _take(self, now_s: float, feedback: Feedback) -> Grip:
         """Go over from closing to holding, without a step in the torque."""
+        self._note_contact(now_s, feedback)
+        settings = self._settings(self._approach.friction.friction_nm)
+        in_flight_nm = self._geometry.close_sign * feedback.torque_nm
+        return Grip(settings, self._request.force_n, in_flight_nm, watched=True)
+
+    def _note_contact(self, now_s: float, feedback: Feedback) -> None:
         self._held_since_s = now_s
         self._width_mm = self._geometry.opening_mm(feedback.position_rad)
+
+    def _settings(self, friction_nm: float | None) -> GripSettings:
         request = self._request
-        settings = GripSettings.of(
-            self._geometry, self._config, request.speed_mm_s, request.hold_by
+        return GripSettings.of(
+            self._geometry, self._config, request.speed_mm_s, request.hold_by, friction_nm
         )
-        in_flight_nm = self._geometry.close_sign * feedback.torque_nm
-        return Grip(settings, request.force_n, in_flight_nm, watched=True)
 
     def _outcome(self, grip: Grip) -> GraspResult | None:
         if grip.is_lost:

@@ -1,0 +1,177 @@
+"""Whether what is held by force is still there, judged by where the jaws end.
+
+Jaws that close fast while nothing takes their torque are a suspicion and no verdict: they may come
+back after a push, or follow an object that has given way by a millimetre. The squeezing continues
+with little torque (`is_searching`) until they press on something again, or are too far beyond the
+place where they last pressed: only then is the object lost.
+
+The speed comes from measured positions: the speed that the motor reports is filtered and may be
+noisy. Durations are counted in time, and each measurement counts once.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from litegripd.control.lasting import Lasting
+from litegripd.control.speed_window import SpeedWindow
+from litegripd.model.motor import Feedback
+
+WatchState: TypeAlias = Literal["held", "searching", "recovering"]
+"""`held`: the jaws press. `searching`: they close on nothing, so far. `recovering`: they press
+again, and the force comes back."""
+
+AGREE_S = 0.004
+"""Two measurements at 100 and 200 Hz, five at 1000 Hz: one alone may be disturbed."""
+CLOSED_S = 0.010
+"""So long jaws must be seen closed all the way."""
+TOUCH_S = 0.015
+"""So long jaws must stand and press to have touched something again."""
+SETTLED_S = 0.05
+"""So long the force must be back before the object counts as held again."""
+
+RESIST_SHARE = 0.4
+RESIST_FRICTIONS = 1.3
+RESIST_NM = 0.2
+"""What resists takes this share of the commanded torque, and this much more than friction. With a
+larger share a soft object would seem lost when jaws that stuck near the closed stop break away
+into it."""
+TOUCH_TORQUE_SHARE = 0.5
+TOUCH_SPEED_SHARE = 0.4
+"""Of the speed of a search; jaws that meet nothing reach more, even with twice the friction."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """One measurement, counted in the closing direction, beside the torque commanded then."""
+
+    at_s: float
+    closed_rad: float
+    speed_rad_s: float
+    torque_nm: float
+    applied_nm: float
+
+
+@dataclass(frozen=True, slots=True)
+class WatchLimits:
+    """What a watch judges by; positions count in the closing direction."""
+
+    fast_rad_s: float
+    """Jaws that press are slower than this, or something takes their torque."""
+    search_rad_s: float
+    far_rad: float
+    """So far beyond the last contact there is nothing between the jaws."""
+    lost_at_rad: float
+    """Closed this far, there is nothing between the jaws wherever the last contact was."""
+    friction_nm: float
+    moved_rad: float
+    """From this way on a change of the contact is worth a report."""
+
+
+class GripWatch:
+    """Watches one grip; `moved_rad` is how far its object has moved, once, when that is sure."""
+
+    def __init__(self, limits: WatchLimits) -> None:
+        self.limits = limits
+        self.state: WatchState = "held"
+        self.is_lost = False
+        self.moved_rad: float | None = None
+        self.contact_rad: float | None = None
+        """Where the jaws pressed last, as far closed as they did."""
+        self.takes_nothing = False
+        """True while nothing resists the torque that is commanded, fast or slow."""
+        self._seen_s = 0.0
+        self._speed = SpeedWindow()
+        self._free = Lasting(AGREE_S)
+        self._far = Lasting(AGREE_S)
+        self._closed = Lasting(CLOSED_S)
+        self._touching = Lasting(TOUCH_S)
+        self._settled = Lasting(SETTLED_S)
+
+    @property
+    def is_searching(self) -> bool:
+        """True while the jaws close on nothing, so far."""
+        return self.state == "searching"
+
+    def continue_from(self, before: "GripWatch") -> None:
+        """Take over what another watch of the same object knows."""
+        self.state, self.is_lost = before.state, before.is_lost
+        self.contact_rad = before.contact_rad
+
+    def resume(self) -> None:
+        """Continue after a silence; what was measured before it continues nothing."""
+        self._speed.clear()
+        for lasting in (self._free, self._far, self._closed, self._touching, self._settled):
+            lasting.reset()
+
+    def see(
+        self, feedback: Feedback, sign: int, applied_nm: float, *, is_full: bool, falls: bool
+    ) -> bool:
+        """Judge a measurement, each once; return True for a new one.
+
+        `applied_nm` is the torque that is commanded; `is_full`, that it is all that was asked for;
+        `falls`, that it is being lowered, so that a soft object opens the jaws by itself.
+        """
+        at_s = feedback.at_s
+        if at_s == self._seen_s:
+            return False
+        self._seen_s = at_s
+        closed_rad = sign * feedback.position_rad
+        torque_nm = sign * feedback.torque_nm
+        self.takes_nothing = torque_nm < self._resist_nm(applied_nm)
+        if self._closed.step(closed_rad >= self.limits.lost_at_rad, at_s):
+            self.is_lost = True
+        speed_rad_s = self._speed.add(at_s, closed_rad)
+        if speed_rad_s is not None:
+            seen = _Seen(at_s, closed_rad, speed_rad_s, torque_nm, applied_nm)
+            self._judge(seen, is_full=is_full, falls=falls)
+        return True
+
+    def _judge(self, seen: _Seen, *, is_full: bool, falls: bool) -> None:
+        is_free = seen.speed_rad_s > self.limits.fast_rad_s and self.takes_nothing
+        is_suspicious = self._free.step(is_free, seen.at_s)
+        if self.state == "searching":
+            self._search(seen)
+        elif is_suspicious:
+            self._enter("searching")
+        elif self.state == "recovering":
+            self._recover(seen, is_settled=is_full and not is_free)
+        elif not is_free:
+            self._keep_contact(falls=falls)
+
+    def _resist_nm(self, applied_nm: float) -> float:
+        friction_nm = RESIST_FRICTIONS * self.limits.friction_nm
+        return max(RESIST_SHARE * applied_nm, friction_nm + RESIST_NM)
+
+    def _enter(self, state: WatchState) -> None:
+        self.state = state
+        for lasting in (self._far, self._touching, self._settled):
+            lasting.reset()
+
+    def _keep_contact(self, *, falls: bool) -> None:
+        """Note where the jaws press; a hand that opens them does not move the object."""
+        pressed_rad = self._speed.began_rad
+        if self.contact_rad is None or falls:
+            self.contact_rad = pressed_rad
+        else:
+            self.contact_rad = max(self.contact_rad, pressed_rad)
+
+    def _search(self, seen: _Seen) -> None:
+        """Judge where the jaws end that close on nothing: on something again, or too far."""
+        contact_rad, limits = self.contact_rad, self.limits
+        is_far = contact_rad is not None and seen.closed_rad - contact_rad > limits.far_rad
+        if self._far.step(is_far, seen.at_s):
+            self.is_lost = True
+        is_slow = abs(seen.speed_rad_s) < TOUCH_SPEED_SHARE * limits.search_rad_s
+        presses = is_slow and seen.torque_nm >= TOUCH_TORQUE_SHARE * seen.applied_nm
+        if self._touching.step(presses, seen.at_s):
+            self._enter("recovering")
+
+    def _recover(self, seen: _Seen, *, is_settled: bool) -> None:
+        """Wait until the whole force holds; jaws that were only stuck would have gone on."""
+        if not self._settled.step(is_settled, seen.at_s):
+            return
+        self._enter("held")
+        if self.contact_rad is not None:
+            moved_rad = seen.closed_rad - self.contact_rad
+            self.moved_rad = moved_rad if moved_rad >= self.limits.moved_rad else None
+        self._keep_contact(falls=False)
