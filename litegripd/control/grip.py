@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.friction import ASSUMED_NM
-from litegripd.control.grip_watch import GripWatch, WatchLimits
+from litegripd.control.grip_watch import STANDING_RAD_S, GripWatch, WatchLimits
 from litegripd.control.lasting import Lasting
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -28,30 +28,31 @@ HARDEST_DAMPING_NM_S_RAD = 1.0
 """Stable with a reserve of 1.4 on a motor that filters its speed by 2 ms, with a current loop of
 1 ms and half the inertia: J·(1/T_filter + 1/T_current) is 1.4 there, and 2.8 with the whole
 inertia. More damping shakes on such motors as soon as something moves the jaws."""
-SOFTEST_DAMPING_NM_S_RAD = 0.5
-SOFTEST_SEARCH_DAMPING_NM_S_RAD = 0.25
+SOFTEST_DAMPING_NM_S_RAD = 0.35
+SOFTEST_SEARCH_DAMPING_NM_S_RAD = 0.2
 
 FREE_SPEED_SHARE = 0.5
 """Up to this share of the grasp speed the jaws follow a yielding object undamped."""
-YIELD_TIME_S = 0.02
-"""The expected speed follows the measured one this slowly, so that no vibration is followed."""
+YIELD_TIME_S = 0.005
+"""The expected speed follows the measured one with this lag, so that a vibration is damped."""
 FAST_SHARE = 0.55
 """A little above `FREE_SPEED_SHARE`: jaws that are faster, and meet no resistance, are free."""
 
 SEARCH_SHARE = 1.4
-LEAST_SEARCH_MM_S = 45.0
-MOST_SEARCH_SHARE = 2.0
+LEAST_FREE_MM_S = 50.0
+MOST_FREE_SHARE = 2.0
 """A search travels at `SEARCH_SHARE` of the grasp speed, but no slower than so many mm/s, as far as
-that is at most `MOST_SEARCH_SHARE`: what is lost is to be known within 50 ms."""
-FAR_S = 0.032
-FAR_MM = (1.5, 3.5)
-"""What a search travels in so long, within these bounds, is too far for an object that gave way."""
+that is at most `MOST_FREE_SHARE`: a loss is to be known within 50 ms. A hold damps accordingly."""
+FAR_S, FAR_KICK_S = 0.0225, 0.014
+FAR_MM = (1.25, 3.5)
+"""Too far for an object that gave way: what a search travels in so long, and the way by which jaws
+that are let go run ahead of it, before their force is taken back; within these bounds."""
 MOVED_MM = 0.3
-RECOVERY_NM_S = 10.0
-"""The torque comes back this fast where the jaws press again: they have bounced already."""
+BELOW_WITHIN_S = 0.1
+"""So long at most the jaws may take to stand again where a force is lowered."""
+RETURN_NM_S = 10.0
+"""The torque returns this fast where it was before: there is no contact to come."""
 
-STANDING_RAD_S = 0.05
-"""Jaws that press on something are slower than this, 4 mm/s."""
 CLOSES_ON_S = 0.010
 
 BREAKAWAY_SHARE = 1.5
@@ -111,25 +112,35 @@ class GripSettings:
 
         Standing jaws press with that torque; free ones travel at that speed.
         """
-        grasp_rad_s, friction_nm = self.grasp_speed_rad_s, self.likely_friction_nm
-        least_rad_s = self.geometry.to_rad(LEAST_SEARCH_MM_S)
-        speed_rad_s = max(SEARCH_SHARE * grasp_rad_s, least_rad_s)
-        speed_rad_s = min(speed_rad_s, MOST_SEARCH_SHARE * grasp_rad_s)
+        friction_nm, speed_rad_s = self.likely_friction_nm, self._free_rad_s(SEARCH_SHARE)
         most_nm = friction_nm + HARDEST_DAMPING_NM_S_RAD * speed_rad_s
         torque_nm = min(force_n / FORCE_PER_TORQUE_N_NM, most_nm)
         damping = max((torque_nm - friction_nm) / speed_rad_s, SOFTEST_SEARCH_DAMPING_NM_S_RAD)
         return torque_nm, damping, speed_rad_s
 
+    def _free_rad_s(self, share: float) -> float:
+        """Return the speed that free jaws may have: a share of the grasp speed, if not too slow."""
+        wanted_rad_s = max(share * self.grasp_speed_rad_s, self.geometry.to_rad(LEAST_FREE_MM_S))
+        return min(wanted_rad_s, MOST_FREE_SHARE * self.grasp_speed_rad_s)
+
+    def damping(self, applied_nm: float) -> float:
+        """Return the damping (N·m·s/rad) of a hold with this torque."""
+        damping = applied_nm / self._free_rad_s(1.0)
+        return min(max(damping, SOFTEST_DAMPING_NM_S_RAD), HARDEST_DAMPING_NM_S_RAD)
+
     def watch_limits(self, force_n: float) -> WatchLimits:
         """Return what a watch of a grip by `force_n` judges by."""
         torque_nm, damping, speed_rad_s = self.search(force_n)
         reached_rad_s = min((torque_nm - self.likely_friction_nm) / damping, speed_rad_s)
+        applied_nm = force_n / FORCE_PER_TORQUE_N_NM
+        kick_rad_s = applied_nm / self.damping(applied_nm)
+        way_rad = FAR_S * reached_rad_s + FAR_KICK_S * max(kick_rad_s - reached_rad_s, 0.0)
         to_rad = self.geometry.to_rad
         nearest_rad, farthest_rad = map(to_rad, FAR_MM)
         return WatchLimits(
             fast_rad_s=FAST_SHARE * self.grasp_speed_rad_s,
             search_rad_s=speed_rad_s,
-            far_rad=min(max(FAR_S * reached_rad_s, nearest_rad), farthest_rad),
+            far_rad=min(max(way_rad, nearest_rad), farthest_rad),
             lost_at_rad=self.lost_at_rad,
             friction_nm=self.likely_friction_nm,
             moved_rad=to_rad(MOVED_MM),
@@ -151,10 +162,12 @@ class Grip:
         self._settings = settings
         self._sign = settings.geometry.close_sign
         self._applied_nm = max(in_flight_nm, 0.0)
-        self._before_nm = self._applied_nm
-        """The torque before the latest search, to which a recovery returns fast."""
+        self._return_nm = self._applied_nm
+        """Up to here the torque returns fast: it was there before a search, or friction had it."""
         self._below_nm: float | None = None
         """Where a force that is being lowered goes first, so that friction lets it out."""
+        self._below_s = 0.0
+        self._is_lowered = False
         self._ramped_at_s: float | None = None
         self._watch = GripWatch(settings.watch_limits(force_n))
         self._stays = False
@@ -235,7 +248,7 @@ class Grip:
 
         The torque of before a search was in flight, and comes back.
         """
-        had_nm = max(self._before_nm, self._applied_nm)
+        had_nm = max(self._return_nm, self._applied_nm)
         self.force_n = min(self.force_n, had_nm * FORCE_PER_TORQUE_N_NM)
 
     def resume(self) -> None:
@@ -259,20 +272,19 @@ class Grip:
             _, damping, _ = self._settings.search(self.force_n)
             return MitCommand(feedback.position_rad, 0.0, 0.0, damping, torque_nm)
         expected_rad_s = self._expect(elapsed_s, feedback)
-        damping = self._applied_nm / self._settings.grasp_speed_rad_s
-        damping = min(max(damping, SOFTEST_DAMPING_NM_S_RAD), HARDEST_DAMPING_NM_S_RAD)
+        damping = self._settings.damping(self._applied_nm)
         return MitCommand(feedback.position_rad, expected_rad_s, 0.0, damping, torque_nm)
 
     def _judge(self, feedback: Feedback) -> None:
         was_searching = self._watch.is_searching
         wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
         is_full = math.isclose(self._applied_nm, wanted_nm)
-        falls = self._applied_nm > wanted_nm or self._below_nm is not None
+        falls = self._is_lowered and not is_full
         is_new = self._watch.see(
             feedback, self._sign, self._applied_nm, is_full=is_full, falls=falls
         )
         if self._watch.is_searching and not was_searching:
-            self._before_nm, self._expected_rad_s = self._applied_nm, 0.0
+            self._return_nm, self._expected_rad_s = self._applied_nm, 0.0
         if is_new and self._stays:
             is_fast = self._sign * feedback.velocity_rad_s > STANDING_RAD_S
             closes_on = is_fast and self._watch.takes_nothing
@@ -299,10 +311,11 @@ class Grip:
 
     def _aim(self, force_n: float) -> None:
         """Take another force; one that is lowered goes below it once, by the friction."""
-        self.force_n = force_n
+        self.force_n, self._return_nm = force_n, self._applied_nm
         wanted_nm = force_n / FORCE_PER_TORQUE_N_NM
         lowers = self._settings.by == "torque" and wanted_nm < self._applied_nm
         below_nm = max(wanted_nm - self._settings.likely_friction_nm, 0.0)
+        self._is_lowered, self._below_s = lowers, 0.0
         self._below_nm = below_nm if lowers else None
         self._watch.limits = self._settings.watch_limits(force_n)
 
@@ -316,11 +329,11 @@ class Grip:
             wanted_nm = search_nm
         elif self._below_nm is not None:
             wanted_nm = self._below_nm
-        elif self._applied_nm < min(self._before_nm, wanted_nm):
-            wanted_nm, rate_nm_s = min(self._before_nm, wanted_nm), max(rate_nm_s, RECOVERY_NM_S)
+        elif self._applied_nm < min(self._return_nm, wanted_nm):
+            wanted_nm, rate_nm_s = min(self._return_nm, wanted_nm), max(rate_nm_s, RETURN_NM_S)
         step_nm = rate_nm_s * elapsed_s
         self._applied_nm += min(max(wanted_nm - self._applied_nm, -step_nm), step_nm)
         if self._below_nm is not None and self._applied_nm <= self._below_nm:
-            self._below_nm = None
-        if self._watch.state == "held":
-            self._before_nm = self._applied_nm
+            self._below_s += elapsed_s
+            if self._watch.stands or self._below_s >= BELOW_WITHIN_S:
+                self._below_nm, self._return_nm = None, self.force_n / FORCE_PER_TORQUE_N_NM

@@ -29,6 +29,9 @@ TOUCH_S = 0.015
 SETTLED_S = 0.05
 """So long the force must be back before the object counts as held again."""
 
+STANDING_RAD_S = 0.05
+"""Jaws that press on something are slower than this, 4 mm/s."""
+
 RESIST_SHARE = 0.4
 RESIST_FRICTIONS = 1.3
 RESIST_NM = 0.2
@@ -79,6 +82,7 @@ class GripWatch:
         """Where the jaws pressed last, as far closed as they did."""
         self.takes_nothing = False
         """True while nothing resists the torque that is commanded, fast or slow."""
+        self.stands = False
         self._seen_s = 0.0
         self._speed = SpeedWindow()
         self._free = Lasting(AGREE_S)
@@ -121,6 +125,7 @@ class GripWatch:
         if self._closed.step(closed_rad >= self.limits.lost_at_rad, at_s):
             self.is_lost = True
         speed_rad_s = self._speed.add(at_s, closed_rad)
+        self.stands = speed_rad_s is not None and abs(speed_rad_s) < STANDING_RAD_S
         if speed_rad_s is not None:
             seen = _Seen(at_s, closed_rad, speed_rad_s, torque_nm, applied_nm)
             self._judge(seen, is_full=is_full, falls=falls)

@@ -4,7 +4,8 @@ from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from litegripd.control.gains import Gains
-from litegripd.control.grip import STANDING_RAD_S, Grip
+from litegripd.control.grip import Grip
+from litegripd.control.grip_watch import STANDING_RAD_S
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import Feedback, MitCommand
 
