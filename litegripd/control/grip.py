@@ -163,7 +163,7 @@ class Grip:
         self._sign = settings.geometry.close_sign
         self._applied_nm = max(in_flight_nm, 0.0)
         self._return_nm = self._applied_nm
-        """Up to here the torque returns fast: it was there before a search, or friction had it."""
+        """Up to here the torque returns fast, for it was there before a search."""
         self._below_nm: float | None = None
         """Where a force that is being lowered goes first, so that friction lets it out."""
         self._below_s = 0.0
@@ -336,4 +336,4 @@ class Grip:
         if self._below_nm is not None and self._applied_nm <= self._below_nm:
             self._below_s += elapsed_s
             if self._watch.stands or self._below_s >= BELOW_WITHIN_S:
-                self._below_nm, self._return_nm = None, self.force_n / FORCE_PER_TORQUE_N_NM
+                self._below_nm, self._return_nm = None, self._applied_nm

@@ -31,7 +31,7 @@ from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motion_limits import fast_conflict, move_conflict, slow_conflict
 from litegripd.model.motor import EnableMotor, Feedback, MotorPhase
-from litegripd.model.results import ForceResult, HoldResult, SlackResult
+from litegripd.model.results import ForceResult, HoldResult, MoveResult, SlackResult
 
 SMALLEST_MOVE_RAD = 1e-4
 
@@ -95,17 +95,21 @@ class Motions:
             gains=engine.gains,
             period_s=engine.period_s,
         )
+        held = self._held()
+        if held is not None and direction == "close":
+            return engine.settle("close", held, owner, self._blocked(action.target_rad))
         return engine.begin(direction, action, owner, detached)
 
     def grasp(
         self, request: GraspRequest, owner: Owner, config: MotionConfig, detached: bool
     ) -> Job | Refusal:
-        """Begin to close until something is gripped."""
+        """Begin to close until something is gripped; what is held already is held on."""
         engine, geometry = self._engine, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
         conflict = slow_conflict(config, request.speed_mm_s, geometry, "grasp_speed_mm_s")
-        hot = heat_refusal(engine.output.heat.allowance_nm, BUDGET_NM)
+        held = self._held()
+        hot = None if held else heat_refusal(engine.output.heat.allowance_nm, BUDGET_NM)
         refusal = conflict_refusal(conflict) or hot
         if refusal is not None:
             return refusal
@@ -115,6 +119,7 @@ class Motions:
             config=config,
             gains=engine.gains,
             period_s=engine.period_s,
+            held=held,
         )
         return engine.begin("grasp", action, owner, detached)
 
@@ -147,6 +152,10 @@ class Motions:
             refusal = duration_refusal(duration_s, distance_mm / conflict.limit, distance_mm)
         if refusal is not None:
             return refusal
+        held = self._held()
+        closes = (target_rad - feedback.position_rad) * geometry.close_sign > 0.0
+        if held is not None and closes:
+            return engine.settle("move", held, owner, self._blocked(target_rad))
         action = MoveTo(
             target_rad,
             geometry.to_rad(speed),
@@ -227,6 +236,30 @@ class Motions:
         point = SetPoint(target.position_rad(geometry), valid_s, geometry.to_rad(speed), torque_nm)
         action.set(point)
         return running or engine.begin("stream", action, owner, detached=False)
+
+    def _held(self) -> Grip | None:
+        """Return the hold of an object, None without one."""
+        grip = self._engine.grip
+        return grip if grip is not None and grip.is_holding else None
+
+    def _blocked(self, target_rad: float) -> MoveResult:
+        """Return the result of a closing that what is held ends before it begins.
+
+        It would crush the object, and then let go of it.
+        """
+        geometry, feedback = self._engine.geometry, self._engine.motor.feedback
+        limit_rad = target_rad if geometry is None else geometry.closed_rad
+        return MoveResult(
+            ok=False,
+            outcome="blocked",
+            reached=False,
+            stalled=True,
+            protected=False,
+            target_rad=target_rad,
+            limit_rad=limit_rad,
+            final_command_rad=target_rad if feedback is None else feedback.position_rad,
+            steps=0,
+        )
 
     def _powered(self) -> Feedback | Refusal:
         """Return the present feedback where the motor is free and enabled, else why not."""

@@ -3,6 +3,7 @@
 from typing import Literal
 
 from litegripd.control.engine import Engine
+from litegripd.control.grip import Grip
 from litegripd.control.rest import Relax
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job
@@ -33,6 +34,8 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
     stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_POLL_S
     command, requested = engine.output.command, engine.output.requested
     grip = engine.grip
+    held = grip if grip is not None and grip.is_holding and enabled else None
+    detected_from_n = _loss_detected_from_n(held, geometry, feedback)
     keeps_force = motor.phase in (MotorPhase.ENABLED, MotorPhase.SILENT)
     return GripperState(
         seq=engine.ticks,
@@ -60,13 +63,27 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         requested_torque_nm=None if requested is None else requested.torque_nm,
         limited=engine.output.limited,
         force_set_n=None if grip is None or not keeps_force else grip.force_n,
-        is_grasped=grip is not None and grip.is_holding and enabled,
+        is_grasped=held is not None,
+        clamp_n=None if held is None else held.clamp_n,
+        loss_detection=(
+            None if held is None or detected_from_n is None else held.force_n >= detected_from_n
+        ),
+        loss_detection_from_n=detected_from_n,
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
         job=_job(engine, engine.jobs.running),
         stop=_stop(engine),
         stop_generation=engine.stop_latch.generation,
     )
+
+
+def _loss_detected_from_n(
+    held: Grip | None, geometry: Geometry | None, feedback: Feedback | None
+) -> float | None:
+    """Return the force from which on the loss of what is held is noticed, None without a hold."""
+    if held is None or geometry is None or feedback is None:
+        return None
+    return held.loss_detected_from_n(geometry.opening_mm(feedback.position_rad))
 
 
 def _enabled(motor: MotorView) -> bool | None:

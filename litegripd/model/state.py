@@ -48,7 +48,10 @@ class GripperState:
     in this tick, `command_rad` and `command_torque_nm` what the motor was told, and `limited` names
     the limits that make the difference. `force_set_n` is the set force of a hold by force, None
     without one and when the motor is off; `is_grasped` whether such a hold has something between
-    the jaws.
+    the jaws. While it has, `clamp_n` is the interval that the force on the object lies in (friction
+    hides the rest; 0 as the lower end while the jaws follow an object that gave way),
+    `loss_detection` whether the loss of the object would be noticed, and `loss_detection_from_n`
+    the set force from which on it would.
     """
 
     seq: int
@@ -77,6 +80,9 @@ class GripperState:
     limited: tuple[str, ...]
     force_set_n: float | None
     is_grasped: bool
+    clamp_n: tuple[float, float] | None
+    loss_detection: bool | None
+    loss_detection_from_n: float | None
     calibrated: bool
     mount: Mount | None
     job: JobSummary | None

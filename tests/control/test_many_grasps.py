@@ -27,6 +27,7 @@ VERDICT_S = 0.15
 STIFF_NM_RAD = 100.0  # what is stiffer is clear within a few milliseconds of the first touch
 PRESS_NM, BUDGET = 0.94, 1.3
 FORCE_SHARE = 0.05
+FRICTION_NM = 0.2
 REPORT_S = 0.05
 CLOSED_MM = (0.02 + 0.001) * MM_RAD  # a soft object may be squeezed flat: the jaws are closed
 # With less than 3 N friction keeps the jaws where they are, or nearly, when the object vanishes; in
@@ -171,11 +172,16 @@ def about_the_verdict(rig: Grasping, scene: Scene, outcome: str) -> list[str]:
 
 
 def about_the_hold(rig: Grasping, scene: Scene) -> list[str]:
-    """Once ramped, the motor makes the torque of the set force, on average over 0.2 s."""
+    """Once ramped, the motor makes the torque of the set force, on average over 0.2 s.
+
+    A force that is lowered goes below its value by the friction, and back.
+    """
     wanted_nm = scene.request.force_n / 10.0
     rig.looks = 1
     rig.narrowest_mm = rig.gripper.opening_mm
-    rig.run(abs(wanted_nm - rig.squeeze_nm) * 10.0 / scene.rate_n_s + 0.15)
+    lowered = wanted_nm < rig.squeeze_nm
+    ramp_nm = abs(wanted_nm - rig.squeeze_nm) + (2.0 * FRICTION_NM if lowered else 0.0)
+    rig.run(ramp_nm * 10.0 / scene.rate_n_s + 0.15)
     squeezed_nm = []
     for _ in range(40):
         rig.tick()

@@ -51,7 +51,7 @@ class MoveToStop(PlainAction):
         self._sign = geometry.close_sign if closing else -geometry.close_sign
         self._limit_rad = geometry.closed_rad if closing else geometry.open_rad
         overshoot_rad = config.press_overshoot * geometry.travel_rad
-        self._target_rad = self._limit_rad + self._sign * overshoot_rad
+        self.target_rad = self._limit_rad + self._sign * overshoot_rad
         self._speed_rad_s = geometry.to_rad(speed_mm_s)
         self._geometry = geometry
         self._config = config
@@ -98,9 +98,9 @@ class MoveToStop(PlainAction):
         """Start where the jaws are: no step, whatever was commanded before."""
         self._phase_began_s = now_s
         start_rad = position_rad
-        if (self._target_rad - position_rad) * self._sign < 0.0:
-            start_rad = self._target_rad  # they are past it: there is nothing to go back to
-        return Ramp(now_s, start_rad, self._target_rad, self._speed_rad_s)
+        if (self.target_rad - position_rad) * self._sign < 0.0:
+            start_rad = self.target_rad  # they are past it: there is nothing to go back to
+        return Ramp(now_s, start_rad, self.target_rad, self._speed_rad_s)
 
     def _capped(self, command_rad: float, position_rad: float) -> float:
         lead_rad = lead_cap_rad(self._short_rad(position_rad), self._geometry, self._config)
@@ -154,7 +154,7 @@ class MoveToStop(PlainAction):
 
     def _has_reached_target(self, position_rad: float) -> bool:
         """Whether the jaws have come as far past the stop as they were led, and met none."""
-        return (self._target_rad - position_rad) * self._sign <= self._config.reach_tol
+        return (self.target_rad - position_rad) * self._sign <= self._config.reach_tol
 
     def _result(self, outcome: MoveOutcome) -> MoveResult:
         position_rad = self._command_rad if self._feedback is None else self._feedback.position_rad
@@ -164,7 +164,7 @@ class MoveToStop(PlainAction):
             reached=self._has_reached_target(position_rad),
             stalled=self._stalled,
             protected=outcome == "protected",
-            target_rad=self._target_rad,
+            target_rad=self.target_rad,
             limit_rad=self._limit_rad,
             final_command_rad=self._command_rad,
             steps=self._steps,
