@@ -30,8 +30,9 @@ class Seen:
 
     `told_s` is when a loss was told, after it was one; `untold` one that neither was told nor said
     to be beyond what can be. `stuck` is an object whose clamp friction keeps the jaws from
-    restoring. Speeds, torques and clamps are the true ones. `errors_mm` are those of the saved
-    closed and open limit, positive where the jaws were not as far as that.
+    restoring. Speeds, torques and clamps are the true ones; `rotor_mm_s` is the motor's speed as
+    one of the jaws, without what cable and backlash let them do alone. `errors_mm` are those of the
+    saved closed and open limit, positive where the jaws were not as far as that.
     """
 
     scene: str
@@ -48,6 +49,7 @@ class Seen:
     told_s: float | None = None
     adrift_s: float | None = None
     peak_mm_s: float | None = None
+    rotor_mm_s: float | None = None
     peak_nm: float | None = None
     before_n: float | None = None
     least_n: float | None = None
@@ -120,7 +122,8 @@ class Scene:
         seen, looks = self.seen, self.world.looks_since(began_s)
         seen.outcome = outcome = answer["result"]["outcome"]
         seen.peak_nm = max(abs(look.torque_nm) for look in looks)
-        seen.peak_mm_s = max(abs(look.jaw_mm_s) for look in looks)
+        seen.peak_mm_s = max(look.jaw_mm_s for look in looks)
+        seen.rotor_mm_s = max(look.rotor_mm_s for look in looks)
         touched = [look.at_s for look in looks if look.clamp_n > 0.0]
         if touched:
             seen.verdict_s = self.world.now_s - touched[0]
@@ -150,9 +153,10 @@ class Scene:
             self.seen.wrong.append(f"the motor is {self.world.phase.name}")
 
     def note_peaks(self, since_s: float) -> None:
-        """Keep the largest speed and torque since then."""
+        """Keep the largest closing speeds and torque since then."""
         looks = self.world.looks_since(since_s)
-        self.seen.peak_mm_s = max(abs(look.jaw_mm_s) for look in looks)
+        self.seen.peak_mm_s = max(look.jaw_mm_s for look in looks)
+        self.seen.rotor_mm_s = max(look.rotor_mm_s for look in looks)
         self.seen.peak_nm = max(abs(look.torque_nm) for look in looks)
 
     def disturbed(self, gone_s: float) -> Seen:
@@ -160,7 +164,7 @@ class Scene:
         began_s = self.world.now_s
         self.world.run(gone_s - began_s + AFTER_S)
         looks = self.judge_hold(gone_s)
-        self.note_peaks(began_s)
+        self.note_peaks(gone_s)
         self.seen.shaking |= is_shaking(looks[-round(WINDOW_S * 1000) :])
         return self.seen
 
