@@ -11,10 +11,11 @@ from typing import Any
 from litegripd.model.motor import MotorPhase
 from tests.plants.parameters import LIMITS_RAD, MM_RAD
 from tests.plants.trials import Trial, random_trial
-from tests.plants.watch import adrift_s, is_dropped, is_shaking, slack_s
+from tests.plants.watch import ADRIFT_S, adrift_s, is_dropped, is_shaking
 from tests.plants.world import Look, PlantWorld
 from tests.world import Client
 
+VERDICT_WITHIN_S = 0.2
 TOLD_WITHIN_S = 0.2
 AFTER_S = 1.2
 """So long after what has happened the jaws are back, or the object is lost."""
@@ -22,6 +23,9 @@ WINDOW_S = 0.45
 KEPT_SHARE = 0.5
 CRUSHED = 1.5
 ZERO_MM = 3.0
+EASY_NM = 0.75
+"""The probe's 1 N·m moves jaws that stick with no more than this, a torque constant of 0.8 and a
+reserve included."""
 
 
 @dataclass(slots=True)
@@ -130,7 +134,9 @@ class Scene:
         expected = "no_object" if self.trial.item is None else "object_held"
         if outcome != expected:
             seen.wrong.append(f"{outcome} where {expected} is true")
-        elif expected == "object_held" and looks[-1].clamp_n <= 0.0:
+        elif seen.verdict_s is not None and seen.verdict_s > VERDICT_WITHIN_S:
+            seen.wrong.append(f"the verdict came only {seen.verdict_s:.3f} s after the contact")
+        if outcome == "object_held" and looks[-1].clamp_n <= 0.0:
             seen.wrong.append("object_held in front of the object")
 
     def judge_hold(self, since_s: float) -> list[Look]:
@@ -140,7 +146,7 @@ class Scene:
         asked_n, can_follow = trial.true_force_n, trial.can_follow
         seen.adrift_s = adrift_s(looks, asked_n)
         seen.dropped |= is_dropped(looks, asked_n, can_follow=can_follow)
-        seen.stuck |= seen.adrift_s > 0.1 and slack_s(looks, asked_n) <= 0.1
+        seen.stuck |= seen.adrift_s > ADRIFT_S and not seen.dropped
         seen.least_n = min(look.clamp_n for look in looks)
         seen.after_n = looks[-1].clamp_n
         seen.called_lost |= self.lost_s() is not None or not self.state()["is_grasped"]
@@ -281,6 +287,8 @@ def zero(trial: Trial) -> Seen:
         seen.errors_mm = (closed_mm, open_mm)
         if max(abs(closed_mm), abs(open_mm)) > ZERO_MM:
             seen.wrong.append(f"saved {closed_mm:+.1f} mm closed, {open_mm:+.1f} mm open")
+    elif max(trial.plant.stick_nm, trial.plant.breakaway_nm) < EASY_NM:
+        seen.wrong.append(f"{seen.outcome} where it could be measured")
     scene.judge_motor()
     return seen
 

@@ -53,7 +53,7 @@ def random_trial(seed: int, scene: str) -> Trial:
     """Return the trial of a seed for a scene; a fifth of the grasps meet nothing."""
     chance = random.Random(f"trial {seed} {scene}")
     is_empty = scene == "zero" or (scene == "grasp" and chance.random() < 0.2)
-    yields = scene in ("grasp", "regrasp") and chance.random() < 0.2
+    yields = scene == "grasp" and chance.random() < 0.2
     item = Item(
         width_mm=chance.uniform(20.0, 90.0),
         stiffness_nm_rad=between(chance, 60.0, 1500.0),

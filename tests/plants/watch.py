@@ -1,11 +1,11 @@
 """What true looks at the jaws say: whether something was dropped, and whether anything shook."""
 
 from collections.abc import Sequence
-from itertools import pairwise
 
 from tests.plants.world import LOOK_S, Look
 
-SHAKE_MM_S = 5.0
+SHAKE_MM_S = 20.0
+"""The rotor's speed; below it trembles a rotor in its backlash that echoes its own speed noise."""
 SHAKE_HALF_WAVES = 6
 SHAKE_LASTS_S = 0.3
 
@@ -14,33 +14,34 @@ ADRIFT_S = 0.1
 RETURNING_MM_S = 2.0
 
 
-def is_shaking(looks: Sequence[Look]) -> bool:
+def is_shaking(looks: Sequence[Look], least_mm_s: float = SHAKE_MM_S) -> bool:
     """Tell whether the rotor swings to and fro.
 
-    Each time it turns round ends a half-wave; one whose fastest speed is at least `SHAKE_MM_S`
+    Each time it turns round ends a half-wave; one that is faster than `least_mm_s` at its begin
     counts. Six of them, from the first to the last at least 0.3 s, are no settling any more.
     """
-    peaks: list[tuple[float, float]] = []  # of the half-waves so far: when and how fast
+    peaks: list[tuple[float, float]] = []
     for look in looks:
         speed = look.rotor_mm_s
-        if abs(speed) < SHAKE_MM_S:
-            continue
-        if not peaks or peaks[-1][1] * speed < 0.0:
+        if abs(speed) >= least_mm_s and (not peaks or peaks[-1][1] * speed < 0.0):
             peaks.append((look.at_s, speed))
-    turns = [later for earlier, later in pairwise(peaks) if earlier[1] * later[1] < 0.0]
+    turns = peaks[1:]
     return len(turns) >= SHAKE_HALF_WAVES and turns[-1][0] - turns[0][0] >= SHAKE_LASTS_S
 
 
 def adrift_s(looks: Sequence[Look], asked_n: float) -> float:
     """Return how long the object felt next to nothing while the jaws were not on their way back."""
-    return LOOK_S * sum(
-        look.clamp_n < CLAMP_SHARE * asked_n and look.jaw_mm_s < RETURNING_MM_S for look in looks
-    )
+    return LOOK_S * sum(_is_adrift(look, asked_n) for look in looks)
 
 
-def slack_s(looks: Sequence[Look], asked_n: float) -> float:
-    """Return for how much of that the motor did not even try: it made less than half the torque."""
-    return adrift_s([look for look in looks if look.torque_nm < 0.05 * asked_n], asked_n)
+def _is_adrift(look: Look, asked_n: float) -> bool:
+    return look.clamp_n < CLAMP_SHARE * asked_n and look.jaw_mm_s < RETURNING_MM_S
+
+
+def is_slack(looks: Sequence[Look], asked_n: float) -> bool:
+    """Tell whether the motor did not even try meanwhile: it made less than half the torque."""
+    torques_nm = [look.torque_nm for look in looks if _is_adrift(look, asked_n)]
+    return sum(torques_nm) < 0.05 * asked_n * len(torques_nm)
 
 
 def is_dropped(looks: Sequence[Look], asked_n: float, *, can_follow: bool) -> bool:
@@ -48,5 +49,6 @@ def is_dropped(looks: Sequence[Look], asked_n: float, *, can_follow: bool) -> bo
 
     Jaws that squeeze on but cannot follow it, as their friction is larger, have dropped nothing.
     """
-    lost_s = adrift_s(looks, asked_n) if can_follow else slack_s(looks, asked_n)
-    return lost_s > ADRIFT_S
+    if adrift_s(looks, asked_n) <= ADRIFT_S:
+        return False
+    return can_follow or is_slack(looks, asked_n)
