@@ -3,18 +3,21 @@
 No comparison here is exact: two models that agree to the digit would be one.
 """
 
+import ast
 import random
 import struct
+from pathlib import Path
 
 import pytest
 
 from litegripd.model.frame import CanFrame
+from litegripd.model.geometry import Geometry
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.plants.codec import Command, Scale, read_command, write_command
 from tests.plants.mechanics import STEP_S, Mechanics
 from tests.plants.motor import COMMUNICATION_LOST, ENABLED, REGISTERS, PlantMotor
-from tests.plants.parameters import LIMITS_RAD, Item, PlantParameters, random_plant
+from tests.plants.parameters import LIMITS_RAD, MM_RAD, Item, PlantParameters, random_plant
 from tests.plants.scenes import play
 from tests.plants.world import PlantWorld
 
@@ -28,6 +31,16 @@ GOLDEN = {
     "79DA7FF3336667FF": Command(position_rad=-0.6, kp_nm_rad=100.0, kd_nm_s_rad=2.0),
     "7FFF7FF0000007FF": Command(),
 }
+
+
+def test_no_code_of_the_simulator_is_in_it() -> None:
+    for name in ("codec", "parameters", "mechanics", "motor"):
+        tree = ast.parse((Path(__file__).parent / f"{name}.py").read_text())
+        imported = {
+            node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
+        }
+        ours = {module for module in imported if module.startswith("litegripd")}
+        assert ours <= {"litegripd.model.frame"}
 
 
 def command(**fields: float) -> CanFrame:
@@ -141,6 +154,8 @@ def test_it_closes_on_an_object_about_as_the_simulator_does(mount: str) -> None:
 def test_the_daemon_finds_it_opens_and_closes_it(mount: str) -> None:
     world = PlantWorld(PlantParameters(), mount)
     client = world.enabled()
+    geometry = world.engine.geometry
+    assert geometry == Geometry(*LIMITS_RAD[mount], MM_RAD)
     assert client.result("motion.open")["outcome"] == "pressed_home"
     assert world.mechanics.opening_mm == pytest.approx(120.0, abs=0.5)
     assert client.result("motion.close")["outcome"] == "pressed_home"

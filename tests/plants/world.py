@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 from litegripd.model.frame import CanFrame
 from litegripd.model.motion_config import MotionConfig
-from litegripd.sim.parameters import SimulatorParameters
 from tests.plants.motor import PlantMotor
-from tests.plants.parameters import LIMITS_RAD, MM_RAD, PlantParameters
+from tests.plants.parameters import MM_RAD, PlantParameters
 from tests.world import FRAME_TIME_S, Sent, World
 
 LOOK_S = 1e-3
@@ -46,9 +45,7 @@ class PlantWorld(World):
         opening_mm: float = 60.0,
         config: MotionConfig | None = None,
     ) -> None:
-        closed_rad, open_rad = LIMITS_RAD[mount]
-        geometry = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad, rad_to_mm=MM_RAD)
-        super().__init__(mount, config=config, parameters=geometry, period_s=1.0 / rate_hz)
+        super().__init__(mount, config=config, period_s=1.0 / rate_hz)
         del self.gripper  # that of the simulator: nothing moves it
         self.parameters = parameters
         self.plant = PlantMotor(parameters, mount, opening_mm)
