@@ -17,6 +17,8 @@ from tests.world import Client
 
 VERDICT_WITHIN_S = 0.2
 TOLD_WITHIN_S = 0.2
+SURE_N = 10.0
+"""From this force on, and twice what it takes to move the jaws, a loss can be told in any case."""
 AFTER_S = 1.2
 """So long after what has happened the jaws are back, or the object is lost."""
 WINDOW_S = 0.45
@@ -222,16 +224,18 @@ def loss(trial: Trial) -> Seen:
     scene = Scene("loss", trial)
     if not scene.held():
         return scene.seen
-    seen, began_s = scene.seen, scene.world.now_s
-    detects = scene.state().get("loss_detection", True)
+    seen, began_s, plant = scene.seen, scene.world.now_s, trial.plant
+    detects = scene.state().get("loss_detection", True) is not False
+    if not detects and trial.force_n >= SURE_N and trial.true_force_n > 20.0 * plant.breakaway_nm:
+        seen.wrong.append("its loss was said to be beyond what can be told")
     scene.world.mechanics.put(None)
     scene.world.run(AFTER_S)
     scene.note_peaks(began_s)
     told_s = scene.lost_s()
     if told_s is not None:
         seen.told_s = told_s - began_s
-    seen.untold = detects is not False and told_s is None
-    if seen.told_s is not None and seen.told_s > TOLD_WITHIN_S and detects is not False:
+    seen.untold = detects and told_s is None
+    if detects and seen.told_s is not None and seen.told_s > TOLD_WITHIN_S:
         seen.wrong.append(f"its loss was told only after {seen.told_s:.3f} s")
     seen.shaking |= is_shaking(scene.world.looks_since(scene.world.now_s - WINDOW_S))
     scene.judge_motor()
