@@ -137,12 +137,8 @@ class Mechanics:
         current_gain, report_gain, speed_gain = self._lag_gains
         limit, no_load = self._p.torque_limit_nm, self._p.no_load_rad_s
         factor, slowness = self._p.torque_factor, 1.0 / self._p.stribeck_rad_s
-        cable, cable_damping, half, hand = (
-            self._cable,
-            self._cable_damping,
-            self._half,
-            self.hand_nm,
-        )
+        cable, cable_damping = self._cable, self._cable_damping
+        half, hand = self._half, self.hand_nm
         gr, gf = STEP_S / self._p.rotor_kg_m2, STEP_S / self._p.finger_kg_m2
         rotor_coulomb, rotor_extra, finger_coulomb, finger_extra = self._drags
         rotor_factor = 1.0 / (1.0 + gr * self._rotor_damping)

@@ -38,7 +38,8 @@ class Seen:
     to be beyond what can be. `stuck` is an object whose clamp friction keeps the jaws from
     restoring. Speeds, torques and clamps are the true ones; `rotor_mm_s` is the motor's speed as
     one of the jaws, without what cable and backlash let them do alone. `errors_mm` are those of the
-    saved closed and open limit, positive where the jaws were not as far as that.
+    saved closed and open limit, positive where the jaws were not as far as that. The clamps are
+    that of the hold before anything happened, and the least, most and last one since.
     """
 
     scene: str
@@ -59,6 +60,7 @@ class Seen:
     peak_nm: float | None = None
     before_n: float | None = None
     least_n: float | None = None
+    most_n: float | None = None
     after_n: float | None = None
     errors_mm: tuple[float, float] | None = None
 
@@ -150,6 +152,7 @@ class Scene:
         seen.dropped |= is_dropped(looks, asked_n, can_follow=can_follow)
         seen.stuck |= seen.adrift_s > ADRIFT_S and not seen.dropped
         seen.least_n = min(look.clamp_n for look in looks)
+        seen.most_n = max(look.clamp_n for look in looks)
         seen.after_n = looks[-1].clamp_n
         seen.called_lost |= self.lost_s() is not None or not self.state()["is_grasped"]
         self.judge_motor()
