@@ -153,9 +153,13 @@ class Mechanics:
             reported += (torque - reported) * report_gain
             twist = xr - xf
             if twist > half:
-                pull = max(cable * (twist - half) + cable_damping * (vr - vf), 0.0)
+                pull = cable * (twist - half) + cable_damping * (vr - vf)
+                if pull < 0.0:
+                    pull = 0.0
             elif twist < -half:
-                pull = min(cable * (twist + half) + cable_damping * (vr - vf), 0.0)
+                pull = cable * (twist + half) + cable_damping * (vr - vf)
+                if pull > 0.0:
+                    pull = 0.0
             else:
                 pull = 0.0
             swing = vr + gr * (torque * factor - pull)
