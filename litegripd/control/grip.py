@@ -33,8 +33,6 @@ SOFTEST_SEARCH_DAMPING_NM_S_RAD = 0.2
 
 FREE_SPEED_SHARE = 0.5
 """Up to this share of the grasp speed the jaws follow a yielding object undamped."""
-YIELD_TIME_S = 0.005
-"""The expected speed follows the measured one with this lag, so that a vibration is damped."""
 FAST_SHARE = 0.55
 """A little above `FREE_SPEED_SHARE`: jaws that are faster, and meet no resistance, are free."""
 
@@ -174,7 +172,6 @@ class Grip:
         self._decides_next = False
         self._closes_on = Lasting(CLOSES_ON_S)
         self._has_moved_on = False
-        self._expected_rad_s = 0.0
         self._slice_began_s = 0.0
         self._slice_rad: float | None = None
         self._aim(force_n)
@@ -255,7 +252,6 @@ class Grip:
         """Continue after a silence, in which the motor kept its last command: from what is now."""
         self._ramped_at_s = None
         self._slice_rad = None
-        self._expected_rad_s = 0.0
         self._watch.resume()
         self._closes_on.reset()
 
@@ -271,8 +267,8 @@ class Grip:
         if self._watch.is_searching:
             _, damping, _ = self._settings.search(self.force_n)
             return MitCommand(feedback.position_rad, 0.0, 0.0, damping, torque_nm)
-        expected_rad_s = self._expect(elapsed_s, feedback)
         damping = self._settings.damping(self._applied_nm)
+        expected_rad_s = self._expected_rad_s()
         return MitCommand(feedback.position_rad, expected_rad_s, 0.0, damping, torque_nm)
 
     def _judge(self, feedback: Feedback) -> None:
@@ -284,7 +280,7 @@ class Grip:
             feedback, self._sign, self._applied_nm, is_full=is_full, falls=falls
         )
         if self._watch.is_searching and not was_searching:
-            self._return_nm, self._expected_rad_s = self._applied_nm, 0.0
+            self._return_nm = self._applied_nm
         if is_new and self._stays:
             is_fast = self._sign * feedback.velocity_rad_s > STANDING_RAD_S
             closes_on = is_fast and self._watch.takes_nothing
@@ -293,13 +289,15 @@ class Grip:
                 self._has_moved_on = True
             self._decides_next = False
 
-    def _expect(self, elapsed_s: float, feedback: Feedback) -> float:
-        """Return the speed that the damping lets pass: that of a yielding object, smoothed."""
+    def _expected_rad_s(self) -> float:
+        """Return the speed that the damping lets pass: that of a yielding object.
+
+        It comes from positions over two periods or more: what is echoed to the motor of a noisy
+        speed, or of a vibration at half the control rate, would feed it.
+        """
         limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
-        measured_rad_s = min(max(feedback.velocity_rad_s, -limit_rad_s), limit_rad_s)
-        share = min(elapsed_s / YIELD_TIME_S, 1.0)
-        self._expected_rad_s += share * (measured_rad_s - self._expected_rad_s)
-        return self._expected_rad_s
+        closing_rad_s = self._watch.speed_rad_s or 0.0
+        return self._sign * min(max(closing_rad_s, -limit_rad_s), limit_rad_s)
 
     def _around_reading(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Hold as the vendor's SDK does: stiff around a position that is read now and then."""

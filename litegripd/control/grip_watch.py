@@ -82,7 +82,8 @@ class GripWatch:
         """Where the jaws pressed last, as far closed as they did."""
         self.takes_nothing = False
         """True while nothing resists the torque that is commanded, fast or slow."""
-        self.stands = False
+        self.speed_rad_s: float | None = None
+        """The closing speed over the last few measurements, None while there are too few."""
         self._seen_s = 0.0
         self._speed = SpeedWindow()
         self._free = Lasting(AGREE_S)
@@ -96,6 +97,11 @@ class GripWatch:
         """True while the jaws close on nothing, so far."""
         return self.state == "searching"
 
+    @property
+    def stands(self) -> bool:
+        """True while the jaws are known to stand."""
+        return self.speed_rad_s is not None and abs(self.speed_rad_s) < STANDING_RAD_S
+
     def continue_from(self, before: "GripWatch") -> None:
         """Take over what another watch of the same object knows."""
         self.state, self.is_lost = before.state, before.is_lost
@@ -104,6 +110,7 @@ class GripWatch:
     def resume(self) -> None:
         """Continue after a silence; what was measured before it continues nothing."""
         self._speed.clear()
+        self.speed_rad_s = None
         for lasting in (self._free, self._far, self._closed, self._touching, self._settled):
             lasting.reset()
 
@@ -124,8 +131,7 @@ class GripWatch:
         self.takes_nothing = torque_nm < self._resist_nm(applied_nm)
         if self._closed.step(closed_rad >= self.limits.lost_at_rad, at_s):
             self.is_lost = True
-        speed_rad_s = self._speed.add(at_s, closed_rad)
-        self.stands = speed_rad_s is not None and abs(speed_rad_s) < STANDING_RAD_S
+        self.speed_rad_s = speed_rad_s = self._speed.add(at_s, closed_rad)
         if speed_rad_s is not None:
             seen = _Seen(at_s, closed_rad, speed_rad_s, torque_nm, applied_nm)
             self._judge(seen, is_full=is_full, falls=falls)

@@ -140,7 +140,7 @@ _GRIP = Carried(
     _ramped_at_s=float | None,
     _watch=Carried(
         GripWatch,
-        left=("_closed", "_far", "_free", "_settled", "_speed", "_touching", "stands"),
+        left=("_closed", "_far", "_free", "_settled", "_speed", "_touching", "speed_rad_s"),
         limits=WatchLimits,
         state=WatchState,
         is_lost=bool,
@@ -152,7 +152,6 @@ _GRIP = Carried(
     _stays=bool,
     _decides_next=bool,
     _has_moved_on=bool,
-    _expected_rad_s=float,
     _slice_began_s=float,
     _slice_rad=float | None,
 )
