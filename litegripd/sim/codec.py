@@ -6,6 +6,8 @@ one that agrees with itself. The firmware truncates where a careful driver round
 
 from __future__ import annotations
 
+import math
+import struct
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -32,6 +34,18 @@ class MitCommand(NamedTuple):
     torque_nm: float
 
 
+class SetPoint(NamedTuple):
+    """What a command frame of mode 2, 3 or 4 asks for, in units; in mode 3 there is no position.
+
+    With a position the speed is a bound. `current_share` is the share of the largest current that
+    may be used, 0 to 1.
+    """
+
+    position_rad: float | None
+    velocity_rad_s: float
+    current_share: float = 1.0
+
+
 def to_code(value: float, low: float, high: float, bits: int) -> int:
     """Return the code of a value in [low, high], truncated; beyond it the nearest end's code."""
     most = (1 << bits) - 1
@@ -54,6 +68,25 @@ def decode_command(data: bytes, ranges: Ranges) -> MitCommand:
         (word >> 12 & 0xFFF) * KD_MAX_NM_S_RAD / 0xFFF,
         from_code(word & 0xFFF, -tau, tau, 12),
     )
+
+
+def decode_set_point(data: bytes, mode: int) -> SetPoint | None:
+    """Read a command frame of control mode 2, 3 or 4, or return None for one that is none.
+
+    Little-endian: position and bound of the speed as float32 (2), the speed as float32 (3), or the
+    position as float32, then the bound in 0.01 rad/s and the share of the current in 1/10000, both
+    uint16 (4). A value that is not finite is no command; what a real motor does then is not known.
+    """
+    if len(data) < (4 if mode == 3 else 8):
+        return None
+    if mode == 2:
+        set_point = SetPoint(*struct.unpack("<ff", data))
+    elif mode == 3:
+        set_point = SetPoint(None, *struct.unpack("<f", data[:4]))
+    else:
+        position_rad, speed, current = struct.unpack("<fHH", data)
+        set_point = SetPoint(position_rad, speed / 100.0, min(current / 10000.0, 1.0))
+    return set_point if all(math.isfinite(value or 0.0) for value in set_point) else None
 
 
 def position_code(position_rad: float, range_rad: float) -> int:

@@ -12,7 +12,9 @@ from types import MappingProxyType
 from typing import Protocol
 
 from litegripd.model.frame import CanFrame
+from litegripd.sim import registers as reg
 from litegripd.sim.frame_faults import FrameFaults
+from litegripd.sim.motor import REGISTER_CAN_ID, WRITE
 from litegripd.sim.wire import MotorWire
 
 
@@ -158,6 +160,19 @@ def _read_inject(words: Sequence[str]) -> Action:
     return lambda simulator: simulator.inject(frame)
 
 
+def _read_register(words: Sequence[str]) -> Action:
+    _expect(words, 2, 2)
+    number = _integer(words[0])
+    raw = reg.encode(number, _number(words[1]))
+
+    def write(simulator: Simulator) -> None:
+        motor = simulator.wire.gripper.motor
+        head = motor.registers.can_id.to_bytes(2, "little") + bytes((WRITE, number))
+        simulator.inject(CanFrame(REGISTER_CAN_ID, head + raw))
+
+    return write
+
+
 def _silence(simulator: Simulator) -> None:
     simulator.wire.to_motor.drop(1.0)
     simulator.wire.from_motor.drop(1.0)
@@ -197,6 +212,11 @@ _ENTRIES = (
     Entry("silence", "the motor hears and answers nothing, until 'drop 0'", _bare(_silence)),
     Entry(
         "inject ID#DATA", "another node sends a frame, such as 008#FFFFFFFFFFFFFFFD", _read_inject
+    ),
+    Entry(
+        "register N VALUE",
+        "another node writes a register, such as 32 100, a speed filter of 100 Hz",
+        _read_register,
     ),
     Entry("power on|off", "switch the motor on or off altogether", _read_power),
     Entry(

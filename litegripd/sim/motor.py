@@ -1,4 +1,7 @@
-"""The firmware of the DM4310 in MIT mode: frames in, frames out.
+"""The firmware of the DM4310: frames in, frames out.
+
+In MIT mode the torque law of a command is followed as it is; `cascade` turns the commands of the
+control modes 2 to 4 into such laws. Each mode has its own id for commands and ignores the others'.
 
 It behaves as field reports say that the real one does, including what surprises drivers: a
 set-point stored while disabled, a watchdog that register traffic does not feed, positions that
@@ -13,9 +16,12 @@ import random
 
 from litegripd.model.frame import CanFrame
 from litegripd.sim import registers as reg
+from litegripd.sim.cascade import PERIOD_STEPS, Cascade
 from litegripd.sim.codec import (
     MitCommand,
+    SetPoint,
     decode_command,
+    decode_set_point,
     encode_feedback,
     position_code,
     to_code,
@@ -56,13 +62,23 @@ class SimulatedMotor:
             can_id=parameters.can_id,
             master_id=parameters.master_id,
             watchdog_s=parameters.watchdog_s,
+            speed_filter_hz=parameters.speed_filter_hz,
+            sources={
+                reg.VBUS: lambda: self._supply_v,
+                reg.TPCB: lambda: self.driver_c,
+                reg.TMTR: lambda: self.coil_c,
+                reg.P_M: lambda: self.reported_position_rad,
+                reg.XOUT: lambda: self.reported_position_rad,
+            },
         )
+        self._cascade = Cascade(self._registers)
+        self._most_nm = parameters.torque_limit_nm
         self._ranges = self._registers.ranges
         self._thermal = Thermal(parameters, _HEAT_STEPS * STEP_S)
         self._noise = None if seed is None else random.Random(seed)  # noqa: S311 - not a secret
         self._supply_v = parameters.rated_supply_v
         self._offset_rad = 0.0  # reported position minus mechanical position
-        self._stored = _FREE
+        self._stored: MitCommand | SetPoint = _FREE
         self._enabled = False
         self._powered = True
         self._fault = 0
@@ -70,6 +86,7 @@ class SimulatedMotor:
         self._step = 0
         self._heat_step = _HEAT_STEPS
         self._watchdog_step = _NEVER
+        self._cascade_step = _NEVER
 
     @property
     def status(self) -> int:
@@ -99,7 +116,7 @@ class SimulatedMotor:
     @property
     def reported_position_rad(self) -> float:
         """Position as the firmware counts it, before it is coded (and wrapped)."""
-        return self._plant.position_rad + self._offset_rad
+        return self._plant.measured_position_rad + self._offset_rad
 
     def advance(self, now_s: float) -> None:
         """Let time pass until `now_s`; the first call sets where time begins.
@@ -113,7 +130,7 @@ class SimulatedMotor:
         # A time meant to fall on a step may be a rounding error before it.
         until = int((now_s - self._origin_s) * STEPS_PER_S + 1e-4)
         while self._step < until:
-            stop = min(until, self._heat_step, self._watchdog_step)
+            stop = min(until, self._heat_step, self._watchdog_step, self._cascade_step)
             self._plant.run(stop - self._step)
             self._step = stop
             if stop == self._watchdog_step:
@@ -122,14 +139,16 @@ class SimulatedMotor:
                 self._heat_step += _HEAT_STEPS
                 self._thermal.step(self._plant.take_mean_square_torque(_HEAT_STEPS * STEP_S))
                 self._check_limits()
+            if stop == self._cascade_step:
+                self._run_cascade()
 
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         """Take one frame off the bus at `now_s` and return the motor's immediate answers."""
         self.advance(now_s)
         if not self._powered:
             return []
-        if frame.can_id == self._registers.can_id:
-            return self._receive_own(now_s, frame.data)
+        if frame.can_id in (self._registers.can_id, self._registers.command_id):
+            return self._receive_own(now_s, frame)
         if frame.can_id == REGISTER_CAN_ID:
             return self._receive_register(frame.data)
         return []
@@ -171,7 +190,7 @@ class SimulatedMotor:
         """
         self._powered = True
         self._registers.power_cycle()
-        self._ranges = self._registers.ranges
+        self._heed_registers()
         reported = self.reported_position_rad
         within = (reported + math.pi) % math.tau - math.pi
         self._offset_rad += within - reported + turns * math.tau
@@ -180,19 +199,27 @@ class SimulatedMotor:
         self._disarm()
         self._check_limits()
 
-    def _receive_own(self, now_s: float, data: bytes) -> list[CanFrame]:
-        if len(data) != 8:
-            return []
-        if data[:7] == _SPECIAL and CLEAR <= data[7] <= ZERO:
+    def _receive_own(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
+        data = frame.data
+        if len(data) == 8 and data[:7] == _SPECIAL and CLEAR <= data[7] <= ZERO:
             self._special(data[7])
-        elif self._registers[reg.CTRL_MODE] == reg.MODE_MIT:
-            self._stored = decode_command(data, self._ranges)
+        elif frame.can_id == self._registers.command_id:
+            command = self._decode(data)
+            if command is None:
+                return []
+            self._stored = command
             if self._enabled:
                 self._apply()
         else:
             return []
         self._feed_watchdog(now_s)
         return [self._feedback()]
+
+    def _decode(self, data: bytes) -> MitCommand | SetPoint | None:
+        mode = self._registers.mode
+        if mode != reg.MODE_MIT:
+            return decode_set_point(data, mode)
+        return decode_command(data, self._ranges) if len(data) == 8 else None
 
     def _special(self, code: int) -> None:
         if code == ENABLE:
@@ -203,7 +230,7 @@ class SimulatedMotor:
             self._disarm()
         elif code == ZERO:
             if not self._enabled:
-                self._offset_rad = -self._plant.position_rad
+                self._offset_rad = -self._plant.measured_position_rad
         else:
             self._fault = 0
             self._disarm()
@@ -221,8 +248,11 @@ class SimulatedMotor:
             self._registers.save()
             return [self._answer(data[:4], bytes(4))]
         if operation == WRITE and len(data) == 8:
+            mode = self._registers.mode
             self._registers.write(rid, data[4:])
-            self._ranges = self._registers.ranges
+            self._heed_registers()
+            if self._registers.mode != mode:
+                self._forget_command()
         elif operation != READ:
             return []
         value = self._registers.read(rid)
@@ -231,8 +261,28 @@ class SimulatedMotor:
     def _answer(self, head: bytes, value: bytes) -> CanFrame:
         return CanFrame(self._registers.master_id, head + value)
 
+    def _heed_registers(self) -> None:
+        """Let the values of the registers count that are not looked up when they are used."""
+        self._ranges = self._registers.ranges
+        self._plant.set_speed_filter(self._registers[reg.V_BW])
+
+    def _forget_command(self) -> None:
+        """Drive nothing until the next command: no mode takes over what another was told.
+
+        That is an estimate; the maker does not say what a change of the mode does while enabled.
+        """
+        self._stored = _FREE
+        if self._enabled:
+            self._apply()
+
     def _apply(self) -> None:
         command = self._stored
+        if isinstance(command, SetPoint):
+            if self._cascade_step == _NEVER:
+                self._cascade.reset(self._plant.measured_velocity_rad_s)
+                self._run_cascade()
+            return
+        self._cascade_step = _NEVER
         self._plant.drive(
             position_rad=command.position_rad - self._offset_rad,
             velocity_rad_s=command.velocity_rad_s,
@@ -240,6 +290,29 @@ class SimulatedMotor:
             kd_nm_s_rad=command.kd_nm_s_rad,
             torque_nm=command.torque_nm,
         )
+
+    def _run_cascade(self) -> None:
+        """Follow the stored set-point for one period of the cascade."""
+        set_point = self._stored
+        if not isinstance(set_point, SetPoint):
+            self._cascade_step = _NEVER
+            return
+        most_nm = self._most_nm * set_point.current_share
+        law = self._cascade.step(
+            set_point,
+            position_rad=self.reported_position_rad,
+            velocity_rad_s=self._plant.measured_velocity_rad_s,
+            most_nm=most_nm,
+        )
+        self._plant.drive(
+            position_rad=0.0,
+            velocity_rad_s=law.velocity_rad_s,
+            kp_nm_rad=0.0,
+            kd_nm_s_rad=law.kd_nm_s_rad,
+            torque_nm=law.torque_nm,
+            most_nm=most_nm,
+        )
+        self._cascade_step = self._step + PERIOD_STEPS
 
     def _feed_watchdog(self, now_s: float) -> None:
         timeout_s = self._registers.timeout_s
@@ -256,7 +329,7 @@ class SimulatedMotor:
 
     def _disarm(self) -> None:
         self._enabled = False
-        self._watchdog_step = _NEVER
+        self._watchdog_step = self._cascade_step = _NEVER
         self._plant.brake()
 
     def _check_limits(self) -> None:
@@ -276,7 +349,9 @@ class SimulatedMotor:
         plant, ranges = self._plant, self._ranges
         codes = (
             position_code(self.reported_position_rad, ranges.position_rad),
-            to_code(plant.velocity_rad_s, -ranges.velocity_rad_s, ranges.velocity_rad_s, 12),
+            to_code(
+                plant.measured_velocity_rad_s, -ranges.velocity_rad_s, ranges.velocity_rad_s, 12
+            ),
             to_code(plant.measured_torque_nm, -ranges.torque_nm, ranges.torque_nm, 12),
         )
         if self._noise is not None:

@@ -56,15 +56,16 @@ class Plant:
     """Jaws, friction, ends, object and hand, and the lagging torque of the motor.
 
     Semi-implicit Euler with implicit damping and a friction that can only stop motion, never
-    reverse it: stable for every gain that a command frame can carry.
+    reverse it: the integration is stable for every gain that a command frame can carry. A damping
+    gain that shakes does so because the current and the measured speed lag, as in a real motor.
     """
 
     def __init__(self, parameters: SimulatorParameters) -> None:
         p = self._p = parameters
         self._sign = p.close_sign
         self._gain = STEP_S / p.inertia_kg_m2
-        self._current_decay = math.exp(-STEP_S / p.current_lag_s)
-        self._filter_decay = math.exp(-STEP_S / p.torque_filter_s)
+        self._current_decay = _decay(p.current_lag_s)
+        self._filter_decay = _decay(p.torque_filter_s)
         # Where the ends begin: pressed with the press torque, the jaws stand at the limits.
         useful_nm = p.press_torque_nm - p.coulomb_nm
         travel_rad = abs(p.closed_rad - p.open_rad)
@@ -74,12 +75,18 @@ class Plant:
         self._zone_at = self._closed_at - p.close_stick_zone_rad
         self._s = -p.initial_opening_mm / p.rad_to_mm
         self._v = self._torque = self._measured = self._hand = 0.0
+        self._filtered = self._speed_decay = 0.0  # the speed as the firmware knows it
+        self._seen = self._s  # the position as the firmware knows it
+        if p.encoder_counts_per_rad:
+            self._seen, _ = self._count(self._s, self._s, 0.0)
+        self._most = math.inf
         self._energy_nm2_s = 0.0
         self._object_at = math.inf
         self.jam(jammed=False)
         self.put(None)
         self.brake()
         self.set_supply(p.rated_supply_v)
+        self.set_speed_filter(p.speed_filter_hz)
 
     @property
     def position_rad(self) -> float:
@@ -90,6 +97,16 @@ class Plant:
     def velocity_rad_s(self) -> float:
         """Velocity in motor radians per second."""
         return self._sign * self._v
+
+    @property
+    def measured_position_rad(self) -> float:
+        """Position as the encoder counts it, in the frame of `position_rad`."""
+        return self._p.closed_rad + self._sign * self._seen
+
+    @property
+    def measured_velocity_rad_s(self) -> float:
+        """Velocity as the firmware measures it: by the encoder's steps, and filtered."""
+        return self._sign * self._filtered
 
     @property
     def opening_mm(self) -> float:
@@ -125,20 +142,26 @@ class Plant:
         kp_nm_rad: float,
         kd_nm_s_rad: float,
         torque_nm: float,
+        most_nm: float = math.inf,
     ) -> None:
-        """Follow the torque law kp·(q - q_measured) + kd·(dq - dq_measured) + tau from now on."""
+        """Follow the torque law kp·(q - q_measured) + kd·(dq - dq_measured) + tau from now on.
+
+        The torque is at most `most_nm` in both directions, whatever the law and the drive allow.
+        """
         sign = self._sign
         self._position = sign * (position_rad - self._p.closed_rad)
         self._velocity = sign * velocity_rad_s
         self._kp = kp_nm_rad
         self._kd = kd_nm_s_rad
         self._feed_forward = sign * torque_nm
+        self._most = most_nm
         self._free_damping = 1.0 + self._gain * self._p.viscous_nm_s_rad
 
     def brake(self) -> None:
         """Make no torque and short the phases, which brakes in proportion to the speed."""
         self._position = self._velocity = self._kp = self._kd = self._feed_forward = 0.0
         self._torque = 0.0
+        self._most = math.inf
         damping_nm_s_rad = self._p.viscous_nm_s_rad + self._p.braking_nm_s_rad
         self._free_damping = 1.0 + self._gain * damping_nm_s_rad
 
@@ -174,12 +197,16 @@ class Plant:
         # Beyond this speed the supply bounds the torque, below it the current limit does.
         self._knee = self._speed_limit - self._limit / self._speed_slope if volts > 0 else 0.0
 
+    def set_speed_filter(self, corner_hz: float) -> None:
+        """Filter the measured speed in first order with this corner from now on; 0 is no filter."""
+        self._speed_decay = _decay(1.0 / (math.tau * corner_hz)) if corner_hz else 0.0
+
     def run(self, steps: int) -> None:
         """Advance by this many steps of `STEP_S`.
 
         One loop over local variables: it runs inside a control thread of 200 Hz, where calls and
         objects in every step would cost more than the physics. It ends early when the jaws are
-        stuck and the current has settled, because then no step changes anything any more.
+        stuck and current and measured speed have settled: no further step changes anything then.
         """
         s, v, torque, measured = self._s, self._v, self._torque, self._measured
         position, velocity, kp, kd = self._position, self._velocity, self._kp, self._kd
@@ -187,10 +214,12 @@ class Plant:
         limit, knee, free_from, free_until = self._limit, self._knee, self._free_from, self._free_to
         gain, current_decay, filter_decay = self._gain, self._current_decay, self._filter_decay
         moving_drag, still_drag = self._drags
+        filtered, speed_decay, seen = self._filtered, self._speed_decay, self._seen
+        limit, has_steps = min(limit, self._most), self._p.encoder_counts_per_rad > 0.0
         heat = 0.0
         done = 0
         for done in range(1, steps + 1):  # noqa: B007 - read after an early end
-            wanted = kp * (position - s) + kd * (velocity - v) + feed_forward
+            wanted = kp * (position - seen) + kd * (velocity - filtered) + feed_forward
             if not (-limit <= wanted <= limit and -knee <= v <= knee):
                 wanted = self._attainable(wanted, v)
             torque = wanted + (torque - wanted) * current_decay
@@ -211,17 +240,30 @@ class Plant:
                 v = (swing + drag) / damping
                 s += v * STEP_S
             else:
-                if v == 0.0 and not self._yielding:
+                if v == filtered == 0.0 and not self._yielding:
                     if torque == wanted:
                         break
-                    if -_SETTLED_NM < torque - wanted < _SETTLED_NM:
-                        torque = wanted
+                    torque = _settled(torque, wanted, _SETTLED_NM)
+                filtered = _settled(filtered, 0.0, _STILL_RAD_S)
                 v = 0.0
+            if has_steps:
+                seen, filtered = self._count(s, seen, filtered)
+            else:
+                filtered = v + (filtered - v) * speed_decay
+                seen = s
         for _ in range(steps - done):
             measured = torque + (measured - torque) * filter_decay
             heat += torque * torque
         self._s, self._v, self._torque, self._measured = s, v, torque, measured
         self._energy_nm2_s += heat * STEP_S
+        self._filtered, self._seen = filtered, seen
+
+    def _count(self, s: float, seen: float, filtered: float) -> tuple[float, float]:
+        """Return position and filtered speed by the steps of the encoder, after those before."""
+        counts = self._p.encoder_counts_per_rad
+        angle = s * counts // 1.0 / counts
+        speed = (angle - seen) * STEPS_PER_S
+        return angle, speed + (filtered - speed) * self._speed_decay
 
     def _bound_free_travel(self) -> None:
         """Note between where nothing but friction resists; a blocked rotor meets nothing else."""
@@ -235,7 +277,7 @@ class Plant:
             high = max(self._speed_slope * (self._speed_limit - v), 0.0)
         elif v < -self._knee:
             low = min(-self._speed_slope * (self._speed_limit + v), 0.0)
-        return min(max(wanted, low), high)
+        return min(max(wanted, low, -self._most), high, self._most)
 
     def _resist(self, s: float, v: float, force: float) -> tuple[float, float, float]:
         """Return force, damping factor and drag where the ends, the object or the zone resist.
@@ -273,3 +315,13 @@ class Plant:
             self._yielding = True
             self._object_at += item.yield_mm_s / self._p.rad_to_mm * STEP_S
             self._bound_free_travel()
+
+
+def _settled(value: float, end: float, within: float) -> float:
+    """Return the end that a value approaches once it is this near, and the value until then."""
+    return end if -within < value - end < within else value
+
+
+def _decay(time_s: float) -> float:
+    """Return what is left of a first-order lag's error after one step; without a lag, nothing."""
+    return math.exp(-STEP_S / time_s) if time_s > 0.0 else 0.0

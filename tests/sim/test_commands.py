@@ -12,7 +12,7 @@ from litegripd.sim.commands import TABLE, help_text, parse
 from litegripd.sim.console import Console
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.wire import MotorWire
-from tests.sim.driving import STATUS, decode
+from tests.sim.driving import STATUS, decode, write
 
 
 class Simulator:
@@ -145,6 +145,13 @@ def test_frames_are_injected_and_adapters_unplugged(simulator: Simulator) -> Non
     assert simulator.plugged
 
 
+def test_another_node_writes_registers(simulator: Simulator) -> None:
+    simulator.do("register 32 100")
+    simulator.do("register 0x17 54")
+    simulator.do("register 9 0")
+    assert simulator.injected == [write(32, 100.0), write(23, 54.0), write(9, 0)]
+
+
 def test_help_tells_of_every_command(simulator: Simulator) -> None:
     said = simulator.do("help")
     assert said is not None
@@ -180,6 +187,13 @@ def test_help_tells_of_every_command(simulator: Simulator) -> None:
         ("inject 800#00", "no frame of an id to 7FF"),
         ("inject 8#000000000000000000", "at most 8 bytes"),
         ("inject 8#0", "no frame in hexadecimal digits"),
+        ("register 32", "1 arguments in place of 2; write: register N VALUE"),
+        ("register 99 1", "there is no register 99"),
+        ("register V_BW 1", "'V_BW' is no whole number"),
+        ("register 9 0.5", "register 9 cannot hold 0.5"),
+        ("register 9 -1", "register 9 cannot hold -1"),
+        ("register 9 nan", "register 9 cannot hold nan"),
+        ("register 32 1e300", r"register 32 cannot hold 1e\+300"),
         ("inject x#00", "no frame in hexadecimal digits"),
         ("plug", "plugged in already"),
     ],

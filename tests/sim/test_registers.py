@@ -3,7 +3,14 @@ import struct
 
 import pytest
 
+from litegripd.sim.gripper import SimulatedGripper
+from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.registers import TABLE
 from tests.sim.driving import ENABLE, SAVE, STATUS, Driver, command, read
+
+READ_ONLY = {*range(11, 21), 36, *range(50, 57), *range(59, 66), 80, 81}
+NUMBERS = {*range(37), *range(50, 57), *range(59, 66), 80, 81}
+INTEGERS = {7, 8, 9, 10, 13, 14, 15, 16, 35, 36}
 
 FIRST_VALUES: dict[int, float] = {
     0: 15.0,
@@ -30,6 +37,37 @@ def test_first_values(rid: int, value: float) -> None:
 @pytest.mark.parametrize("rid", [0, 2, 3, 7, 8, 9, 10, 13, 14, 15, 20, 21, 22, 23, 35])
 def test_every_documented_register_answers(rid: int) -> None:
     assert any(Driver().read(rid))
+
+
+@pytest.mark.parametrize("rid", sorted(NUMBERS))
+def test_every_register_of_the_family_answers_with_a_number(rid: int) -> None:
+    driver = Driver()
+    assert TABLE[rid].is_float is (rid not in INTEGERS)
+    value = driver.read_float(rid) if TABLE[rid].is_float else driver.read_int(rid)
+    assert math.isfinite(value)
+    assert value == pytest.approx(driver.gripper.motor.registers[rid], rel=1e-6)
+    if TABLE[rid].writable:
+        assert TABLE[rid].low <= value <= TABLE[rid].high
+
+
+def test_there_are_no_others() -> None:
+    driver = Driver()
+    for rid in set(range(256)) - NUMBERS:
+        assert driver.gripper.receive(0.0, read(rid)) == []
+
+
+def test_what_is_measured_is_as_it_is_now() -> None:
+    driver = Driver(SimulatedGripper(SimulatorParameters(watchdog_s=10.0)))
+    driver.gripper.set_supply(22.5)
+    assert driver.read_float(60) == 22.5
+    driver.gripper.heat_coil(70.0)
+    assert driver.read_float(62) == pytest.approx(70.0)
+    assert driver.read_float(61) == pytest.approx(25.0)
+    for _ in range(2):
+        position_rad = driver.ask(STATUS).position_rad
+        for rid in (80, 81):
+            assert driver.read_float(rid) == pytest.approx(position_rad, abs=4e-4)
+        driver.gripper.jump(0.3)
 
 
 def test_a_write_is_echoed_and_unsaved_it_is_lost_with_the_power() -> None:
@@ -59,7 +97,7 @@ def test_saving_is_refused_while_enabled() -> None:
     assert driver.read_int(9) == 2000
 
 
-@pytest.mark.parametrize("rid", [13, 14, 15, 20])
+@pytest.mark.parametrize("rid", sorted(READ_ONLY))
 def test_read_only_registers_answer_a_write_with_what_they_hold(rid: int) -> None:
     driver = Driver()
     before = driver.read(rid)
