@@ -134,12 +134,12 @@ class Unsynced(FileSystem):
 class Disk:
     """The helper process's files, in memory: what was saved last, by operation."""
 
-    def __init__(self) -> None:
+    def __init__(self, period_s: float = PERIOD_S) -> None:
         self.saved: dict[str, Any] = {}
         self.error: str | None = None
         self.silent = False
         self.found: dict[str, Any] | None = None
-        self.memory = bytearray(memory_bytes(tick_slots(PERIOD_S)))
+        self.memory = bytearray(memory_bytes(tick_slots(period_s)))
         self.dumps: list[Recording] = []
         self._folder: Path | None = None
         self._store = TrajectoryStore(self.trajectories, Unsynced(), clock=lambda: 1e9)
@@ -212,7 +212,7 @@ class World:
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
-        self.disk = Disk()
+        self.disk = Disk(period_s)
         self.flight = self.make_flight()
         self._finished: list[tuple[Errand, ErrandResult]] = []
         self._last_pid = 100

@@ -24,8 +24,8 @@ BRAKE_NM = 7.0
 as far as its speed is known."""
 
 IMPLAUSIBLE_FRAMES = 3
-"""So many in a row at 200 Hz, and as many as come in the same time at another rate, are no disturbed
-frame any more: the encoder has lost its count. One alone never is enough."""
+"""So many in a row at 200 Hz are no disturbed frame any more: the encoder has lost its count. At
+another rate it is as many as come in the same time, and at least two."""
 
 ALONE_S = 0.005
 """What torque can do in so long, one frame alone is believed to tell. After a longer gap more could
