@@ -63,7 +63,7 @@ _MOTOR = Carried(
     ),
     _plausibility=Carried(
         Plausibility,
-        left=("lasting_frames",),
+        left=("lasting_frames", "_before"),
         in_a_row=int,
         refusal=Refusal | None,
         _last=Feedback | None,

@@ -108,15 +108,17 @@ class Listener:
             self.counters.ignored_frames += 1
 
     def _is_on_own_id(self, frame: CanFrame, answer: Answer | None) -> bool:
-        """Whether a frame on the motor's own id can be an answer of a motor with MST_ID = ESC_ID.
+        """Whether a frame on the motor's own id is an answer of the motor rather than a command.
 
-        Before its registers are read, it may be one. Read as a command it would lead the jaws to
+        With MST_ID = ESC_ID all answers come there, and before the registers are read any may.
+        Else it is one whose id was damaged on the way. Read as a command it would lead the jaws to
         where no jaw can be.
         """
         if answer is not None and answer.number == MASTER_ID.number:
             return MASTER_ID.decode(answer.raw) == self._can_id
         if self._identification.master_id not in (None, self._can_id):
-            return False
+            own = self._can_id & 0xF
+            return frame.data[:1] in (bytes([own]), bytes([Status.ENABLED << 4 | own]))
         return answer is not None or codec.is_from_motor(frame.data, self._can_id)
 
     def _note_foreign_write(self, write: Answer) -> None:

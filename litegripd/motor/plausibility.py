@@ -43,6 +43,8 @@ class Plausibility:
         self.refusal: Refusal | None = None
         """Why the position is not to be believed, from the last of so many frames until `reset`."""
         self._last: Feedback | None = None
+        self._before: Feedback | None = None
+        """The one believed before the last: that may have been a disturbed one."""
         self._doubted: Feedback | None = None
         self._told_s = 0.0
         self._silent_s = 0.0
@@ -64,7 +66,7 @@ class Plausibility:
 
     def believe(self, feedback: Feedback | None) -> None:
         """Take `feedback` as it is, or, without any, whatever comes next."""
-        self._last = feedback
+        self._before, self._last = (None if feedback is None else self._last), feedback
         self._doubted = None
         self.in_a_row = 0
 
@@ -92,7 +94,8 @@ class Plausibility:
         is_lasting = self.in_a_row + 1 >= self.lasting_frames
         if doubted is not None and _is_reachable(doubted, feedback, self._silent_s):
             is_slack = is_lasting and not self._was_driven
-            if is_slack or _is_reachable(last, doubted, self._gap_s):
+            agrees = self._before is not None and _is_reachable(self._before, feedback, ALONE_S)
+            if is_slack or agrees or _is_reachable(last, doubted, self._gap_s):
                 self.believe(feedback)
                 return True
         self.in_a_row += 1
