@@ -123,8 +123,13 @@ def test_a_damaged_line_in_twenty_ends_no_hold(seed: int, share: float) -> None:
         return True
 
     world.lose_from_motor = damages
-    world.run(60.0)
+    before_mm = world.gripper.opening_mm
+    for _ in range(round(60.0 / PERIOD_S)):
+        world.tick()
+        assert abs(world.gripper.opening_mm - before_mm) < 1.0
+        assert abs(world.gripper.motor_torque_nm) < 2.0
     assert world.in_phase(MotorPhase.ENABLED)
+    assert world.machine.motor.counters.foreign_commands == 0
     assert world.gripper.motor.status == Status.ENABLED
     world.lose_from_motor = lambda _frame: False
     world.run(0.5)
