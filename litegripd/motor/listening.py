@@ -171,6 +171,7 @@ class Listener:
         is_doubted = self._phase in _HELD and not self._status.accepts(feedback)
         if is_doubted or self._has_no_scale(feedback):
             self.counters.implausible_frames += is_doubted
+            self._fresh = self._fresh and self._phase is not Phase.LOST  # "enabled" may be older
             self._silence.unanswered = 0
             return
         if self._phase not in _JUDGED:
