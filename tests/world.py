@@ -197,6 +197,7 @@ class World:
         master_id: int | None = None,
         period_s: float = PERIOD_S,
     ) -> None:
+        self.period_s = period_s
         closed_rad, open_rad = limits_of_mount(mount)
         if parameters is None:
             parameters = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)

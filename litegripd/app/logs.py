@@ -40,16 +40,26 @@ def log_event(event: Event) -> None:
 
 
 class MotorGreeting:
-    """Tells once what a motor that was found has told about itself."""
+    """Tells once what a motor that was found has told about itself, and what is unusual anew."""
 
     def __init__(self) -> None:
         self._was_known = False
+        self._identity: MotorIdentity | None = None
+        self._warnings: list[str] = []
 
     def look(self, identity: MotorIdentity | None) -> None:
         """Tell, if it has just become known."""
         if identity is not None and not self._was_known:
             _log_motor(identity)
+            self._warnings = []
         self._was_known = identity is not None
+        if identity is None or identity is self._identity:
+            return
+        self._identity, before = identity, self._warnings
+        self._warnings = warnings(identity)
+        for warning in self._warnings:
+            if warning not in before:
+                _log.warning("%s", warning)
 
 
 def _log_motor(identity: MotorIdentity) -> None:
@@ -57,5 +67,3 @@ def _log_motor(identity: MotorIdentity) -> None:
     _log.info(
         "motor 0x%02X answers on 0x%02X, serial %s", identity.can_id, identity.master_id, serial
     )
-    for warning in warnings(identity):
-        _log.warning("%s", warning)

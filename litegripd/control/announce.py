@@ -11,7 +11,7 @@ from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Job, OnLost, Owner, StopLevel
-from litegripd.model.motor import MotorPhase, MotorView
+from litegripd.model.motor import MotorIdentity, MotorPhase, MotorView
 from litegripd.model.results import GraspResult, ReplayResult, Result
 
 _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
@@ -170,7 +170,23 @@ def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
         events.append(Event("motor", text, data))
     if problem is not None and now.has_jumped and before.phase is MotorPhase.ENABLED:
         events.append(Event("implausible", problem.message, problem.data))
+    if before.identity is not None and now.identity is not None:
+        events += _registers_changed(before.identity, now.identity)
     return events
+
+
+def _registers_changed(before: MotorIdentity, now: MotorIdentity) -> list[Event]:
+    """Tell which registers of the motor hold something else than before."""
+    if now is before:
+        return []
+    known = before.registers
+    changed = {name: value for name, value in now.registers.items() if value != known.get(name)}
+    if not changed:
+        return []
+    worded = ", ".join(f"{name} is {value}" for name, value in changed.items())
+    text = f"the motor's registers have changed: {worded}; what was read is used from now on"
+    finite = {name: None if value is None else _finite(value) for name, value in changed.items()}
+    return [Event("motor", text, {"registers": finite, "error": text})]
 
 
 def bus_changed(before: BusCondition, now: BusCondition) -> Event:

@@ -120,7 +120,7 @@ class Engine(Arbiter):
         self.ticks += 1
         self.now_s = now_s
         self._step_authority(now_s)
-        self._note_second_master(now_s, motor.foreign_commands)
+        self._note_second_master(now_s, motor)
         if self.capture is not None:
             self.capture.step(now_s, motor, self.geometry, self.grip, self.jobs)
         inquiry = self.inquiries.step(motor.register)
@@ -211,9 +211,9 @@ class Engine(Arbiter):
         if result.error is not None:
             self.events.append(announce.not_saved(result.error))
 
-    def _note_second_master(self, now_s: float, count: int) -> None:
+    def _note_second_master(self, now_s: float, motor: MotorView) -> None:
         """End what runs when another commands the motor; the jaws go on holding."""
-        told = self.second_master.step(now_s, count)
+        told = self.second_master.step(now_s, motor.foreign_commands, motor.foreign_write)
         if told is not None:
             self.events.append(told)
         refusal, running = self.second_master.refusal(), self.jobs.running

@@ -119,7 +119,8 @@ _ENGINE = Carried(
     recordings=int,
     second_master=Carried(
         SecondMaster,
-        left=("is_tolerated", "count"),  # the configuration's; and the motor counts anew
+        # The configuration's; and the motor counts anew.
+        left=("is_tolerated", "count", "_write", "_known_write"),
         is_active=bool,
         _seen_s=float,
         _told_s=float,

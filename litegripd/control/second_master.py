@@ -1,11 +1,13 @@
 """Somebody else who commands our motor: noticed, told, and a reason to refuse motions.
 
 Two programs that interleave frames on one motor fight over it, and neither can know what the
-jaws do. Nothing can keep the other from sending; it can only be told of.
+jaws do. Nothing can keep the other from sending; it can only be told of. A program that writes the
+motor's registers changes what every frame means, and counts the same.
 """
 
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
+from litegripd.model.motor import RegisterWrite
 
 QUIET_AFTER_S = 2.0
 """Without a frame of theirs for so long, they count as gone."""
@@ -14,7 +16,7 @@ TOLD_EVERY_S = 10.0
 
 
 class SecondMaster:
-    """Keeps when a command frame that is not ours was last seen, and how many there were."""
+    """Keeps when a frame that is not ours was last seen, and how many there were."""
 
     def __init__(self, *, is_tolerated: bool = False) -> None:
         self.is_tolerated = is_tolerated
@@ -22,18 +24,28 @@ class SecondMaster:
         self.is_active = False
         self._seen_s = 0.0
         self._told_s = 0.0
+        self._write: RegisterWrite | None = None
+        """The latest write of one that is active."""
+        self._known_write: RegisterWrite | None = None
 
-    def step(self, now_s: float, count: int) -> Event | None:
-        """Take the number of frames so far; return what is to be told: begin, go on, and end."""
+    def step(self, now_s: float, count: int, write: RegisterWrite | None = None) -> Event | None:
+        """Take the number of frames so far, and the latest of them that wrote registers.
+
+        Return what is to be told: begin, another write, go on, and end.
+        """
+        is_other = write is not None and write is not self._known_write
+        is_new = is_other and write != self._write
+        if is_other:
+            self._write = self._known_write = write
         if count != self.count:
             self.count, self._seen_s = count, now_s
-            if self.is_active and now_s - self._told_s < TOLD_EVERY_S:
+            if self.is_active and not is_new and now_s - self._told_s < TOLD_EVERY_S:
                 return None
             self.is_active, self._told_s = True, now_s
-            return Event("second_master", self._text(), {"frames": count, "active": True})
+            return Event("second_master", self._text(), {**self._data(), "active": True})
         if self.is_active and now_s - self._seen_s >= QUIET_AFTER_S:
-            self.is_active = False
-            text = f"the other sender is quiet again, after {count} command frames"
+            self.is_active, self._write = False, None
+            text = f"the other sender is quiet again, after {count} frames"
             return Event("second_master", text, {"frames": count, "active": False})
         return None
 
@@ -41,11 +53,23 @@ class SecondMaster:
         """Say why no motion may run, if so."""
         if self.is_tolerated or not self.is_active:
             return None
-        return Refusal("second_master", self._text(), {"frames": self.count})
+        return Refusal("second_master", self._text(), self._data())
+
+    def _data(self) -> dict[str, object]:
+        data: dict[str, object] = {"frames": self.count}
+        if self._write is not None:
+            data |= {"register": self._write.name, "value": self._write.value}
+        return data
 
     def _text(self) -> str:
+        does, write = "commands the motor", self._write
+        if write is not None and write.name is None:
+            does = "saves the motor's registers"
+        elif write is not None:
+            value = "" if write.value is None else f" to {write.value:g}"
+            does = f"writes the motor's register {write.name}{value}"
         return (
-            f"another program commands the motor on the same bus ({self.count} frames so far):"
-            " find and end it (a script with the vendor's SDK, cansend of can-utils, a second"
-            " adapter), for one motor has one owner"
+            f"another program {does} on the same bus ({self.count} frames so far):"
+            " find and end it (the maker's tool, a script with the vendor's SDK, cansend of"
+            " can-utils, a second adapter), for one motor has one owner"
         )

@@ -239,7 +239,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "HardwareError",
         5,
         True,
-        "Another program sends commands to the motor on the same bus.",
+        "Another program commands the motor, or writes its registers, on the same bus.",
     ),
     ErrorKind(
         "implausible_feedback",

@@ -116,6 +116,18 @@ class RegisterReply:
     failure: Refusal | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class RegisterWrite:
+    """A write to the motor's registers that somebody else sent.
+
+    `name` is the register's, or its number where the table has none; None when all of them were
+    saved. `value` is None where it is not known, or is no number.
+    """
+
+    name: str | None
+    value: float | int | None
+
+
 ZeroState: TypeAlias = Literal["idle", "pending", "done", "failed"]
 
 
@@ -144,7 +156,8 @@ class MotorView:
     or latest enable; `problem` says why the motor cannot be enabled now, if so; `failure` why
     the latest enable or disable did not succeed; `fault` what the motor reports; `register` is
     the reply to the latest register request that was answered; `foreign_commands` counts the
-    frames to the motor that somebody else sent.
+    frames to the motor that somebody else sent, and `foreign_write` is the latest of them that
+    wrote registers.
     """
 
     phase: MotorPhase
@@ -157,6 +170,7 @@ class MotorView:
     register: RegisterReply | None = None
     zero: ZeroView = ZeroView()
     foreign_commands: int = 0
+    foreign_write: RegisterWrite | None = None
 
     @property
     def has_jumped(self) -> bool:

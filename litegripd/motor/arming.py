@@ -1,4 +1,7 @@
-"""One enabling of the motor: its watchdog first, then a fault cleared, then armed and confirmed.
+"""One enabling of the motor: its registers first, then a fault cleared, then armed and confirmed.
+
+What decides how the motor is talked to is read before every enabling: a power cycle undoes what
+was written, another program may have written, and either may have gone unnoticed.
 
 Before the first enable frame the motor has answered one with zero gains, and one goes just before
 each: a command that arrived while the motor was disabled is stored and applied by enable at once,
@@ -7,27 +10,16 @@ and a jump on enable is the commonest complaint about such grippers.
 
 from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import EnableMotor, Feedback, MotorIdentity, is_fault
+from litegripd.model.motor import EnableMotor, Feedback, is_fault
 from litegripd.motor import codec
 from litegripd.motor.faults import SILENT, fault_refusal
-from litegripd.motor.look import ANSWER_WITHIN_S, LONGEST_WATCHDOG_S
+from litegripd.motor.identification import Identification
 from litegripd.motor.phases import Phase
-from litegripd.motor.registers import (
-    TIMEOUT,
-    TIMEOUT_UNIT_S,
-    Answer,
-    read_request,
-    status_request,
-    write_request,
-)
+from litegripd.motor.registers import VERIFIED, status_request
+from litegripd.motor.verifying import is_watchdog_on
 
-WATCHDOG_S = 0.1
-"""Written (not saved) where the motor's own watchdog is off: it is the last line when the daemon
-itself dies."""
-
-_WATCHDOG_UNITS = round(WATCHDOG_S / TIMEOUT_UNIT_S)
-_LONGEST_UNITS = round(LONGEST_WATCHDOG_S / TIMEOUT_UNIT_S)
-_PREPARE_WITHIN_S = 0.2
+_PREPARE_WITHIN_S = 0.4
+"""For twenty tries of each register: with half of the frames lost each way, 98 % are enough."""
 _NO_WATCHDOG = Refusal(
     "motor_unsuitable",
     "the motor's watchdog (register TIMEOUT) is off, or longer than 0.4 s, and could not be"
@@ -36,19 +28,24 @@ _NO_WATCHDOG = Refusal(
 )
 
 
+_WRITTEN = Refusal(
+    "second_master",
+    "another program wrote the motor's registers while it was being enabled: end that program,"
+    " then enable again",
+)
+
+
 class Arming:
     """Gives the frames of one enabling, and keeps its attempts and its failure."""
 
-    def __init__(self, identity: MotorIdentity, request: EnableMotor, now_s: float) -> None:
+    def __init__(self, known: Identification, request: EnableMotor, now_s: float) -> None:
         self.tries = 0
         self.failure: Refusal | None = None
-        self.is_prepared = False
-        self._watchdog_units: int | None = None
-        self._identity = identity
+        self._known = known
+        self._can_id = known.can_id
         self._request = request
         self._began_s = now_s
         self._next_try_s = now_s
-        self._next_request_s = now_s
         self._outstanding = 1  # a status request may be under way
         self._until_zero: int | None = None
 
@@ -67,19 +64,13 @@ class Arming:
         if self._until_zero is not None:
             self._until_zero -= 1
 
-    def take(self, answer: Answer) -> bool:
-        """Take a register answer; the watchdog counts as set once reading it says so.
-
-        It is read before every enabling: a power cycle undoes what was written, and may have
-        gone unnoticed.
-        """
-        if self.is_prepared or answer.number != TIMEOUT.number or answer.is_write:
+    @property
+    def is_prepared(self) -> bool:
+        """Whether all registers are as known, and allow to enable the motor."""
+        identity = self._known.identity
+        if self._known.verifier.is_open or identity is None:
             return False
-        if self._watchdog_units is None:
-            self._next_request_s = self._began_s  # no need to wait before writing
-        self._watchdog_units = int(TIMEOUT.decode(answer.raw))
-        self.is_prepared = 0 < self._watchdog_units <= _LONGEST_UNITS
-        return True
+        return is_watchdog_on(identity) and self._known.problem() is None
 
     def step(
         self, now_s: float, phase: Phase, feedback: Feedback | None, *, is_silent: bool
@@ -91,28 +82,33 @@ class Arming:
         """
         if phase is Phase.PREPARING:
             return self._prepare(now_s)
+        if self._known.verifier.is_open:
+            self.failure = _WRITTEN
+            return []
         clearing = phase is Phase.CLEARING
         frames = self._clear(now_s, feedback) if clearing else self._arm(now_s, feedback)
         return self._probe() if is_silent and self.failure is None else frames
 
     def _prepare(self, now_s: float) -> list[CanFrame]:
-        if now_s - self._began_s > _PREPARE_WITHIN_S:
-            self.failure = SILENT if self._watchdog_units is None else _NO_WATCHDOG
+        """Read all registers at once, and set the watchdog where that is needed."""
+        identity, verifier = self._known.identity, self._known.verifier
+        if identity is None:
             return []
-        if now_s < self._next_request_s:
+        if not verifier.is_open:
+            self.failure = self._known.problem()
+        if self.failure is None and now_s - self._began_s > _PREPARE_WITHIN_S:
+            is_off = verifier.has_written and not is_watchdog_on(identity)
+            self.failure = _NO_WATCHDOG if is_off else SILENT
+        if self.failure is not None:
             return []
-        self._next_request_s = now_s + ANSWER_WITHIN_S
-        can_id = self._identity.can_id
-        if self._watchdog_units is None:
-            return [read_request(can_id, TIMEOUT)]
-        return [write_request(can_id, TIMEOUT, _WATCHDOG_UNITS), read_request(can_id, TIMEOUT)]
+        return verifier.step(now_s, identity, len(VERIFIED), sets_watchdog=True)
 
     def _probe(self) -> list[CanFrame]:
         """Ask for the status; the answer is not one to a zero-gain frame."""
         self._outstanding += 1
         if self._until_zero is not None:
             self._until_zero += 1
-        return [status_request(self._identity.can_id)]
+        return [status_request(self._can_id)]
 
     def _clear(self, now_s: float, feedback: Feedback | None) -> list[CanFrame]:
         """Clear a fault, where there is one; the frame's answer tells whether that worked."""
@@ -124,7 +120,7 @@ class Arming:
         if faulty:
             self._outstanding += 1
             self._until_zero = None
-            return [CanFrame(self._identity.can_id, codec.CLEAR_FAULT)]
+            return [CanFrame(self._can_id, codec.CLEAR_FAULT)]
         return [self._zero_gains(feedback)]
 
     def _arm(self, now_s: float, feedback: Feedback | None) -> list[CanFrame]:
@@ -135,7 +131,7 @@ class Arming:
                 return []
             self.tries += 1
             self._next_try_s = now_s + self._request.interval_s
-            frames.append(CanFrame(self._identity.can_id, codec.ENABLE))
+            frames.append(CanFrame(self._can_id, codec.ENABLE))
         return frames
 
     def _not_confirmed(self) -> Refusal:
@@ -151,5 +147,5 @@ class Arming:
             self._until_zero = self._outstanding + 1
         self._outstanding += 1
         position_rad = 0.0 if feedback is None else feedback.position_rad
-        data = codec.encode_zero_gains(position_rad, self._identity.ranges)
-        return CanFrame(self._identity.can_id, data)
+        data = codec.encode_zero_gains(position_rad, self._known.ranges)
+        return CanFrame(self._can_id, data)

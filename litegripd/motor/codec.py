@@ -39,7 +39,11 @@ def encode_command(command: MitCommand, ranges: Ranges) -> bytes:
 
 
 def encode_zero_gains(position_rad: float, ranges: Ranges) -> bytes:
-    """Pack the command that energises nothing, wherever a motor is or is enabled later."""
+    """Pack the command that energises nothing, wherever a motor is or is enabled later.
+
+    Without gains the position matters to nobody; one beyond the range becomes its end.
+    """
+    position_rad = min(max(position_rad, -ranges.position_rad), ranges.position_rad)
     return encode_command(MitCommand(position_rad, 0.0, 0.0, 0.0, 0.0), ranges)
 
 

@@ -22,10 +22,21 @@ SETTLED = (MotorPhase.ENABLED, MotorPhase.DISABLED, MotorPhase.FAULT)
 
 _MOTOR = Carried(
     Motor,
-    left=("counters", "_can_id", "_arming", "_reading", "_fresh", "_unfaulting"),
+    left=(
+        "counters",
+        "_can_id",
+        "_arming",
+        "_reading",
+        "_fresh",
+        "_unfaulting",
+        "_status",
+        "_foreign_write",
+        "_foreign_requests",
+        "_certain_s",
+    ),
     _identification=Carried(
         Identification,
-        left=("_can_id", "_configured_master_id", "_look"),
+        left=("can_id", "_configured_master_id", "_look", "verifier"),
         identity=MotorIdentity,
     ),
     _phase=Phase,
@@ -52,6 +63,7 @@ _MOTOR = Carried(
     ),
     _plausibility=Carried(
         Plausibility,
+        left=("lasting_frames", "_before"),
         in_a_row=int,
         refusal=Refusal | None,
         _last=Feedback | None,
@@ -63,7 +75,9 @@ _MOTOR = Carried(
     ),
     _feedback=Feedback,
     _asked_s=float,
-    _silence=Carried(Silence, left=("_bus_is_usable", "_was_total"), unanswered=int),
+    _silence=Carried(
+        Silence, left=("_bus_is_usable", "_was_total", "repeats", "_ticks_apart"), unanswered=int
+    ),
     _traffic=Carried(
         Traffic,
         left=("_can_id", "_silence", "_counters"),
@@ -79,9 +93,14 @@ _MOTOR = Carried(
 def refusal(motor: Motor) -> Refusal | None:
     """Say why a motor cannot be handed over now, if so."""
     view = motor.view()
-    if view.phase in SETTLED and view.feedback is not None and view.zero.state != "pending":
+    is_settled = view.phase in SETTLED and not motor.is_verifying
+    if is_settled and view.feedback is not None and view.zero.state != "pending":
         return None
-    text = f"the motor is {view.phase.value}: it can be handed over once it answers and is settled"
+    reading = "; its registers are being read" if motor.is_verifying else ""
+    text = (
+        f"the motor is {view.phase.value}{reading}: it can be handed over once it answers and is"
+        " settled"
+    )
     problem = view.problem or Refusal("restart_failed", text)
     hint = (
         "try again once it answers and is settled, or restart without the hold, which disables"

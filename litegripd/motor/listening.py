@@ -6,15 +6,30 @@ It sends nothing, and decides nothing but which phase follows from what was hear
 from collections.abc import Iterable
 
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import Feedback, Ranges, Status, is_fault
+from litegripd.model.motor import (
+    Feedback,
+    MotorIdentity,
+    Ranges,
+    RegisterWrite,
+    Status,
+    is_fault,
+)
 from litegripd.motor import codec
 from litegripd.motor.arming import Arming
 from litegripd.motor.identification import Identification
 from litegripd.motor.phases import ARMING_PHASES, TRANSITIONS, Event, Phase
 from litegripd.motor.plausibility import Plausibility
 from litegripd.motor.reading import READABLE, Reading
-from litegripd.motor.registers import Answer, parse_answer
+from litegripd.motor.registers import (
+    MASTER_ID,
+    PMAX,
+    Answer,
+    described,
+    parse_answer,
+    parse_write_request,
+)
 from litegripd.motor.silence import Silence
+from litegripd.motor.status_judge import StatusJudge
 from litegripd.motor.traffic import MotorCounters, Traffic
 from litegripd.motor.zeroing import Zeroing
 
@@ -22,13 +37,17 @@ _JUDGED = frozenset({*ARMING_PHASES, Phase.ENABLED, Phase.LOST})
 """Where a hold at the position is about to begin, or is under way. Elsewhere whatever a motor tells
 counts at once, above all that it is enabled."""
 _FASTEST_SHARE = 0.99  # of the range of speeds: beyond it, a code may stand for more
+_HELD = frozenset({Phase.ENABLED, Phase.LOST})
+"""Where one answer alone that tells of anything but "enabled" is not acted upon."""
+DOUBT_GIVES_UP_S = 0.5
+"""For so long an enabled motor's ranges may be in doubt: they are read in every tick."""
 DISABLE_CONFIRM_AFTER_S = 0.01  # older answers may have been under way when disable was sent
 
 
 class Listener:
     """The motor `can_id` as far as it is heard; see `Motor`."""
 
-    def __init__(self, can_id: int, master_id: int | None) -> None:
+    def __init__(self, can_id: int, master_id: int | None, period_s: float) -> None:
         self.counters = MotorCounters()
         self._can_id = can_id
         self._identification = Identification(can_id, master_id)
@@ -37,17 +56,24 @@ class Listener:
         self._arming: Arming | None = None
         self._zeroing = Zeroing(can_id, Ranges(), 0.0)
         self._reading = Reading(can_id)
-        self._plausibility = Plausibility()
+        self._plausibility = Plausibility(period_s)
+        self._status = StatusJudge()
         self._feedback: Feedback | None = None
         self._fresh = False
         self._asked_s = 0.0
-        self._silence = Silence()
+        self._silence = Silence(period_s)
         self._traffic = Traffic(can_id, self._silence, self.counters)
+        self._foreign_write: RegisterWrite | None = None
+        self._foreign_requests: set[int] = set()
+        """The registers that others asked to write, until the motor has answered."""
+        self._certain_s = 0.0
+        """When the motor's ranges were last not in doubt."""
 
     def receive(self, now_s: float, frames: Iterable[CanFrame]) -> None:
         """Take what came over the bus since the last tick; call it once per tick, before `step`."""
         for frame in frames:
             self._receive(frame)
+        self._watch_registers(now_s)
         if self._plausibility.refusal is not None and self._phase is Phase.ENABLED:
             self._go(Event.IMPLAUSIBLE, now_s)
         if self._fresh:
@@ -63,11 +89,17 @@ class Listener:
         self._silence.note_bus(self._phase, is_usable=is_usable)
 
     def _receive(self, frame: CanFrame) -> None:
-        if frame.can_id == self._can_id:
-            self.counters.foreign_commands += 1
-            return
         answer = parse_answer(frame.data, self._can_id)
-        if answer is not None:
+        request = parse_write_request(frame, self._can_id)
+        if frame.can_id == self._can_id and not self._is_on_own_id(frame, answer):
+            self.counters.foreign_commands += 1
+        elif request is not None:
+            self._note_foreign_write(request)
+            self._foreign_requests.add(request.number)
+            self._identification.note_request(request)
+        elif answer is not None and answer.is_write:
+            self.counters.ignored_frames += not self._take_written(answer, frame.can_id)
+        elif answer is not None:
             self.counters.ignored_frames += not self._take_answer(answer, frame.can_id)
         elif self._is_feedback(frame):
             ranges = self._identification.ranges
@@ -75,10 +107,73 @@ class Listener:
         else:
             self.counters.ignored_frames += 1
 
+    def _is_on_own_id(self, frame: CanFrame, answer: Answer | None) -> bool:
+        """Whether a frame on the motor's own id is an answer of the motor rather than a command.
+
+        With MST_ID = ESC_ID all answers come there, and before the registers are read any may.
+        Else it is one whose id was damaged on the way. Read as a command it would lead the jaws to
+        where no jaw can be.
+        """
+        if answer is not None and answer.number == MASTER_ID.number:
+            return MASTER_ID.decode(answer.raw) == self._can_id
+        if self._identification.master_id not in (None, self._can_id):
+            own = self._can_id & 0xF
+            return frame.data[:1] in (bytes([own]), bytes([Status.ENABLED << 4 | own]))
+        return answer is not None or codec.is_from_motor(frame.data, self._can_id)
+
+    def _note_foreign_write(self, write: Answer) -> None:
+        """Count and keep what another program has written."""
+        self.counters.foreign_commands += 1
+        self._foreign_write = described(write)
+
+    def _take_written(self, answer: Answer, can_id: int) -> bool:
+        """Take the motor's answer to a write; one that nobody here sent was another program's."""
+        known = self._identification
+        is_moved = answer.number == MASTER_ID.number and MASTER_ID.decode(answer.raw) == can_id
+        if can_id != known.master_id and not (is_moved and not answer.is_save):
+            return False
+        if known.verifier.is_own_write(answer):
+            return True
+        if answer.number not in self._foreign_requests:  # else it is counted
+            self.counters.foreign_commands += 1
+        self._foreign_requests.discard(answer.number)
+        self._foreign_write = described(answer)
+        before = known.identity
+        known.note_written(answer, can_id)
+        self._note_changed(before)
+        return True
+
+    def _note_changed(self, before: MotorIdentity | None) -> None:
+        """Forget what was coded in ranges that hold no longer, where nothing is held by it."""
+        now = self._identification.identity
+        if before is None or now is None or now.ranges == before.ranges:
+            return
+        self._traffic.forget_command()
+        if (
+            self._phase is not Phase.ENABLED
+            and now.ranges.position_rad != before.ranges.position_rad
+        ):
+            self._feedback, self._fresh = None, False
+            self._plausibility.believe(None)
+
+    def _watch_registers(self, now_s: float) -> None:
+        """Disable a motor that obeys no commands any more, or obeys them nobody knows how."""
+        if not self._identification.verifier.doubts_ranges:
+            self._certain_s = now_s
+        is_unknown = now_s - self._certain_s >= DOUBT_GIVES_UP_S
+        if self._phase is Phase.ENABLED and (self._identification.is_uncontrollable or is_unknown):
+            self._go(Event.DISABLE, now_s)
+
     def _take_feedback(self, feedback: Feedback) -> None:
         """Keep it, unless its position is in doubt: nothing is to be derived from that."""
         if self._arming is not None:
             self._arming.note_answer()
+        is_doubted = self._phase in _HELD and not self._status.accepts(feedback)
+        if is_doubted or self._has_no_scale(feedback):
+            self.counters.implausible_frames += is_doubted
+            self._fresh = self._fresh and self._phase is not Phase.LOST  # "enabled" may be older
+            self._silence.unanswered = 0
+            return
         if self._phase not in _JUDGED:
             self._plausibility.believe(feedback)
         elif not self._plausibility.accepts(
@@ -92,14 +187,22 @@ class Listener:
         self._feedback = feedback
         self._fresh = True
 
+    def _has_no_scale(self, feedback: Feedback) -> bool:
+        """Whether its position cannot be known, while another program may have set the range."""
+        is_used = self._phase in _JUDGED or self._zeroing.is_pending
+        is_enabled = feedback.status == Status.ENABLED or self._zeroing.is_pending
+        return is_used and is_enabled and self._identification.verifier.is_in_doubt(PMAX)
+
     def _take_answer(self, answer: Answer, can_id: int) -> bool:
         """Give a register answer to whoever awaits it; one that nobody awaits is never feedback."""
         known = self._identification
-        if self._arming is not None:
-            return can_id == known.master_id and self._arming.take(answer)
-        if self._phase in READABLE:
-            return can_id == known.master_id and self._reading.take(answer)
-        if self._phase is not Phase.LOOKING or not known.take(answer, can_id):
+        if self._phase is not Phase.LOOKING:
+            before = known.identity
+            is_awaited = known.verify(answer, can_id)
+            self._note_changed(before)
+            is_read = self._phase in READABLE and can_id == known.master_id
+            return (is_read and self._reading.take(answer)) or is_awaited
+        if not known.take(answer, can_id):
             return False
         self._silence.unanswered = 0
         self._traffic.poll_soon()  # ask for the status, too: it may be enabled
@@ -136,6 +239,9 @@ class Listener:
             return
         if self._phase is Phase.ENABLED:
             self._traffic.forget_command()
+        if self._phase is Phase.LOST and following is Phase.ENABLED:
+            self._identification.verifier.begin()  # what was written meanwhile went unheard
+        self._status.reset()
         self._phase = following
         self._entered_s = now_s
         self._silence.begin_phase(event)

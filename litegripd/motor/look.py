@@ -4,6 +4,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MotorIdentity, Ranges
 from litegripd.motor.registers import (
+    CAN_ID,
     CONTROL_MODE,
     ESSENTIAL,
     MASTER_ID,
@@ -117,18 +118,47 @@ class Look:
 def has_usable_ranges(identity: MotorIdentity) -> bool:
     """Whether frames can be decoded with the motor's ranges: finite and of no absurd size."""
     ranges = identity.ranges
-    limits = (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)
-    return all(SMALLEST_RANGE <= limit <= LARGEST_RANGE for limit in limits)
+    return all(map(is_usable_range, (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)))
+
+
+def is_usable_range(limit: float) -> bool:
+    """Whether a range is finite and of no absurd size."""
+    return SMALLEST_RANGE <= limit <= LARGEST_RANGE
 
 
 def unsuitable(identity: MotorIdentity, configured_master_id: int | None) -> Refusal | None:
     """Say why a motor must not be enabled, if its registers forbid it."""
+    refusal = uncontrollable(identity)
+    if refusal is not None:
+        return refusal
     if configured_master_id not in (None, identity.master_id):
         return Refusal(
             "motor_unsuitable",
             f"the motor answers on 0x{identity.master_id:02X} (register MST_ID), but"
             f" [motor] master_id is 0x{configured_master_id:02X}: correct one of them",
             {"register": "MST_ID", "value": identity.master_id},
+        )
+    listens_to = identity.registers.get(CAN_ID.name)
+    if listens_to not in (None, identity.can_id):
+        return Refusal(
+            "motor_unsuitable",
+            f"the motor's register ESC_ID holds {listens_to}, but [motor] can_id is"
+            f" 0x{identity.can_id:02X}: correct one of them",
+            {"register": "ESC_ID", "value": listens_to},
+        )
+    return None
+
+
+def uncontrollable(identity: MotorIdentity) -> Refusal | None:
+    """Say why a motor cannot be commanded, if so: one that is enabled must be disabled then."""
+    if identity.master_id == identity.can_id:
+        return Refusal(
+            "motor_unsuitable",
+            f"the motor answers on 0x{identity.can_id:02X}, the id of its own commands (registers"
+            " MST_ID and ESC_ID are equal), so answers and commands collide on the bus: set MST_ID"
+            " to another id, 0x18 for instance, with the maker's tool; then motor.clear_fault"
+            " reads it again",
+            {"register": "MST_ID", "value": identity.master_id, "hint": "motor.clear_fault"},
         )
     if identity.control_mode != MIT_MODE:
         return Refusal(

@@ -24,7 +24,9 @@ from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identification import STILL_READ
 from litegripd.motor.listening import Listener
 from litegripd.motor.phases import ARMING_PHASES, PUBLIC, Event, Phase
-from litegripd.motor.silence import DISABLE_GIVES_UP_S, REPEATED_COMMANDS
+from litegripd.motor.reading import READABLE
+from litegripd.motor.registers import PMAX, VERIFIED
+from litegripd.motor.silence import DISABLE_GIVES_UP_S, USUAL_PERIOD_S
 from litegripd.motor.unfaulting import Unfaulting
 from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
 
@@ -32,8 +34,10 @@ from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
 class Motor(Listener):
     """The motor `can_id`; its answers are found by register MST_ID, or must come on `master_id`."""
 
-    def __init__(self, can_id: int, master_id: int | None = None) -> None:
-        super().__init__(can_id, master_id)
+    def __init__(
+        self, can_id: int, master_id: int | None = None, period_s: float = USUAL_PERIOD_S
+    ) -> None:
+        super().__init__(can_id, master_id, period_s)
         self._unfaulting: Unfaulting | None = None
         self._tries = 0
         self._failure: Refusal | None = None
@@ -51,6 +55,7 @@ class Motor(Listener):
             register=self._reading.reply,
             zero=self._zeroing.view,
             foreign_commands=self.counters.foreign_commands,
+            foreign_write=self._foreign_write,
         )
 
     @property
@@ -68,6 +73,11 @@ class Motor(Listener):
         """How many requests have gone out since the last answer."""
         return self._silence.unanswered
 
+    @property
+    def is_verifying(self) -> bool:
+        """Whether registers are being read again."""
+        return self._identification.verifier.is_open
+
     def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         """Do what the engine wants and return the frames to send, in their order."""
         if order.request is not None:
@@ -75,7 +85,16 @@ class Motor(Listener):
         frames = self._step(now_s, order)
         if frames:
             self._asked_s = now_s
-        return frames + self._reading.step(now_s, order.register, self._phase)
+        read = self._reading.step(now_s, order.register, self._phase)
+        return frames + (read or self._verify(now_s))
+
+    def _verify(self, now_s: float) -> list[CanFrame]:
+        """Read again what decides how the motor is talked to; one frame beside a command."""
+        known, is_enabled = self._identification, self._phase is Phase.ENABLED
+        if known.identity is None or self._phase not in READABLE:
+            return []
+        most = 1 if is_enabled else len(VERIFIED)
+        return known.verifier.step(now_s, known.identity, most, sets_watchdog=is_enabled)
 
     def _begin(self, request: MotorRequest, now_s: float) -> None:
         if isinstance(request, EnableMotor):
@@ -114,6 +133,8 @@ class Motor(Listener):
         if self._public_phase() is MotorPhase.SILENT:
             return SILENT
         reading = STILL_READ if self._phase is Phase.LOOKING else None
+        if self._identification.verifier.doubts_ranges:
+            reading = STILL_READ
         return self._plausibility.refusal or reading or self._identification.problem()
 
     def _fault(self) -> Refusal | None:
@@ -125,10 +146,10 @@ class Motor(Listener):
         self._failure = UNDER_WAY if self._zeroing.is_pending else self._problem()
         self._tries = 0
         is_off = self._phase in (Phase.DISABLED, Phase.FAULT)
-        identity = self._identification.identity
-        if identity is None or self._failure is not None or not is_off:
+        if self._failure is not None or not is_off:
             return
-        self._arming = Arming(identity, request, now_s)
+        self._identification.verifier.begin()
+        self._arming = Arming(self._identification, request, now_s)
         self._go(Event.ENABLE, now_s)
 
     def _begin_zero(self, now_s: float) -> None:
@@ -163,11 +184,12 @@ class Motor(Listener):
 
         A force alone goes on, or what it holds would fall for a disturbed frame.
         """
-        if self._plausibility.in_a_row and command.kp_nm_rad:
+        has_no_scale = self._identification.verifier.is_in_doubt(PMAX)
+        if (self._plausibility.in_a_row or has_no_scale) and command.kp_nm_rad:
             damping = min(command.kd_nm_s_rad, self._plausibility.brake_kd_nm_s_rad)
             command = MitCommand(command.position_rad, 0.0, 0.0, damping, 0.0)
             self._traffic.forget_command()
-        return self._traffic.command(command, is_motion, self._identification.ranges)
+        return self._traffic.command(command, is_motion, self._identification.ranges_to_send)
 
     def _arm(self, now_s: float) -> list[CanFrame]:
         arming = self._arming
@@ -177,7 +199,9 @@ class Motor(Listener):
             self._go(Event.PREPARED, now_s)
         if self._phase is not Phase.PREPARING:
             self._silence.unanswered += 1
-        is_silent = self._silence.unanswered > REPEATED_COMMANDS
+        is_silent = self._silence.unanswered > self._silence.repeats
+        if not is_silent and not self._silence.may_repeat:
+            return []
         frames = arming.step(now_s, self._phase, self._feedback, is_silent=is_silent)
         self._tries = arming.tries
         if arming.failure is not None:

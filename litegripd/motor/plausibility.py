@@ -10,6 +10,7 @@ believed in the end.
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, Status
 from litegripd.motor.faults import implausible_refusal
+from litegripd.motor.silence import USUAL_PERIOD_S
 
 LARGEST_ACCELERATION_RAD_S2 = 6000.0
 """10 N·m (the protocol's limit) on the rotor's and the fingers' 1.87e-3 kg·m², and a reserve."""
@@ -23,7 +24,8 @@ BRAKE_NM = 7.0
 as far as its speed is known."""
 
 IMPLAUSIBLE_FRAMES = 3
-"""So many in a row are no disturbed frame any more: the encoder has lost its count."""
+"""So many in a row at 200 Hz are no disturbed frame any more: the encoder has lost its count. At
+another rate it is as many as come in the same time, and at least two."""
 
 ALONE_S = 0.005
 """What torque can do in so long, one frame alone is believed to tell. After a longer gap more could
@@ -33,12 +35,16 @@ have happened; that needs two that agree."""
 class Plausibility:
     """Judges each feedback frame by the one before it."""
 
-    def __init__(self) -> None:
+    def __init__(self, period_s: float = USUAL_PERIOD_S) -> None:
+        self.lasting_frames = max(round(IMPLAUSIBLE_FRAMES * USUAL_PERIOD_S / period_s), 2)
+        """So many in a row are no disturbed frame any more."""
         self.in_a_row = 0
         """How many frames have been in doubt, and left out, since the last one believed."""
         self.refusal: Refusal | None = None
         """Why the position is not to be believed, from the last of so many frames until `reset`."""
         self._last: Feedback | None = None
+        self._before: Feedback | None = None
+        """The one believed before the last: that may have been a disturbed one."""
         self._doubted: Feedback | None = None
         self._told_s = 0.0
         self._silent_s = 0.0
@@ -60,7 +66,7 @@ class Plausibility:
 
     def believe(self, feedback: Feedback | None) -> None:
         """Take `feedback` as it is, or, without any, whatever comes next."""
-        self._last = feedback
+        self._before, self._last = (None if feedback is None else self._last), feedback
         self._doubted = None
         self.in_a_row = 0
 
@@ -85,10 +91,11 @@ class Plausibility:
         if not is_judged or last is None or _is_reachable(last, feedback, ALONE_S):
             self.believe(feedback)
             return True
-        is_lasting = self.in_a_row + 1 >= IMPLAUSIBLE_FRAMES
+        is_lasting = self.in_a_row + 1 >= self.lasting_frames
         if doubted is not None and _is_reachable(doubted, feedback, self._silent_s):
             is_slack = is_lasting and not self._was_driven
-            if is_slack or _is_reachable(last, doubted, self._gap_s):
+            agrees = self._before is not None and _is_reachable(self._before, feedback, ALONE_S)
+            if is_slack or agrees or _is_reachable(last, doubted, self._gap_s):
                 self.believe(feedback)
                 return True
         self.in_a_row += 1

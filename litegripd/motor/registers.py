@@ -1,5 +1,6 @@
 """The motor's registers: the table, and the frames on 0x7FF that read and write them."""
 
+import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,6 +8,7 @@ from types import MappingProxyType
 from typing import Literal
 
 from litegripd.model.frame import CanFrame
+from litegripd.model.motor import RegisterWrite
 
 REGISTER_CAN_ID = 0x7FF
 TIMEOUT_UNIT_S = 50e-6
@@ -18,6 +20,7 @@ _SAVE = 0xAA
 _STATUS_REQUEST = 0xCC
 _ANSWERS = (_READ, _WRITE, _SAVE)
 _ANSWER_BYTES = 8
+_HEAD_BYTES = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +119,10 @@ ESSENTIAL: frozenset[Register] = frozenset({MASTER_ID, TIMEOUT, CONTROL_MODE, PM
 """Without these the motor cannot be used safely; the others only inform."""
 
 
+VERIFIED: tuple[Register, ...] = (TMAX, PMAX, VMAX, CONTROL_MODE, TIMEOUT, MASTER_ID, CAN_ID)
+"""What decides how the motor is talked to; what changes the force most comes first."""
+
+
 @dataclass(frozen=True, slots=True)
 class Answer:
     """A frame that has the shape of a register answer."""
@@ -124,6 +131,8 @@ class Answer:
     is_write: bool
     """Whether it answers a write or a save, and not a read."""
     raw: bytes
+    is_save: bool = False
+    """Whether it answers a save; it has no register and no value then."""
 
 
 def read_request(can_id: int, register: Register) -> CanFrame:
@@ -151,7 +160,32 @@ def parse_answer(data: bytes, can_id: int) -> Answer | None:
         return None
     if data[2] not in _ANSWERS:
         return None
-    return Answer(data[3], data[2] != _READ, data[4:])
+    return Answer(data[3], data[2] != _READ, data[4:], is_save=data[2] == _SAVE)
+
+
+def parse_write_request(frame: CanFrame, can_id: int) -> Answer | None:
+    """Read a frame as a request to write or save registers of the motor `can_id`, if it is one.
+
+    It has the shape of its own answer.
+    """
+    data = frame.data
+    if frame.can_id != REGISTER_CAN_ID or data[:2] != can_id.to_bytes(2, "little"):
+        return None
+    if data[2:3] == bytes([_SAVE]) and len(data) >= _HEAD_BYTES:
+        return Answer(data[3], True, data[4:], is_save=True)
+    answer = parse_answer(data, can_id)
+    return answer if answer is not None and answer.is_write else None
+
+
+def described(write: Answer) -> RegisterWrite:
+    """Say which register a write names, and which value."""
+    if write.is_save:
+        return RegisterWrite(None, None)
+    register = REGISTERS.get(write.number)
+    if register is None:
+        return RegisterWrite(str(write.number), None)
+    value = register.decode(write.raw)
+    return RegisterWrite(register.name, value if math.isfinite(value) else None)
 
 
 def _request(can_id: int, opcode: int, number: int, raw: bytes) -> CanFrame:

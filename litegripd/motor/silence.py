@@ -5,21 +5,34 @@ Counts requests without an answer; what a silence leads to is the business of th
 
 from litegripd.motor.phases import Event, Phase
 
+USUAL_PERIOD_S = 0.005
+"""Of the ticks. What is counted in ticks or frames lasts as long at any other period."""
 POLL_INTERVAL_S = 0.05  # 20 Hz keep the state of a disabled motor fresh
 SILENT_AFTER_POLLS = 3
 SILENT_AFTER_S = SILENT_AFTER_POLLS * POLL_INTERVAL_S
-REPEATED_COMMANDS = 3
-"""So many unanswered commands are repeated without feed-forward; then commands are withheld,
-for frames queued for a dead bus are replayed when power returns."""
+PATIENCE_S = 0.02
+"""For so long unanswered commands are repeated without feed-forward: at 200 Hz three times; then
+commands are withheld, for frames queued for a dead bus are replayed when power returns."""
+REPEATED_AT_ONCE = 3
+REPEAT_INTERVAL_S = 0.005
+"""The first repeats go out in every tick, the others so far apart: no more than seven commands lie
+in a queue, at any rate. A queue holds ten frames."""
 LOST_GIVES_UP_S = 1.0  # by then the motor's own watchdog has long disarmed it
 DISABLE_GIVES_UP_S = 0.5
 
 
 class Silence:
-    """Counts what was asked since the last answer, in the present phase."""
+    """Counts what was asked since the last answer, in the present phase.
 
-    def __init__(self) -> None:
+    Commands are counted by ticks, so that a daemon that was late does not take that for a silence;
+    how many ticks the patience lasts follows from `period_s`.
+    """
+
+    def __init__(self, period_s: float) -> None:
         self.unanswered = 0
+        self.repeats = max(round(PATIENCE_S / period_s) - 1, 1)
+        """How many unanswered commands are due to be repeated before the motor counts as lost."""
+        self._ticks_apart = max(round(REPEAT_INTERVAL_S / period_s), 1)
         self._bus_is_usable = True
         self._was_total = False
 
@@ -46,6 +59,12 @@ class Silence:
         """Whether the motor that is looked for does not answer at all."""
         return phase is Phase.LOOKING and self.unanswered > SILENT_AFTER_POLLS
 
+    @property
+    def may_repeat(self) -> bool:
+        """Whether a command may go out in this tick, in view of those without an answer."""
+        beyond = self.unanswered - REPEATED_AT_ONCE
+        return beyond <= 0 or beyond % self._ticks_apart == 0
+
     def event(self, phase: Phase, in_phase_s: float, silent_s: float) -> Event | None:
         """Return what the silence leads to, if anything.
 
@@ -58,5 +77,5 @@ class Silence:
             return Event.NO_ANSWER if is_long else None
         if phase is Phase.LOOKING:
             return None
-        allowed = REPEATED_COMMANDS if phase is Phase.ENABLED else SILENT_AFTER_POLLS
+        allowed = self.repeats if phase is Phase.ENABLED else SILENT_AFTER_POLLS
         return Event.NO_ANSWER if self.unanswered > allowed else None

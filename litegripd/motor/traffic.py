@@ -55,14 +55,19 @@ class Traffic:
     def command(self, command: MitCommand, is_motion: bool, ranges: Ranges) -> list[CanFrame]:
         """Give one command; while answers fail, a motion's last one again, without feed-forward.
 
-        What is no motion is what a stop has led to, or a hold: that goes out as it is.
+        What is no motion is what a stop has led to, or a hold: that goes out as it is. In some
+        ticks of a silence nothing does.
         """
+        may_send = self._silence.may_repeat
         if self._silence.unanswered:
             last = self._last_command if is_motion else None
             command = replace(last or command, velocity_rad_s=0.0)
         self._last_command = command
         self.is_stored = True
         self._silence.unanswered += 1
+        if not may_send:
+            self._counters.withheld_commands += 1
+            return []
         self._counters.commands += 1
         return [CanFrame(self._can_id, codec.encode_command(command, ranges))]
 

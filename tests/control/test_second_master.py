@@ -82,3 +82,14 @@ def test_a_stream_of_frames_is_told_now_and_then_with_the_count() -> None:
             assert isinstance(event.data["frames"], int)
             told.append(event.data["frames"])
     assert [round(frames, -2) for frames in told] == [0, 100 * TOLD_EVERY_S, 200 * TOLD_EVERY_S]
+
+
+def test_an_answer_whose_id_was_damaged_is_no_command() -> None:
+    """On a bus without checksums 0x018 becomes 0x008 now and then."""
+    world = World()
+    client = listening(world)
+    for head in (0x08, 0x18):
+        world.inject(CanFrame(CAN_ID, bytes([head]) + bytes.fromhex("7DA07FF7FF2020")))
+        world.run(0.1)
+    assert not events(client)
+    assert world.machine.motor.counters.foreign_commands == 0

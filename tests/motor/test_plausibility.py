@@ -312,6 +312,16 @@ def test_without_damping_a_jump_that_stays_disables_the_motor_all_the_same(by_ra
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)
 
 
+def test_a_disturbed_frame_that_was_believed_does_not_put_the_true_ones_in_doubt_for_long() -> None:
+    """A little off in its position, and in its speed the other way."""
+    judge = Plausibility()
+    assert accepts(judge, told(0.0, 0.0, 0.0))
+    assert accepts(judge, told(0.005, 0.08, 25.0))
+    assert not accepts(judge, told(0.010, 0.0, 0.0))
+    assert accepts(judge, told(0.015, 0.0, 0.0))
+    assert judge.refusal is None
+
+
 def test_late_answers_that_come_together_are_no_jump() -> None:
     """They are dated alike, for nobody can tell them apart; the jaws have gone on between them."""
     judge = Plausibility()
