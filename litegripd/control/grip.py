@@ -36,15 +36,19 @@ FREE_SPEED_SHARE = 0.5
 FAST_SHARE = 0.55
 """A little above `FREE_SPEED_SHARE`: jaws that are faster, and meet no resistance, are free."""
 
-SEARCH_SHARE = 1.4
-LEAST_FREE_MM_S = 50.0
-MOST_FREE_SHARE = 2.0
+SEARCH_SHARE = 1.8
+LEAST_SEARCH_MM_S = 85.0
+LEAST_DAMPED_MM_S = 50.0
+MOST_FREE_SHARE = 1.9
 """A search travels at `SEARCH_SHARE` of the grasp speed, but no slower than so many mm/s, as far as
-that is at most `MOST_FREE_SHARE`: a loss is to be known within 50 ms. A hold damps accordingly."""
-FAR_S, FAR_KICK_S = 0.0225, 0.014
-FAR_MM = (1.25, 3.5)
-"""Too far for an object that gave way: what a search travels in so long, and the way by which jaws
-that are let go run ahead of it, before their force is taken back; within these bounds."""
+that is at most `MOST_FREE_SHARE`, or what the damping of the hold lets free jaws reach in any case:
+a loss is to be known within 50 ms."""
+INERTIA_KG_M2 = 1.87e-3
+"""Rotor and fingers at the output (maker's table; the gripper's model files)."""
+FAR_S = 0.029
+FAR_MM = (1.25, 4.0)
+"""Too far for an object that gave way: what a search travels in so long, less the time in which
+free jaws gather speed; within these bounds."""
 MOVED_MM = 0.3
 BELOW_WITHIN_S = 0.1
 """So long at most the jaws may take to stand again where a force is lowered."""
@@ -105,43 +109,45 @@ class GripSettings:
         """The measured friction, or the usual one."""
         return ASSUMED_NM if self.friction_nm is None else self.friction_nm
 
+    def damping(self, applied_nm: float) -> float:
+        """Return the damping (N·m·s/rad) of a hold with this torque."""
+        free_rad_s = max(self.grasp_speed_rad_s, self.geometry.to_rad(LEAST_DAMPED_MM_S))
+        free_rad_s = min(free_rad_s, MOST_FREE_SHARE * self.grasp_speed_rad_s)
+        damping = applied_nm / free_rad_s
+        return min(max(damping, SOFTEST_DAMPING_NM_S_RAD), HARDEST_DAMPING_NM_S_RAD)
+
     def search(self, force_n: float) -> tuple[float, float, float]:
         """Return torque (N·m), damping (N·m·s/rad) and speed (rad/s) of a search for `force_n`.
 
-        Standing jaws press with that torque; free ones travel at that speed.
+        Standing jaws press with that torque; free ones travel at that speed, if it suffices.
         """
-        friction_nm, speed_rad_s = self.likely_friction_nm, self._free_rad_s(SEARCH_SHARE)
-        most_nm = friction_nm + HARDEST_DAMPING_NM_S_RAD * speed_rad_s
-        torque_nm = min(force_n / FORCE_PER_TORQUE_N_NM, most_nm)
+        applied_nm, friction_nm = force_n / FORCE_PER_TORQUE_N_NM, self.likely_friction_nm
+        most_rad_s = max(
+            MOST_FREE_SHARE * self.grasp_speed_rad_s, applied_nm / self.damping(applied_nm)
+        )
+        least_rad_s = min(self.geometry.to_rad(LEAST_SEARCH_MM_S), most_rad_s)
+        speed_rad_s = max(SEARCH_SHARE * self.grasp_speed_rad_s, least_rad_s)
+        torque_nm = min(applied_nm, friction_nm + HARDEST_DAMPING_NM_S_RAD * speed_rad_s)
         damping = max((torque_nm - friction_nm) / speed_rad_s, SOFTEST_SEARCH_DAMPING_NM_S_RAD)
         return torque_nm, damping, speed_rad_s
-
-    def _free_rad_s(self, share: float) -> float:
-        """Return the speed that free jaws may have: a share of the grasp speed, if not too slow."""
-        wanted_rad_s = max(share * self.grasp_speed_rad_s, self.geometry.to_rad(LEAST_FREE_MM_S))
-        return min(wanted_rad_s, MOST_FREE_SHARE * self.grasp_speed_rad_s)
-
-    def damping(self, applied_nm: float) -> float:
-        """Return the damping (N·m·s/rad) of a hold with this torque."""
-        damping = applied_nm / self._free_rad_s(1.0)
-        return min(max(damping, SOFTEST_DAMPING_NM_S_RAD), HARDEST_DAMPING_NM_S_RAD)
 
     def watch_limits(self, force_n: float) -> WatchLimits:
         """Return what a watch of a grip by `force_n` judges by."""
         torque_nm, damping, speed_rad_s = self.search(force_n)
-        reached_rad_s = min((torque_nm - self.likely_friction_nm) / damping, speed_rad_s)
-        applied_nm = force_n / FORCE_PER_TORQUE_N_NM
-        kick_rad_s = applied_nm / self.damping(applied_nm)
-        way_rad = FAR_S * reached_rad_s + FAR_KICK_S * max(kick_rad_s - reached_rad_s, 0.0)
-        to_rad = self.geometry.to_rad
-        nearest_rad, farthest_rad = map(to_rad, FAR_MM)
+        driving_nm = force_n / FORCE_PER_TORQUE_N_NM - self.likely_friction_nm
+        far_rad = 0.0
+        if driving_nm > 0.0:
+            reached_rad_s = min((torque_nm - self.likely_friction_nm) / damping, speed_rad_s)
+            gathering_s = INERTIA_KG_M2 * reached_rad_s / driving_nm
+            far_rad = reached_rad_s * max(FAR_S - gathering_s, 0.0)
+        nearest_rad, farthest_rad = map(self.geometry.to_rad, FAR_MM)
         return WatchLimits(
             fast_rad_s=FAST_SHARE * self.grasp_speed_rad_s,
             search_rad_s=speed_rad_s,
-            far_rad=min(max(way_rad, nearest_rad), farthest_rad),
+            far_rad=min(max(far_rad, nearest_rad), farthest_rad),
             lost_at_rad=self.lost_at_rad,
             friction_nm=self.likely_friction_nm,
-            moved_rad=to_rad(MOVED_MM),
+            moved_rad=self.geometry.to_rad(MOVED_MM),
         )
 
 
