@@ -134,12 +134,12 @@ class Unsynced(FileSystem):
 class Disk:
     """The helper process's files, in memory: what was saved last, by operation."""
 
-    def __init__(self) -> None:
+    def __init__(self, period_s: float = PERIOD_S) -> None:
         self.saved: dict[str, Any] = {}
         self.error: str | None = None
         self.silent = False
         self.found: dict[str, Any] | None = None
-        self.memory = bytearray(memory_bytes(tick_slots(PERIOD_S)))
+        self.memory = bytearray(memory_bytes(tick_slots(period_s)))
         self.dumps: list[Recording] = []
         self._folder: Path | None = None
         self._store = TrajectoryStore(self.trajectories, Unsynced(), clock=lambda: 1e9)
@@ -195,22 +195,24 @@ class World:
         config: MotionConfig | None = None,
         parameters: SimulatorParameters | None = None,
         master_id: int | None = None,
+        period_s: float = PERIOD_S,
     ) -> None:
+        self.period_s = period_s
         closed_rad, open_rad = limits_of_mount(mount)
         if parameters is None:
             parameters = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
         self.now_s = 1000.0
         self.gripper = self.make_gripper(parameters)
-        self.machine = Machine(Unit(), master_id, config or MotionConfig(), PERIOD_S)
+        self.machine = Machine(Unit(), master_id, config or MotionConfig(), period_s)
         self.engine = self.machine.engine
         self.restart: OnRestart = no_restart
-        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S, restart=self._restart)
+        self.service = RpcService(self.engine, FixedFacts(), period_s, restart=self._restart)
         self.sent: list[Sent] = []
         self.condition = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
-        self.disk = Disk()
+        self.disk = Disk(period_s)
         self.flight = self.make_flight()
         self._finished: list[tuple[Errand, ErrandResult]] = []
         self._last_pid = 100
@@ -229,7 +231,7 @@ class World:
 
     def tick(self) -> None:
         """Let one period pass."""
-        self.now_s += PERIOD_S
+        self.now_s += self.period_s
         self.gripper.advance(self.now_s)
         self.exchange()
         self.service.after_tick(self.now_s)
@@ -282,7 +284,7 @@ class World:
 
     def run(self, duration_s: float) -> None:
         """Let time pass."""
-        for _ in range(round(duration_s / PERIOD_S)):
+        for _ in range(round(duration_s / self.period_s)):
             self.tick()
 
     def run_until(self, condition: Callable[[], bool], within_s: float = 20.0) -> None:
