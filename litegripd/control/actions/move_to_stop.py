@@ -3,11 +3,16 @@
 The command is an absolute ramp in time; only the part of it that leads the measured position is
 capped: by `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm`
 within `press_zone_mm` of the stop, so that the jaws press gently.
+
+Damping turns the velocity of the command into torque as soon as something stops the jaws. So what
+comes of lead and velocity together is bounded: by kp times the lead near the stop, and by a quarter
+more on the way.
 """
 
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
+from litegripd.control.budget import DAMPING_SHARE
 from litegripd.control.filter import bounds_of
 from litegripd.control.gains import Gains
 from litegripd.control.guard import TorqueGuard
@@ -17,7 +22,7 @@ from litegripd.control.rest import Relax
 from litegripd.control.stall import StallDetector
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import Feedback, MotorView
+from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import MoveOutcome, MoveResult, Progress
 
 Direction: TypeAlias = Literal["open", "close"]
@@ -25,6 +30,11 @@ Phase: TypeAlias = Literal["ramp", "press", "settle", "release"]
 
 _GIVE_UP_FACTOR = 2.0
 _GIVE_UP_EXTRA_S = 2.0
+
+_FED_SHARE = 0.25
+"""On the way the velocity adds at most so much of kp·max_lead; by default the gains stay whole."""
+_LOOK_AHEAD_PERIODS = 2.0
+"""So old a measurement may be when its command arrives: the jaws are that much nearer."""
 
 
 class MoveToStop(PlainAction):
@@ -62,6 +72,7 @@ class MoveToStop(PlainAction):
         self._stall = StallDetector(config, self._speed_rad_s)
         self._guard = TorqueGuard(config, self._speed_rad_s)
         self._stalled = False
+        self._is_near_stop = False
         self._ramp: Ramp | None = None
         self._steps = 0
         self._command_rad = 0.0
@@ -77,11 +88,9 @@ class MoveToStop(PlainAction):
         self._steps += 1
         self._feedback = feedback
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
-        self._command_rad = self._capped(ramp_rad, feedback.position_rad)
-        if self._command_rad != ramp_rad:
-            velocity_rad_s = 0.0  # kd·dq would add to the torque that the cap is to bound
+        self._command_rad = self._capped(ramp_rad, feedback)
         outcome = self._judge(now_s, feedback, self._ramp)
-        command = self._gains.at(self._command_rad, velocity_rad_s)
+        command = self._led(velocity_rad_s, is_capped=self._command_rad != ramp_rad)
         if self._phase == "release":
             command = Relax().command(now_s, feedback)
         return Step(command, outcome=None if outcome is None else self._result(outcome))
@@ -102,9 +111,31 @@ class MoveToStop(PlainAction):
             start_rad = self._target_rad  # they are past it: there is nothing to go back to
         return Ramp(now_s, start_rad, self._target_rad, self._speed_rad_s)
 
-    def _capped(self, command_rad: float, position_rad: float) -> float:
-        lead_rad = lead_cap_rad(self._short_rad(position_rad), self._geometry, self._config)
-        return led(command_rad, position_rad, lead_rad)
+    def _capped(self, command_rad: float, feedback: Feedback) -> float:
+        """Lead by what is allowed where the jaws will be when the command arrives."""
+        towards_rad_s = min(max(feedback.velocity_rad_s * self._sign, 0.0), self._speed_rad_s)
+        ahead_rad = towards_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
+        short_rad = self._short_rad(feedback.position_rad) - ahead_rad
+        self._is_near_stop = is_in_press_zone(short_rad, self._geometry, self._config)
+        lead_rad = lead_cap_rad(short_rad, self._geometry, self._config)
+        return led(command_rad, feedback.position_rad, lead_rad)
+
+    def _led(self, velocity_rad_s: float, *, is_capped: bool) -> MitCommand:
+        """Return the command for a velocity (rad/s) with gains that keep it within its torque."""
+        kp, kd = self._gains.kp_nm_rad, self._gains.kd_nm_s_rad
+        if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
+            return self._gains.at(self._command_rad)
+        if self._is_near_stop:
+            # The velocity stays: without it damping would brake jaws that must not get slow here.
+            lead_rad = self._geometry.to_rad(self._config.stop_lead_mm)
+            kd = min(kd, DAMPING_SHARE * kp * lead_rad / self._speed_rad_s)
+            kp -= kd * self._speed_rad_s / lead_rad
+            return Gains(kp, kd).at(self._command_rad, velocity_rad_s)
+        if is_capped:
+            return self._gains.at(self._command_rad)  # kd·dq would add to what the cap bounds
+        lead_rad = self._geometry.to_rad(self._config.max_lead_mm)
+        kd = min(kd, _FED_SHARE * kp * lead_rad / self._speed_rad_s)
+        return Gains(kp, kd).at(self._command_rad, velocity_rad_s)
 
     def _short_rad(self, position_rad: float) -> float:
         """Return how far the jaws still are from the calibrated stop; negative beyond it."""
