@@ -59,7 +59,8 @@ def random_plant(seed: int, most_friction_nm: float = 1.4) -> Plant:
         close_stick_nm=max(breakaway_nm, r.uniform(0.8, most_friction_nm)),
         close_stick_speed_rad_s=r.uniform(0.05, 0.12),
         close_stick_zone_rad=r.uniform(0.05, 0.2),
-        closed_springback_press_nm=2.0 * coulomb_nm + SPRINGBACK_RAD * r.choice((25, 60, 250, 1000)),
+        closed_springback_press_nm=2.0 * coulomb_nm
+        + SPRINGBACK_RAD * r.choice((25, 60, 250, 1000)),
         closed_springback_rad=SPRINGBACK_RAD,
         open_stiffness_nm_rad=r.choice((100.0, 250.0, 1000.0)),
         press_torque_nm=max(0.94, coulomb_nm + 0.1),

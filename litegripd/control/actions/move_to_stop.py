@@ -90,7 +90,8 @@ class MoveToStop(PlainAction):
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
         self._command_rad = self._capped(ramp_rad, feedback)
         outcome = self._judge(now_s, feedback, self._ramp)
-        command = self._led(velocity_rad_s, is_capped=self._command_rad != ramp_rad)
+        command = self._led(velocity_rad_s, ramp_rad, feedback.position_rad)
+        self._command_rad = command.position_rad
         if self._phase == "release":
             command = Relax().command(now_s, feedback)
         return Step(command, outcome=None if outcome is None else self._result(outcome))
@@ -113,14 +114,13 @@ class MoveToStop(PlainAction):
 
     def _capped(self, command_rad: float, feedback: Feedback) -> float:
         """Lead by what is allowed where the jaws will be when the command arrives."""
-        towards_rad_s = min(max(feedback.velocity_rad_s * self._sign, 0.0), self._speed_rad_s)
-        ahead_rad = towards_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
+        ahead_rad = self._speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
         short_rad = self._short_rad(feedback.position_rad) - ahead_rad
         self._is_near_stop = is_in_press_zone(short_rad, self._geometry, self._config)
         lead_rad = lead_cap_rad(short_rad, self._geometry, self._config)
         return led(command_rad, feedback.position_rad, lead_rad)
 
-    def _led(self, velocity_rad_s: float, *, is_capped: bool) -> MitCommand:
+    def _led(self, velocity_rad_s: float, ramp_rad: float, position_rad: float) -> MitCommand:
         """Return the command for a velocity (rad/s) with gains that keep it within its torque."""
         kp, kd = self._gains.kp_nm_rad, self._gains.kd_nm_s_rad
         if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
@@ -129,9 +129,10 @@ class MoveToStop(PlainAction):
             # The velocity stays: without it damping would brake jaws that must not get slow here.
             lead_rad = self._geometry.to_rad(self._config.stop_lead_mm)
             kd = min(kd, DAMPING_SHARE * kp * lead_rad / self._speed_rad_s)
-            kp -= kd * self._speed_rad_s / lead_rad
-            return Gains(kp, kd).at(self._command_rad, velocity_rad_s)
-        if is_capped:
+            softer = kp - kd * self._speed_rad_s / lead_rad
+            wanted_rad = position_rad + (ramp_rad - position_rad) * kp / softer  # the same torque
+            return Gains(softer, kd).at(led(wanted_rad, position_rad, lead_rad), velocity_rad_s)
+        if self._command_rad != ramp_rad:
             return self._gains.at(self._command_rad)  # kd·dq would add to what the cap bounds
         lead_rad = self._geometry.to_rad(self._config.max_lead_mm)
         kd = min(kd, _FED_SHARE * kp * lead_rad / self._speed_rad_s)
@@ -169,8 +170,7 @@ class MoveToStop(PlainAction):
 
     def _is_jammed(self, now_s: float, feedback: Feedback) -> bool:
         """Whether something takes the torque where nothing should; at the stop, the stop does."""
-        short_rad = self._short_rad(feedback.position_rad)
-        if is_in_press_zone(short_rad, self._geometry, self._config):
+        if self._is_near_stop:
             self._guard.rest()
             return False
         return self._guard.add(now_s, feedback.position_rad, feedback.torque_nm)
