@@ -8,7 +8,7 @@ from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
 
 Confirmed: TypeAlias = Literal["confirmed", "stuck", "not_found", "apart"]
-"""`stuck`: the jaws did not get going; `not_found`: they did not stop; `apart`: at no place twice."""
+"""`stuck`: the jaws did not get going; `not_found`: they did not stop; `apart`: nowhere twice."""
 
 MOST_STROKES = 4
 RUN_UP_MM = 12.0

@@ -5,14 +5,13 @@ capped: by `max_lead_mm` on the way, enough to break static friction, and by `st
 within `press_zone_mm` of the stop, so that the jaws press gently.
 
 Damping turns the velocity of the command into torque as soon as something stops the jaws. So what
-comes of lead and velocity together is bounded: by kp times the lead near the stop, and by a quarter
-more on the way.
+comes of lead and velocity together is bounded: by kp times the lead, and at most a quarter more
+while the ramp lasts.
 """
 
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
-from litegripd.control.budget import DAMPING_SHARE
 from litegripd.control.filter import bounds_of
 from litegripd.control.gains import Gains
 from litegripd.control.guard import TorqueGuard
@@ -33,6 +32,11 @@ _GIVE_UP_EXTRA_S = 2.0
 
 _FED_SHARE = 0.25
 """On the way the velocity adds at most so much of kp·max_lead; by default the gains stay whole."""
+_RUN_IN_BUDGET = 1.15
+"""Of kp·stop_lead, near the stop while the ramp lasts: slow jaws would stick in front of it."""
+_RUN_IN_SHARES = (0.55, 0.85)
+"""Of it from the velocity: more, the further the jaws are ahead of where they were measured."""
+_STALE_PERIODS = 1.5
 _LOOK_AHEAD_PERIODS = 2.0
 """So old a measurement may be when its command arrives: the jaws are that much nearer."""
 
@@ -128,8 +132,12 @@ class MoveToStop(PlainAction):
         if self._is_near_stop:
             # The velocity stays: without it damping would brake jaws that must not get slow here.
             lead_rad = self._geometry.to_rad(self._config.stop_lead_mm)
-            kd = min(kd, DAMPING_SHARE * kp * lead_rad / self._speed_rad_s)
-            softer = kp - kd * self._speed_rad_s / lead_rad
+            budget_nm = _RUN_IN_BUDGET * kp * lead_rad
+            least, most = _RUN_IN_SHARES
+            stale_rad = self._speed_rad_s * _STALE_PERIODS * self._period_s
+            share = min(max(stale_rad / lead_rad, least), most)
+            kd = min(kd, share * budget_nm / self._speed_rad_s)
+            softer = min(kp, (budget_nm - kd * self._speed_rad_s) / lead_rad)
             wanted_rad = position_rad + (ramp_rad - position_rad) * kp / softer  # the same torque
             return Gains(softer, kd).at(led(wanted_rad, position_rad, lead_rad), velocity_rad_s)
         if self._command_rad != ramp_rad:
