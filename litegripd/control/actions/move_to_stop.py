@@ -32,7 +32,7 @@ _GIVE_UP_EXTRA_S = 2.0
 
 _FED_SHARE = 0.25
 """On the way the velocity adds at most so much of kp·max_lead; by default the gains stay whole."""
-_RUN_IN_BUDGET = 1.15
+_RUN_IN_BUDGET = 1.1
 """Of kp·stop_lead, near the stop while the ramp lasts: slow jaws would stick in front of it."""
 _RUN_IN_SHARES = (0.55, 0.85)
 """Of it from the velocity: more, the further the jaws are ahead of where they were measured."""
@@ -118,7 +118,10 @@ class MoveToStop(PlainAction):
 
     def _capped(self, command_rad: float, feedback: Feedback) -> float:
         """Lead by what is allowed where the jaws will be when the command arrives."""
-        ahead_rad = self._speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
+        speed_rad_s = self._speed_rad_s
+        if not self._is_near_stop:  # else: what the jaws lose of their speed does not matter
+            speed_rad_s = min(max(feedback.velocity_rad_s * self._sign, 0.0), speed_rad_s)
+        ahead_rad = speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
         short_rad = self._short_rad(feedback.position_rad) - ahead_rad
         self._is_near_stop = is_in_press_zone(short_rad, self._geometry, self._config)
         lead_rad = lead_cap_rad(short_rad, self._geometry, self._config)
