@@ -6,7 +6,7 @@ from typing import Any
 
 from litegripd.control.actions.base import Adopted, Step
 from litegripd.control.gains import Gains
-from litegripd.model.calibration import Calibration, CalibrationError, measured
+from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, measured
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.motor import MotorView
 from litegripd.model.results import ZeroOutcome, ZeroResult
@@ -40,6 +40,17 @@ class Saving:
         self._saved: ErrandResult | None = None
         self._began_s: float | None = None
         self._content: dict[str, Any] = {}
+
+    @property
+    def rad_to_mm(self) -> float:
+        """The scale known before, or the nominal one: for speeds and run-ups, not to be saved."""
+        known = NOMINAL[0] if self._before is None else self._before.geometry
+        return known.rad_to_mm
+
+    @property
+    def kp_nm_rad(self) -> float:
+        """The stiffness that the motions have."""
+        return self._gains.kp_nm_rad
 
     def begin(self, closed_rad: float, open_rad: float, *, plausible: bool) -> ZeroResult | None:
         """Take the stops; return how it ended already, where they cannot be right.

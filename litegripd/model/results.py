@@ -21,10 +21,13 @@ GraspOutcome: TypeAlias = Literal[
 `no_object`: the jaws came to the empty end. `object_lost`: they closed on after a grip.
 `timed_out`: they neither gripped nor arrived."""
 
-ZeroOutcome: TypeAlias = Literal["measured", "implausible_travel", "not_found", "not_saved"]
+ZeroOutcome: TypeAlias = Literal[
+    "measured", "implausible_travel", "not_found", "not_confirmed", "not_saved"
+]
 """`measured`: both stops were found, and the calibration is in use. Else nothing has changed:
 `implausible_travel`, far from the one known before; `not_found`: a stop was not met;
-`not_saved`: the file could not be written."""
+`not_confirmed`: strokes with the speed of a `close` do not end at it, or no `close` would press
+there; `not_saved`: the file could not be written."""
 
 
 RecordOutcome: TypeAlias = Literal["stopped", "full", "failed"]

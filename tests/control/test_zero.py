@@ -191,6 +191,6 @@ def test_progress_tells_the_phases() -> None:
     reports = [n["params"] for n in client.notifications if n["method"] == "job.progress"]
     phases = [report["phase"] for report in reports]
     seen = sorted(set(phases), key=phases.index)
-    assert seen[:2] == ["probe_open", "probe_closed"]
-    assert set(seen[2:]) <= {"back_off", "saving"}
+    assert seen[:4] == ["probe_open", "probe_closed", "confirm_open", "confirm_closed"]
+    assert set(seen[4:]) <= {"back_off", "saving"}
     assert all(report["total_steps"] == 0 for report in reports)

@@ -69,14 +69,17 @@ def test_a_helper_that_does_not_answer_is_not_waited_for_for_ever(
     assert in_use(world) == before
 
 
-@pytest.mark.parametrize("phase", ["probe_open", "probe_closed", "back_off", "saving"])
+@pytest.mark.parametrize(
+    "phase",
+    ["probe_open", "probe_closed", "confirm_open", "confirm_closed", "back_off", "saving"],
+)
 @pytest.mark.parametrize("end", ["cancel", "stop", "relax", "disable", "leave", "fault"])
 def test_ended_early_in_any_phase_it_changes_nothing(phase: str, end: str) -> None:
     world, client = gripper()
     before = in_use(world)
     client.send("calibration.zero", config=FAST)
     world.run_until(lambda: world.state.job is not None and world.state.job.phase == phase)
-    if phase.startswith("probe"):
+    if phase.startswith(("probe", "confirm")):
         world.run(0.2)
     job = world.engine.jobs.running
     assert job is not None

@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 from litegripd.model.teleop_frame import FRAME_BYTES, TeleopFrame, decode_frame, encode_frame
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
+NORMAL = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)
+SMALLEST_NORMAL = 2.2250738585072014e-308
 HALF_OPEN = bytes.fromhex(
     "3fe0000000000000"  # 0.5
     "404e000000000000"  # 60.0
@@ -25,7 +27,7 @@ def test_the_bytes_are_four_big_endian_doubles() -> None:
     assert decode_frame(HALF_OPEN) == frame
 
 
-@given(FINITE, FINITE, FINITE, FINITE)
+@given(NORMAL, NORMAL, FINITE, FINITE)
 def test_every_finite_frame_is_the_same_after_its_journey(
     openness: float, position_mm: float, force_n: float, timestamp_s: float
 ) -> None:
@@ -41,6 +43,25 @@ def test_what_is_not_finite_is_no_frame(place: int, value: float) -> None:
     assert decode_frame(struct.pack(">4d", *values)) is None
     with pytest.raises(ValueError, match="finite"):
         encode_frame(TeleopFrame(*values))
+
+
+@pytest.mark.parametrize("place", [0, 1])
+@pytest.mark.parametrize("value", [5e-324, -5e-324, SMALLEST_NORMAL / 2.0, -SMALLEST_NORMAL / 2.0])
+def test_a_subnormal_openness_or_position_is_no_frame(place: int, value: float) -> None:
+    values = [0.5, 60.0, 0.0, 0.0]
+    values[place] = value
+    assert decode_frame(struct.pack(">4d", *values)) is None
+
+
+@pytest.mark.parametrize("openness", [0.0, 0.25, 0.5, 1.0])
+def test_a_frame_in_the_other_byte_order_is_no_frame(openness: float) -> None:
+    assert decode_frame(struct.pack("<4d", openness, 36.0, 0.0, 1.5)) is None
+
+
+def test_zero_the_smallest_normal_and_a_subnormal_force_or_time_are_values() -> None:
+    for openness in (0.0, -0.0, SMALLEST_NORMAL, -SMALLEST_NORMAL):
+        frame = decode_frame(struct.pack(">4d", openness, 0.0, 5e-324, 5e-324))
+        assert frame == TeleopFrame(openness, 0.0, 5e-324, 5e-324)
 
 
 @given(st.binary(max_size=70))

@@ -11,11 +11,11 @@ from tests.drop_in import Daemon, Site
 from tests.seed.scenes import MM_RAD, content, jaws_are_loose, load_content, write_file
 
 TIGHT = SimulatorParameters(
-    breakaway_nm=1.05,
-    coulomb_nm=1.0,
-    close_stick_nm=1.1,
+    breakaway_nm=1.2,
+    coulomb_nm=1.15,
+    close_stick_nm=1.25,
     closed_springback_press_nm=3.0,
-    press_torque_nm=1.2,
+    press_torque_nm=1.3,
 )
 """A gripper with so much friction that 0.94 N·m do not move it."""
 

@@ -3,6 +3,10 @@
 The command is an absolute ramp in time; only the part of it that leads the measured position is
 capped: by `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm`
 within `press_zone_mm` of the stop, so that the jaws press gently.
+
+Damping turns the velocity of the command into torque as soon as something stops the jaws. So what
+comes of lead and velocity together is bounded: by kp times the lead, and at most a quarter more
+while the ramp lasts.
 """
 
 from typing import Literal, TypeAlias
@@ -17,7 +21,7 @@ from litegripd.control.rest import Relax
 from litegripd.control.stall import StallDetector
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import Feedback, MotorView
+from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import MoveOutcome, MoveResult, Progress
 
 Direction: TypeAlias = Literal["open", "close"]
@@ -25,6 +29,16 @@ Phase: TypeAlias = Literal["ramp", "press", "settle", "release"]
 
 _GIVE_UP_FACTOR = 2.0
 _GIVE_UP_EXTRA_S = 2.0
+
+_FED_SHARE = 0.25
+"""On the way the velocity adds at most so much of kp·max_lead; by default the gains stay whole."""
+_RUN_IN_BUDGET = 1.1
+"""Of kp·stop_lead, near the stop while the ramp lasts: slow jaws would stick in front of it."""
+_RUN_IN_SHARES = (0.55, 0.85)
+"""Of it from the velocity: more, the further the jaws are ahead of where they were measured."""
+_STALE_PERIODS = 1.5
+_LOOK_AHEAD_PERIODS = 2.0
+"""So old a measurement may be when its command arrives: the jaws are that much nearer."""
 
 
 class MoveToStop(PlainAction):
@@ -62,6 +76,7 @@ class MoveToStop(PlainAction):
         self._stall = StallDetector(config, self._speed_rad_s)
         self._guard = TorqueGuard(config, self._speed_rad_s)
         self._stalled = False
+        self._is_near_stop = False
         self._ramp: Ramp | None = None
         self._steps = 0
         self._command_rad = 0.0
@@ -77,11 +92,10 @@ class MoveToStop(PlainAction):
         self._steps += 1
         self._feedback = feedback
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
-        self._command_rad = self._capped(ramp_rad, feedback.position_rad)
-        if self._command_rad != ramp_rad:
-            velocity_rad_s = 0.0  # kd·dq would add to the torque that the cap is to bound
+        self._command_rad = self._capped(ramp_rad, feedback)
         outcome = self._judge(now_s, feedback, self._ramp)
-        command = self._gains.at(self._command_rad, velocity_rad_s)
+        command = self._led(velocity_rad_s, ramp_rad, feedback.position_rad)
+        self._command_rad = command.position_rad
         if self._phase == "release":
             command = Relax().command(now_s, feedback)
         return Step(command, outcome=None if outcome is None else self._result(outcome))
@@ -102,9 +116,38 @@ class MoveToStop(PlainAction):
             start_rad = self.target_rad  # they are past it: there is nothing to go back to
         return Ramp(now_s, start_rad, self.target_rad, self._speed_rad_s)
 
-    def _capped(self, command_rad: float, position_rad: float) -> float:
-        lead_rad = lead_cap_rad(self._short_rad(position_rad), self._geometry, self._config)
-        return led(command_rad, position_rad, lead_rad)
+    def _capped(self, command_rad: float, feedback: Feedback) -> float:
+        """Lead by what is allowed where the jaws will be when the command arrives."""
+        speed_rad_s = self._speed_rad_s
+        if not self._is_near_stop:  # else: what the jaws lose of their speed does not matter
+            speed_rad_s = min(max(feedback.velocity_rad_s * self._sign, 0.0), speed_rad_s)
+        ahead_rad = speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
+        short_rad = self._short_rad(feedback.position_rad) - ahead_rad
+        self._is_near_stop = is_in_press_zone(short_rad, self._geometry, self._config)
+        lead_rad = lead_cap_rad(short_rad, self._geometry, self._config)
+        return led(command_rad, feedback.position_rad, lead_rad)
+
+    def _led(self, velocity_rad_s: float, ramp_rad: float, position_rad: float) -> MitCommand:
+        """Return the command for a velocity (rad/s) with gains that keep it within its torque."""
+        kp, kd = self._gains.kp_nm_rad, self._gains.kd_nm_s_rad
+        if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
+            return self._gains.at(self._command_rad)
+        if self._is_near_stop:
+            # The velocity stays: without it damping would brake jaws that must not get slow here.
+            lead_rad = self._geometry.to_rad(self._config.stop_lead_mm)
+            budget_nm = _RUN_IN_BUDGET * kp * lead_rad
+            least, most = _RUN_IN_SHARES
+            stale_rad = self._speed_rad_s * _STALE_PERIODS * self._period_s
+            share = min(max(stale_rad / lead_rad, least), most)
+            kd = min(kd, share * budget_nm / self._speed_rad_s)
+            softer = min(kp, (budget_nm - kd * self._speed_rad_s) / lead_rad)
+            wanted_rad = position_rad + (ramp_rad - position_rad) * kp / softer  # the same torque
+            return Gains(softer, kd).at(led(wanted_rad, position_rad, lead_rad), velocity_rad_s)
+        if self._command_rad != ramp_rad:
+            return self._gains.at(self._command_rad)  # kd·dq would add to what the cap bounds
+        lead_rad = self._geometry.to_rad(self._config.max_lead_mm)
+        kd = min(kd, _FED_SHARE * kp * lead_rad / self._speed_rad_s)
+        return Gains(kp, kd).at(self._command_rad, velocity_rad_s)
 
     def _short_rad(self, position_rad: float) -> float:
         """Return how far the jaws still are from the calibrated stop; negative beyond it."""
@@ -138,8 +181,7 @@ class MoveToStop(PlainAction):
 
     def _is_jammed(self, now_s: float, feedback: Feedback) -> bool:
         """Whether something takes the torque where nothing should; at the stop, the stop does."""
-        short_rad = self._short_rad(feedback.position_rad)
-        if is_in_press_zone(short_rad, self._geometry, self._config):
+        if self._is_near_stop:
             self._guard.rest()
             return False
         return self._guard.add(now_s, feedback.position_rad, feedback.torque_nm)
