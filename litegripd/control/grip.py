@@ -39,13 +39,13 @@ FAST_SHARE = 0.55
 SEARCH_SHARE = 1.8
 LEAST_SEARCH_MM_S = 85.0
 LEAST_DAMPED_MM_S = 50.0
-MOST_FREE_SHARE = 1.9
+MOST_FREE_SHARE = 1.75
 """A search travels at `SEARCH_SHARE` of the grasp speed, but no slower than so many mm/s, as far as
 that is at most `MOST_FREE_SHARE`, or what the damping of the hold lets free jaws reach in any case:
 a loss is to be known within 50 ms."""
 INERTIA_KG_M2 = 1.87e-3
 """Rotor and fingers at the output (maker's table; the gripper's model files)."""
-FAR_S = 0.029
+FAR_S = 0.028
 FAR_MM = (1.25, 4.0)
 """Too far for an object that gave way: what a search travels in so long, less the time in which
 free jaws gather speed; within these bounds."""
