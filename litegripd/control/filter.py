@@ -15,6 +15,10 @@ RATED_TORQUE_NM = 3.0  # for long
 PEAK_IMPULSE_NM_S = 2.0
 """How much above the rating is "a moment": 7 N·m for 0.5 s, or less for longer."""
 
+UNSEEN_RAD_S = 1.0
+"""By so much the true speed may differ from the measured one: jaws that 20 N let go gain it in 1 ms,
+and the motor's own filter hides 1 to 2 ms."""
+
 _KP_MAX = 500.0
 _KD_MAX = 5.0
 _BRAKE_KD_NM_S_RAD = 1.0
@@ -88,6 +92,7 @@ class LastWord:
         self._charge(now_s)
         budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
         within = _within_torque(inside, feedback, min(budget_nm, allowance_nm))
+        within = _within_peak(within, feedback)
         if within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
         within = _within_ranges(within, ranges)  # scaling may round to just beyond a range
@@ -164,6 +169,20 @@ def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) ->
         velocity_rad_s=velocity_rad_s + share * slip_rad_s,
         torque_nm=share * command.torque_nm,
     )
+
+
+def _within_peak(command: MitCommand, feedback: Feedback) -> MitCommand:
+    """Lower the damping so far that the true speed, too, makes no more than the peak torque of it.
+
+    The measured speed is filtered by the motor, and up to two ticks old.
+    """
+    lead_rad = abs(command.position_rad - feedback.position_rad)
+    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s) + UNSEEN_RAD_S
+    left_nm = PEAK_TORQUE_NM - command.kp_nm_rad * lead_rad - abs(command.torque_nm)
+    most_nm_s_rad = max(left_nm, 0.0) / slip_rad_s
+    if command.kd_nm_s_rad <= most_nm_s_rad:
+        return command
+    return replace(command, kd_nm_s_rad=most_nm_s_rad)
 
 
 def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:

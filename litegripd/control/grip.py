@@ -281,9 +281,10 @@ class Grip:
         was_searching = self._watch.is_searching
         wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
         is_full = math.isclose(self._applied_nm, wanted_nm)
-        falls = self._is_lowered and not is_full
+        if is_full and self._watch.stands:
+            self._is_lowered = False
         is_new = self._watch.see(
-            feedback, self._sign, self._applied_nm, is_full=is_full, falls=falls
+            feedback, self._sign, self._applied_nm, is_full=is_full, falls=self._is_lowered
         )
         if self._watch.is_searching and not was_searching:
             self._return_nm = self._applied_nm

@@ -1,6 +1,7 @@
 """The last word on every command, whatever is asked for and whatever is measured."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -10,6 +11,7 @@ from litegripd.control.filter import (
     PEAK_IMPULSE_NM_S,
     PEAK_TORQUE_NM,
     RATED_TORQUE_NM,
+    UNSEEN_RAD_S,
     Bounds,
     LastWord,
     bounds_of,
@@ -57,6 +59,9 @@ def test_any_command_becomes_one_that_may_be_sent(
     sent, limited = LastWord().apply(0.0, command, feedback, bounds, spans)
     codec.encode_command(sent, spans)  # raises for what is not finite or out of its range
     assert torque_bound_nm(sent, feedback) <= bounds.torque_nm * NEAR
+    for unseen_rad_s in (-UNSEEN_RAD_S, UNSEEN_RAD_S):  # the true speed is not the measured one
+        truly = replace(feedback, velocity_rad_s=feedback.velocity_rad_s + unseen_rad_s)
+        assert torque_bound_nm(sent, truly) <= PEAK_TORQUE_NM * NEAR
     here_rad = feedback.position_rad
     assert min(bounds.low_rad, here_rad) - 1e-9 <= sent.position_rad
     assert sent.position_rad <= max(bounds.high_rad, here_rad) + 1e-9

@@ -81,7 +81,7 @@ class ReplayGrips:
         """Go on holding, if the next grip is due already: letting go would drop the object."""
         if not self.is_due(at_s) or self.held is None:
             return False
-        self.held.force_n = self.present.force_n
+        self.held.squeeze(self.present.force_n)
         return True
 
     def let_go(self, openness: float | None = None) -> None:
