@@ -16,7 +16,7 @@ PEAK_IMPULSE_NM_S = 2.0
 """How much above the rating is "a moment": 7 N·m for 0.5 s, or less for longer."""
 
 UNSEEN_RAD_S = 1.0
-"""By so much the true speed may differ from the measured one: jaws that 20 N let go gain it in 1 ms,
+"""By so much the true speed may differ from the measured one: free jaws gain it from 20 N in 1 ms,
 and the motor's own filter hides 1 to 2 ms."""
 
 _KP_MAX = 500.0

@@ -19,6 +19,9 @@ VERDICT_WITHIN_S = 0.2
 TOLD_WITHIN_S = 0.2
 SURE_N = 10.0
 """From this force on, and twice what it takes to move the jaws, a loss can be told in any case."""
+SURE_STEP_MM = 1.0
+STRONG_N, BRISK_MM_S = 9.0, 45.0
+"""Below either, an object that gives way by more may be told as lost."""
 AFTER_S = 1.2
 """So long after what has happened the jaws are back, or the object is lost."""
 WINDOW_S = 0.45
@@ -214,12 +217,16 @@ def bump(trial: Trial) -> Seen:
 
 
 def step(trial: Trial) -> Seen:
-    """Let the object give way at once."""
+    """Let the object give way at once; a weak or slow grip follows it by `SURE_STEP_MM`."""
     scene = Scene("step", trial)
     if not scene.held():
         return scene.seen
     scene.world.mechanics.give_way(trial.step_mm)
-    return scene.disturbed(scene.world.now_s)
+    seen = scene.disturbed(scene.world.now_s)
+    is_weak = trial.force_n < STRONG_N or trial.speed_mm_s < BRISK_MM_S
+    if trial.step_mm > SURE_STEP_MM and is_weak:
+        seen.called_lost = seen.dropped = False  # a loss is told within 50 ms: no time to go on
+    return seen
 
 
 def loss(trial: Trial) -> Seen:
