@@ -142,7 +142,7 @@ class Approach:
         slow = abs(feedback.velocity_rad_s) < slow_rad_s
         slow = slow or (mean_rad_s is not None and abs(mean_rad_s) < slow_rad_s)
         torque_nm = self._sign * feedback.torque_nm
-        if mean_rad_s is not None and not held_back:
+        if mean_rad_s is not None:
             share = self._sign * mean_rad_s / self.speed_rad_s
             self.friction.add(now_s, share, torque_nm)
         self._slow.step(slow, now_s)

@@ -2,12 +2,16 @@
 
 STEADY = (0.7, 1.3)
 """Shares of the commanded speed between which the jaws travel steadily."""
-AVERAGE_S = 0.05
+AVERAGE_S = 0.03
 LARGEST_NM = 0.6
-"""Three times what is usual; more is something that the jaws press on from the beginning."""
+"""Four times what is usual; more is something that the jaws press on from the beginning."""
+LARGE_NM = 0.45
+"""Three times what is usual: where nothing was measured, no less is relied on."""
 
-ASSUMED_NM = 0.2
-"""Where nothing was measured: the usual 0.15 N·m (an estimate), and a reserve."""
+USUAL_NM = 0.15
+"""An estimate; where nothing was measured, what bounds a speed counts on no more."""
+ASSUMED_NM = 0.3
+"""Twice as much; where nothing was measured, what lets go of no object counts on no less."""
 
 
 class FrictionGauge:

@@ -15,7 +15,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.friction import ASSUMED_NM
+from litegripd.control.friction import ASSUMED_NM, LARGE_NM, USUAL_NM
 from litegripd.control.grip_watch import STANDING_RAD_S, GripWatch, WatchLimits
 from litegripd.control.lasting import Lasting
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
@@ -106,8 +106,13 @@ class GripSettings:
 
     @property
     def likely_friction_nm(self) -> float:
-        """The measured friction, or the usual one."""
+        """The measured friction, or more than is usual."""
         return ASSUMED_NM if self.friction_nm is None else self.friction_nm
+
+    @property
+    def least_friction_nm(self) -> float:
+        """The measured friction, or the usual one."""
+        return USUAL_NM if self.friction_nm is None else self.friction_nm
 
     def damping(self, applied_nm: float) -> float:
         """Return the damping (N·m·s/rad) of a hold with this torque."""
@@ -121,7 +126,7 @@ class GripSettings:
 
         Standing jaws press with that torque; free ones travel at that speed, if it suffices.
         """
-        applied_nm, friction_nm = force_n / FORCE_PER_TORQUE_N_NM, self.likely_friction_nm
+        applied_nm, friction_nm = force_n / FORCE_PER_TORQUE_N_NM, self.least_friction_nm
         most_rad_s = max(
             MOST_FREE_SHARE * self.grasp_speed_rad_s, applied_nm / self.damping(applied_nm)
         )
@@ -134,10 +139,10 @@ class GripSettings:
     def watch_limits(self, force_n: float) -> WatchLimits:
         """Return what a watch of a grip by `force_n` judges by."""
         torque_nm, damping, speed_rad_s = self.search(force_n)
-        driving_nm = force_n / FORCE_PER_TORQUE_N_NM - self.likely_friction_nm
+        driving_nm = force_n / FORCE_PER_TORQUE_N_NM - self.least_friction_nm
         far_rad = 0.0
         if driving_nm > 0.0:
-            reached_rad_s = min((torque_nm - self.likely_friction_nm) / damping, speed_rad_s)
+            reached_rad_s = min((torque_nm - self.least_friction_nm) / damping, speed_rad_s)
             gathering_s = INERTIA_KG_M2 * reached_rad_s / driving_nm
             far_rad = reached_rad_s * max(FAR_S - gathering_s, 0.0)
         nearest_rad, farthest_rad = map(self.geometry.to_rad, FAR_MM)
@@ -217,7 +222,9 @@ class Grip:
 
         With less, friction may keep the jaws where they are when the object vanishes.
         """
-        friction_nm = self._settings.likely_friction_nm
+        friction_nm = self._settings.friction_nm
+        if friction_nm is None:
+            friction_nm = LARGE_NM
         needed_nm = NOTICED_SHARE * friction_nm + NOTICED_NM
         if opening_mm < STICK_MM:
             needed_nm = max(needed_nm, STICK_NM)
