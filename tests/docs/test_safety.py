@@ -37,8 +37,8 @@ def follow(gripper: LiteGrip, site: Site) -> None:
 
 MOTIONS: dict[str, tuple[Callable[[LiteGrip, Site], object], float, float]] = {
     "grasp": (lambda gripper, _: gripper.grasp(force_n=10, hold_s=1), 1.0, 1.1),
-    "close": (lambda gripper, _: gripper.close(), 6.0, 6.7),
-    "goto": (lambda gripper, _: gripper.goto(10.0), 6.0, 7.0),
+    "close": (lambda gripper, _: gripper.close(), 5.7, 6.3),
+    "goto": (lambda gripper, _: gripper.goto(10.0), 5.7, 6.3),
     "stream": (stream, 0.9, 1.05),
     "stream of 3 N·m": (lambda gripper, site: stream(gripper, site, torque_nm=3.0), 2.8, 3.05),
     "play": (play, 1.9, 2.05),
@@ -72,10 +72,10 @@ def test_how_long_more_than_the_rating_lasts(site: Site, name: str, seconds: flo
     assert len(above) * 0.005 == pytest.approx(seconds, abs=0.06)
 
 
-def test_zero_probes_with_about_1_nm(site: Site) -> None:
+def test_zero_presses_with_less_than_its_ceiling(site: Site) -> None:
     daemon = site.add(Daemon())
     moments = measured(site, daemon, lambda gripper: gripper.zero(progress=lambda _: None))
-    assert 0.9 < max(abs(moment.closing_torque_nm) for moment in moments) < 1.1
+    assert 0.9 < max(abs(moment.closing_torque_nm) for moment in moments) < 1.7
 
 
 def test_a_stop_that_holds_goes_on_gripping_and_one_that_relaxes_does_not(site: Site) -> None:
