@@ -156,5 +156,5 @@ class HeldRig(Rig):
     def _events(self, began_s: float) -> Iterator[tuple[str, float, float | None]]:
         for event in self.engine.take_events():
             moved_mm = event.data.get("moved_mm")
-            is_way = isinstance(moved_mm, float)
-            yield event.kind, self.now_s - began_s, moved_mm if is_way else None
+            way_mm = moved_mm if isinstance(moved_mm, float) else None
+            yield event.kind, self.now_s - began_s, way_mm

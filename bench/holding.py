@@ -139,7 +139,7 @@ def friction() -> None:
         [f"{force_n:g} N", *(_loss_with_friction(force_n, share) for share in FRICTIONS)]
         for force_n in SMALL_FORCES_N
     )
-    head = ["force", *(f"friction × {share:g}" for share in FRICTIONS)]
+    head = ["force", *(f"friction {share:g} times" for share in FRICTIONS)]
     table("Losses by small forces and with more friction: told after", head, rows)
 
 
