@@ -116,9 +116,7 @@ def test_a_running_grasp_continues_through_a_bump_until_the_object_vanishes(happ
 @pytest.mark.parametrize("mount", MOUNTS)
 @pytest.mark.parametrize("way_mm", [0.3, 0.5, 0.7])
 @pytest.mark.parametrize("force_n", [5.0, 10.0, 20.0, 30.0])
-def test_half_a_millimetre_at_1000_hz_is_no_loss(
-    force_n: float, way_mm: float, mount: str
-) -> None:
+def test_half_a_millimetre_at_1000_hz_is_no_loss(force_n: float, way_mm: float, mount: str) -> None:
     """What is counted is time: at 1000 Hz three measurements are 3 ms."""
     held = Held(force_n, mount, rate_hz=1000)
     held.gripper.give_way(way_mm)
