@@ -5,6 +5,7 @@ cost. It judges nothing: that is for whoever grasps with it.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from litegripd.app.machine import Machine
 from litegripd.control.actions.base import Action, PlainAction, Step
@@ -35,19 +36,33 @@ DEFAULTS = MotionConfig()
 class Rig:
     """One simulated gripper and the machine that drives it, in virtual time.
 
+    `parameters` are the simulator's, but for mount and opening.
+
     `peak_nm` and `peak_mm_s` are the largest true torque of the motor and the largest true speed
     of the jaws, of `looks` looks in every period.
     """
 
-    def __init__(self, mount: str, opening_mm: float, *, noise_seed: int | None = None) -> None:
+    def __init__(
+        self,
+        mount: str,
+        opening_mm: float,
+        *,
+        noise_seed: int | None = None,
+        period_s: float = PERIOD_S,
+        parameters: SimulatorParameters | None = None,
+    ) -> None:
         closed_rad, open_rad = limits_of_mount(mount)
-        parameters = SimulatorParameters(
-            closed_rad=closed_rad, open_rad=open_rad, initial_opening_mm=opening_mm
+        parameters = replace(
+            parameters or SimulatorParameters(),
+            closed_rad=closed_rad,
+            open_rad=open_rad,
+            initial_opening_mm=opening_mm,
         )
         self.geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
         self.gripper = SimulatedGripper(parameters, seed=noise_seed)
-        self.engine = (machine := Machine(Unit(), None, DEFAULTS, PERIOD_S)).engine
+        self.engine = (machine := Machine(Unit(), None, DEFAULTS, period_s)).engine
         self.engine.use_calibration(Calibration(self.geometry))
+        self.period_s = period_s
         self.now_s = 1000.0
         self.looks = 1
         self.peak_nm = self.peak_mm_s = 0.0
@@ -56,9 +71,9 @@ class Rig:
 
     def tick(self) -> None:
         """Let one period pass."""
-        began_s, self.now_s = self.now_s, self.now_s + PERIOD_S
+        began_s, self.now_s = self.now_s, self.now_s + self.period_s
         for look in range(1, self.looks + 1):
-            self.look(began_s + PERIOD_S * look / self.looks)
+            self.look(began_s + self.period_s * look / self.looks)
         received, self._in_flight = self._in_flight, []
         for frame in self._machine.tick(self.now_s, received):
             self._in_flight += self.gripper.receive(self.now_s + FRAME_TIME_S, frame)
@@ -73,7 +88,7 @@ class Rig:
 
     def run(self, duration_s: float) -> None:
         """Let time pass."""
-        for _ in range(round(duration_s / PERIOD_S)):
+        for _ in range(round(duration_s / self.period_s)):
             self.tick()
 
     def run_until(self, condition: Callable[[], bool], within_s: float = 20.0) -> None:
@@ -108,9 +123,10 @@ def ours(
     request: GraspRequest,
     config: MotionConfig = DEFAULTS,
     gains: Gains = DEFAULT_GAINS,
+    period_s: float = PERIOD_S,
 ) -> Action:
     """Return a grasp as the daemon does it."""
-    return Grasp(request, geometry=geometry, config=config, gains=gains, period_s=PERIOD_S)
+    return Grasp(request, geometry=geometry, config=config, gains=gains, period_s=period_s)
 
 
 class VendorGrasp(PlainAction):

@@ -14,7 +14,7 @@ from litegripd.model.plain import PlainError, value_of
 from litegripd.motor import handover as motor
 from litegripd.rpc.service import RpcService
 
-FORMAT = 2
+FORMAT = 3
 """Counts the changes of what is handed over. A successor of another format refuses."""
 
 _NUMBERS = Mapping[str, int]

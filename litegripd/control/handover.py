@@ -17,10 +17,12 @@ from litegripd.control.grip_watch import GripWatch, WatchLimits, WatchState
 from litegripd.control.heat import HeatGuard, HeatModel, Readings
 from litegripd.control.in_use import CalibrationInUse
 from litegripd.control.jobs import JobBook
+from litegripd.control.lasting import Lasting
 from litegripd.control.lease import Grant, Lease
 from litegripd.control.output import Output
 from litegripd.control.rest import Hold, Relax, Rest
 from litegripd.control.second_master import SecondMaster
+from litegripd.control.speed_window import SpeedWindow
 from litegripd.control.stop import StopLatch
 from litegripd.model.bus import BusCondition
 from litegripd.model.calibration import Calibration
@@ -126,9 +128,9 @@ _ENGINE = Carried(
         _told_s=float,
     ),
 )
+_LASTING = Carried(Lasting, left=("_duration_s",), _since_s=float | None)
 _GRIP = Carried(
     Grip,
-    left=("_closes_on",),
     force_n=float,
     watched=bool,
     _settings=GripSettings,
@@ -141,17 +143,24 @@ _GRIP = Carried(
     _ramped_at_s=float | None,
     _watch=Carried(
         GripWatch,
-        left=("_closed", "_far", "_free", "_settled", "_speed", "_touching", "speed_rad_s"),
         limits=WatchLimits,
         state=WatchState,
         is_lost=bool,
         takes_nothing=bool,
         moved_rad=float | None,
-        _contact_rad=float | None,
+        contact_rad=float | None,
+        speed_rad_s=float | None,
         _seen_s=float,
+        _speed=Carried(SpeedWindow, left=("_window_s",), _samples=deque[tuple[float, float]]),
+        _free=_LASTING,
+        _far=_LASTING,
+        _closed=_LASTING,
+        _touching=_LASTING,
+        _settled=_LASTING,
     ),
     _stays=bool,
     _decides_next=bool,
+    _closes_on=_LASTING,
     _has_moved_on=bool,
     _slice_began_s=float,
     _slice_rad=float | None,

@@ -254,6 +254,11 @@ _ENTRIES = (
     Entry(
         "object MM [NM_RAD]|none", "put an object between the jaws, or take it away", _read_object
     ),
+    Entry(
+        "yield MM",
+        "let the object give way at once",
+        _with_number(lambda simulator, way_mm: simulator.wire.gripper.give_way(way_mm)),
+    ),
     Entry("unplug", "let the pseudo-terminal vanish", _bare(lambda simulator: simulator.unplug())),
     Entry("plug", "open a new one, with the same link", _bare(lambda simulator: simulator.plug())),
     Entry("help", "list the commands", _bare(lambda _: f"the commands are\n{help_text()}")),

@@ -61,6 +61,11 @@ class SimulatedGripper:
         """Torque that the motor makes now, before the filter of its report."""
         return self._plant.motor_torque_nm
 
+    @property
+    def clamp_nm(self) -> float:
+        """What the object between the jaws feels now, as torque at the motor's output."""
+        return self._plant.clamp_nm
+
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         """Hand one frame of the bus to the motor at `now_s`; return its immediate answers."""
         with self._lock:
@@ -106,6 +111,18 @@ class SimulatedGripper:
         """Take away what is between the jaws, at once."""
         with self._lock:
             self._plant.put(None)
+
+    def give_way(self, way_mm: float) -> None:
+        """Let the object between the jaws give way by so many millimetres, at once.
+
+        Raises `ValueError` for a way that is not finite or not positive, and without an object.
+        """
+        if not math.isfinite(way_mm) or way_mm <= 0.0:
+            raise ValueError(f"way_mm must be finite and more than 0, not {way_mm!r}")
+        with self._lock:
+            if self._plant.gripped_object is None:
+                raise ValueError("there is no object between the jaws; put one there first")
+            self._plant.give_way(way_mm)
 
     def push(self, torque_nm: float) -> None:
         """Push the jaws by hand with this torque (motor's direction) from now on; 0 lets go.

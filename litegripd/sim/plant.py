@@ -124,6 +124,15 @@ class Plant:
         return self._sign * self._measured
 
     @property
+    def clamp_nm(self) -> float:
+        """What the object feels, as torque at the output; 0 where the jaws do not press on one."""
+        item = self._object
+        if item is None or self._s <= self._object_at:
+            return 0.0
+        press_nm = item.stiffness_nm_rad * (self._s - self._object_at)
+        return max(press_nm + item.damping_nm_s_rad * self._v, 0.0)
+
+    @property
     def gripped_object(self) -> GrippedObject | None:
         """What is between the jaws, as it was put there."""
         return self._object
@@ -181,6 +190,11 @@ class Plant:
         """Put an object between the jaws in place of the present one; None takes it away."""
         self._object = item
         self._object_at = math.inf if item is None else -item.width_mm / self._p.rad_to_mm
+        self._bound_free_travel()
+
+    def give_way(self, way_mm: float) -> None:
+        """Let the object give way at once, towards closed."""
+        self._object_at += way_mm / self._p.rad_to_mm
         self._bound_free_travel()
 
     def set_supply(self, volts: float) -> None:

@@ -65,6 +65,32 @@ def rising_force(mount: str) -> World:
     return world
 
 
+def lowered_force(mount: str) -> World:
+    """The force goes below its value, on its way to it."""
+    world, client = gripping(mount)
+    client.result("motion.set_force", force_n=2)
+    world.run(0.1)
+    return world
+
+
+def is_searching(world: World) -> bool:
+    """Whether the jaws are on their way to an object that gave way: it may feel nothing."""
+    return world.engine.grip is not None and world.engine.grip.clamp_n[0] == 0.0
+
+
+def searching(mount: str) -> World:
+    world = settled_grip(mount)
+    world.gripper.give_way(1.5)
+    world.run_until(lambda: is_searching(world), 0.1)
+    return world
+
+
+def recovering(mount: str) -> World:
+    world = searching(mount)
+    world.run_until(lambda: not is_searching(world), 0.2)
+    return world
+
+
 def squeeze(mount: str) -> World:
     world = World(mount)
     world.enabled().result("motion.set_force", force_n=6)
@@ -135,6 +161,9 @@ SCENES: tuple[Scene, ...] = (
     settled_grip,
     stiff_grip,
     rising_force,
+    lowered_force,
+    searching,
+    recovering,
     squeeze,
     slack,
     stopped,
@@ -190,6 +219,22 @@ def test_an_object_that_is_lost_after_the_restart_is_noticed() -> None:
     world.gripper.remove_object()
     world.run_until(lambda: not isinstance(world.engine.rest, Grip))
     assert world.state.mode == "holding"
+
+
+@pytest.mark.parametrize("mount", ["normal", "reverse"])
+def test_a_search_goes_on_after_the_restart(mount: str) -> None:
+    world = searching(mount)
+    exchange(world)
+    assert is_searching(world)
+    events = world.client()
+    events.result("events.subscribe")
+    world.run(0.5)
+    events.read()
+    told = [n["params"] for n in events.notifications if n["method"] == "event"]
+    moved = [event["data"]["moved_mm"] for event in told if event["kind"] == "object_moved"]
+    assert moved == [pytest.approx(1.5, abs=0.2)]
+    assert world.state.is_grasped
+    assert world.gripper.clamp_nm == pytest.approx(0.8, abs=0.25)
 
 
 def test_slack_jaws_stay_slack() -> None:

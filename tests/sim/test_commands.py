@@ -127,9 +127,12 @@ def test_hands_objects_and_jams(simulator: Simulator) -> None:
     simulator.ask()
     simulator.ask()
     assert simulator.gripper.opening_mm == pytest.approx(40.0, abs=0.5)
+    simulator.do("yield 2.5")
+    simulator.ask()
+    assert simulator.gripper.opening_mm == pytest.approx(37.5, abs=0.5)
     simulator.do("object none")
     simulator.ask()
-    assert simulator.gripper.opening_mm < 39.0
+    assert simulator.gripper.opening_mm < 36.5
 
 
 def test_frames_are_injected_and_adapters_unplugged(simulator: Simulator) -> None:
@@ -183,6 +186,8 @@ def test_help_tells_of_every_command(simulator: Simulator) -> None:
         ("object 110", "does not fit between the jaws"),
         ("object -1", "width_mm must be finite and not negative"),
         ("object none now", "'none' is no number"),
+        ("yield 1", "no object between the jaws"),
+        ("yield -1", "way_mm must be finite and more than 0"),
         ("inject 8", "no frame of an id to 7FF"),
         ("inject 800#00", "no frame of an id to 7FF"),
         ("inject 8#000000000000000000", "at most 8 bytes"),

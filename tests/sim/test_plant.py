@@ -157,6 +157,32 @@ def test_an_object_yields_at_its_own_speed_under_force_alone() -> None:
     assert driver.gripper.opening_mm == pytest.approx(before_mm, abs=0.01)
 
 
+@pytest.mark.parametrize("mount", ["normal", "reverse"])
+def test_an_object_gives_way_at_once_and_feels_what_it_is_pressed_with(mount: str) -> None:
+    gripper = build_gripper(mount=mount, object_mm=50.0)
+    driver = armed(gripper)
+    sign = gripper.parameters.close_sign
+    driver.stream(2.0, command(kd=1.0, tau=sign * 2.0))
+    before_mm = gripper.opening_mm
+    assert gripper.clamp_nm == pytest.approx(2.0 - 0.15, abs=0.05)
+    gripper.give_way(1.5)
+    assert gripper.clamp_nm == 0.0
+    driver.stream(1.0, command(kd=1.0, tau=sign * 2.0))
+    assert before_mm - gripper.opening_mm == pytest.approx(1.5, abs=0.05)
+    assert gripper.clamp_nm == pytest.approx(2.0 - 0.15, abs=0.05)
+
+
+@pytest.mark.parametrize("way_mm", [0.0, -1.0, math.nan, math.inf])
+def test_a_way_that_no_object_can_give_is_rejected(way_mm: float) -> None:
+    gripper = build_gripper(object_mm=50.0)
+    with pytest.raises(ValueError, match="way_mm must be"):
+        gripper.give_way(way_mm)
+    gripper.remove_object()
+    assert gripper.clamp_nm == 0.0
+    with pytest.raises(ValueError, match="no object between the jaws"):
+        gripper.give_way(1.0)
+
+
 def test_an_object_with_friction_holds_the_jaws_when_they_are_let_go() -> None:
     driver = armed(at_opening(60.0))
     driver.gripper.put_object(width_mm=50.0, friction_nm=3.0)

@@ -1,0 +1,104 @@
+"""What the object feels is what was asked for, as far as friction allows, and is reported."""
+
+import pytest
+
+from tests.control.held import MOUNTS, RATES_HZ, Held
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+@pytest.mark.parametrize("force_n", [2.0, 3.0, 5.0, 10.0, 20.0, 30.0])
+def test_the_true_clamp_lies_in_the_reported_interval(
+    force_n: float, rate_hz: int, mount: str
+) -> None:
+    held = Held(force_n, mount, rate_hz)
+    for _ in range(20):
+        held.run(0.05)
+        clamp_n = held.state.clamp_n
+        assert clamp_n is not None
+        low_n, high_n = clamp_n
+        assert low_n <= held.clamp_n <= high_n
+        assert low_n <= force_n <= high_n
+        assert high_n - low_n < 7.0
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("force_n", [2.0, 3.0, 5.0])
+def test_a_gentle_grip_is_gentle(force_n: float, mount: str) -> None:
+    """Friction would keep the approach's 10 N in it, less what it takes itself."""
+    assert Held(force_n, mount).clamp_n == pytest.approx(force_n, abs=0.5)
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+@pytest.mark.parametrize("force_n", [2.0, 3.0, 5.0])
+def test_a_gentle_grip_is_not_what_the_approach_left(force_n: float, rate_hz: int) -> None:
+    assert Held(force_n, rate_hz=rate_hz).clamp_n == pytest.approx(force_n, abs=0.9)
+
+
+def test_a_force_that_is_lowered_is_felt_so_too() -> None:
+    held = Held(20.0)
+    held.owner.result("motion.set_force", force_n=5)
+    held.run(1.5)
+    assert held.clamp_n == pytest.approx(5.0, abs=0.6)
+    assert held.state.is_grasped
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize(
+    ("first", "again", "least_n"),
+    [
+        ({}, {}, 25.0),
+        ({}, {"hold_s": 0.3}, 25.0),
+        ({}, {"width_mm": 50, "tolerance_mm": 3}, 25.0),
+        ({}, {"width_mm": 20, "tolerance_mm": 3}, 25.0),
+        ({}, {"hold_by": "gains"}, 25.0),
+        ({"hold_by": "gains"}, {"hold_by": "gains"}, 25.0),
+        ({"hold_by": "gains"}, {}, 15.0),
+    ],
+)
+def test_a_regrasp_of_what_is_held_never_halves_its_clamp(
+    first: dict[str, object], again: dict[str, object], least_n: float, mount: str
+) -> None:
+    held = Held(30.0, mount, **first)
+    params = {"until": "verdict", **again} if "hold_s" not in again else again
+    number = held.owner.send("motion.grasp", force_n=30, **params)
+    assert held.least_clamp_n(1.5) > least_n
+    result = held.owner.result("job.list") and held.owner.answers[number]["result"]
+    expected = "wrong_width" if again.get("width_mm") == 20 else "object_held"
+    assert result["outcome"] == expected
+    assert result["width_mm"] == pytest.approx(50.0, abs=1.0)
+    assert held.state.is_grasped
+    assert held.events("object_lost") == []
+
+
+def test_a_regrasp_with_another_force_goes_there_without_letting_go() -> None:
+    held = Held(30.0)
+    held.owner.result("motion.grasp", force_n=15, until="verdict")
+    assert held.least_clamp_n(1.5) > 11.0
+    assert held.clamp_n == pytest.approx(15.0, abs=2.0)
+    held.owner.result("motion.grasp", force_n=25, until="verdict")
+    assert held.least_clamp_n(1.5) > 12.0
+    assert held.clamp_n == pytest.approx(25.0, abs=2.5)
+
+
+def test_without_a_hold_nothing_is_said_of_its_clamp() -> None:
+    held = Held(10.0)
+    held.owner.result("motion.open")
+    state = held.state
+    assert (state.clamp_n, state.loss_detection, state.loss_detection_from_n) == (None,) * 3
+
+
+def test_while_the_jaws_search_the_object_may_feel_nothing() -> None:
+    held = Held(10.0)
+    held.gripper.give_way(1.8)
+    lows = []
+    for _ in range(12):
+        held.tick()
+        clamp_n = held.state.clamp_n
+        assert clamp_n is not None
+        lows.append(clamp_n[0])
+    assert 0.0 in lows
+    held.run(0.5)
+    clamp_n = held.state.clamp_n
+    assert clamp_n is not None
+    assert clamp_n[0] > 5.0

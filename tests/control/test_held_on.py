@@ -1,0 +1,87 @@
+"""Whatever closes on a held object is blocked at once; the hold goes on with its force."""
+
+from typing import Any
+
+import pytest
+
+from tests.control.held import MOUNTS, Held
+
+CLOSING: list[tuple[str, dict[str, Any]]] = [
+    ("motion.close", {}),
+    ("motion.close", {"speed_mm_s": 100}),
+    ("motion.move", {"opening_mm": 10}),
+    ("motion.move", {"openness": 0.0}),
+    ("motion.move", {"opening_mm": 30, "duration_s": 1.0}),
+]
+
+
+def held_on(held: Held, force_n: float, duration_s: float = 1.0) -> None:
+    """Nothing presses harder than the hold meanwhile, and it holds on."""
+    least_n = most_n = held.clamp_n
+    most_nm = 0.0
+    for _ in range(round(duration_s / held.period_s)):
+        held.tick()
+        least_n, most_n = min(least_n, held.clamp_n), max(most_n, held.clamp_n)
+        most_nm = max(most_nm, abs(held.gripper.motor_torque_nm))
+    assert least_n > 0.85 * force_n
+    assert most_n < 1.1 * force_n
+    assert most_nm < force_n / 10.0 + 0.1
+    assert held.state.is_grasped
+    assert held.state.force_set_n == force_n
+    assert held.events("object_lost") == []
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+@pytest.mark.parametrize("hold_by", ["torque", "gains"])
+@pytest.mark.parametrize(("method", "params"), CLOSING)
+def test_closing_on_what_is_held_is_blocked_at_once(
+    method: str, params: dict[str, Any], hold_by: str, mount: str
+) -> None:
+    held = Held(20.0, mount, hold_by=hold_by)
+    began_s = held.now_s
+    result = held.owner.result(method, **params)
+    assert held.now_s - began_s <= 2 * held.period_s
+    assert (result["ok"], result["outcome"]) == (False, "blocked")
+    assert (result["stalled"], result["reached"], result["protected"]) == (True, False, False)
+    assert result["state"]["is_grasped"]
+    held_on(held, 20.0)
+
+
+def test_closing_in_the_background_is_blocked_too() -> None:
+    held = Held(20.0)
+    job = held.owner.result("motion.close", wait=False, detach=True)["job"]
+    held_on(held, 20.0, 0.5)
+    kept = held.owner.result("job.get", job=job)
+    assert (kept["state"], kept["result"]["outcome"]) == ("done", "blocked")
+
+
+def test_a_closing_that_waited_for_a_grasp_is_blocked_after_it() -> None:
+    held = Held(20.0)
+    grasping = held.owner.send("motion.grasp", force_n=20, hold_s=0.5)
+    closing = held.owner.send("motion.close", if_busy="queue")
+    held_on(held, 20.0)
+    assert held.owner.has_answer(grasping)
+    assert held.owner.has_answer(closing)
+    assert held.owner.answers[closing]["result"]["outcome"] == "blocked"
+
+
+def test_opening_lets_go_as_ever() -> None:
+    held = Held(20.0)
+    assert held.owner.result("motion.open")["ok"]
+    assert held.gripper.opening_mm > 115.0
+    assert not held.state.is_grasped
+
+
+def test_moving_towards_open_lets_go_as_ever() -> None:
+    held = Held(20.0)
+    result = held.owner.result("motion.move", opening_mm=80)
+    assert result["ok"]
+    assert held.gripper.opening_mm == pytest.approx(80.0, abs=1.5)
+    assert not held.state.is_grasped
+
+
+def test_closing_works_again_once_the_object_is_gone() -> None:
+    held = Held(20.0)
+    held.gripper.remove_object()
+    held.run(0.3)
+    assert held.owner.result("motion.close")["ok"]
