@@ -193,7 +193,10 @@ class Engine(Arbiter):
         change = self.output.send(now_s, command, feedback, bounds, ranges)
         if change is not None:
             self.events.append(announce.heat_changed(change))
-        return self.output.command
+        grip, sent = self.grip, self.output.command
+        if grip is not None and sent is not None:
+            grip.note_sent(sent.torque_nm)
+        return sent
 
     def _send_nothing(self, now_s: float) -> None:
         change = self.output.unpowered(now_s, self.motor.feedback)

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.friction import ASSUMED_NM, LARGE_NM, USUAL_NM
-from litegripd.control.grip_watch import STANDING_RAD_S, GripWatch, WatchLimits
+from litegripd.control.grip_watch import STILL_RAD_S, GripWatch, WatchLimits
 from litegripd.control.lasting import Lasting
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -56,6 +56,10 @@ RETURN_NM_S = 10.0
 """The torque returns this fast where it was before: there is no contact to come."""
 
 CLOSES_ON_S = 0.010
+EASED_S = 0.05
+"""So long jaws must stand before an object counts as having followed a lowered force."""
+SOFTEST_NM_RAD = 20.0
+"""Of the objects that are worth the name; a softer one is known to have followed only in part."""
 
 BREAKAWAY_SHARE = 1.5
 """Standing jaws are held by so much more than travelling ones (0.21 against 0.15 N·m)."""
@@ -176,7 +180,10 @@ class Grip:
         self._below_nm: float | None = None
         """Where a force that is being lowered goes first, so that friction lets it out."""
         self._below_s = 0.0
-        self._is_lowered = False
+        self._lowered_nm = 0.0
+        """By so much the force was lowered; 0 once the object has followed."""
+        self._eased = Lasting(EASED_S)
+        self._sent_nm: float | None = None
         self._ramped_at_s: float | None = None
         self._watch = GripWatch(settings.watch_limits(force_n))
         self._stays = False
@@ -208,20 +215,36 @@ class Grip:
         return self.watched and not self.is_lost
 
     @property
+    def _effective_nm(self) -> float:
+        """The torque that the motor is told: limits, as by heat, may have left less of it."""
+        applied_nm = self._applied_nm
+        return applied_nm if self._sent_nm is None else min(applied_nm, self._sent_nm)
+
+    def note_sent(self, torque_nm: float) -> None:
+        """Take the torque that was sent in place of the one that the last command asked for."""
+        self._sent_nm = abs(torque_nm) if abs(torque_nm) < 0.99 * self._applied_nm else None
+
+    @property
     def clamp_n(self) -> tuple[float, float]:
         """The least and the most force that the object may feel: friction hides the difference.
 
-        While the jaws search for it, it may feel none.
+        While the jaws search for it, it may feel none; nor is there a lower bound of a stiff hold
+        (`by` "gains"), around a position at which the object may no longer be.
         """
         hidden_n = BREAKAWAY_SHARE * self._settings.likely_friction_nm * FORCE_PER_TORQUE_N_NM
-        low_n = 0.0 if self._watch.is_searching else max(self.applied_n - hidden_n, 0.0)
-        return low_n, self.applied_n + hidden_n
+        commanded_n = self._effective_nm * FORCE_PER_TORQUE_N_NM
+        may_be_none = self._watch.is_searching or self._settings.by == "gains"
+        low_n = 0.0 if may_be_none else max(commanded_n - hidden_n, 0.0)
+        return low_n, commanded_n + hidden_n
 
-    def loss_detected_from_n(self, opening_mm: float) -> float:
+    def loss_detected_from_n(self, opening_mm: float) -> float | None:
         """Return the set force from which on the loss of an object so wide is noticed.
 
-        With less, friction may keep the jaws where they are when the object vanishes.
+        With less, friction may keep the jaws where they are when the object vanishes. None for a
+        stiff hold (`by` "gains"), which hardly moves then, whatever the force.
         """
+        if self._settings.by == "gains":
+            return None
         friction_nm = self._settings.friction_nm
         if friction_nm is None:
             friction_nm = LARGE_NM
@@ -237,7 +260,8 @@ class Grip:
 
     def squeeze(self, force_n: float) -> None:
         """Change to another force, closing on for it where nothing is watched."""
-        self._aim(force_n)
+        if force_n != self.force_n:
+            self._aim(force_n)
         self._stays = False
 
     def again(self, settings: GripSettings, force_n: float) -> "Grip":
@@ -246,6 +270,7 @@ class Grip:
             settings = replace(settings, friction_nm=self._settings.friction_nm)
         grip = Grip(settings, force_n, self._applied_nm, watched=True)
         grip._watch.continue_from(self._watch)
+        grip._return_nm = max(self._return_nm, self._applied_nm)
         return grip
 
     def stay(self) -> None:
@@ -288,16 +313,17 @@ class Grip:
         was_searching = self._watch.is_searching
         wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
         is_full = math.isclose(self._applied_nm, wanted_nm)
-        if is_full and self._watch.stands:
-            self._is_lowered = False
-        is_new = self._watch.see(
-            feedback, self._sign, self._applied_nm, is_full=is_full, falls=self._is_lowered
-        )
+        effective_nm = self._effective_nm
+        is_new = self._watch.see(feedback, self._sign, effective_nm, is_full=is_full)
+        has_followed = self._lowered_nm > 0.0 and is_full and self._watch.stands
+        if self._eased.step(has_followed, feedback.at_s):
+            self._watch.ease_contact(self._lowered_nm / SOFTEST_NM_RAD)
+            self._lowered_nm = 0.0
         if self._watch.is_searching and not was_searching:
             self._return_nm = self._applied_nm
-        if is_new and self._stays:
-            is_fast = self._sign * feedback.velocity_rad_s > STANDING_RAD_S
-            closes_on = is_fast and self._watch.takes_nothing
+        closing_rad_s = self._watch.speed_rad_s
+        if is_new and self._stays and closing_rad_s is not None:
+            closes_on = closing_rad_s > STILL_RAD_S and self._watch.takes_nothing
             has_lasted = self._closes_on.step(closes_on, feedback.at_s)
             if has_lasted or (closes_on and self._decides_next):
                 self._has_moved_on = True
@@ -323,11 +349,14 @@ class Grip:
 
     def _aim(self, force_n: float) -> None:
         """Take another force; one that is lowered goes below it once, by the friction."""
-        self.force_n, self._return_nm = force_n, self._applied_nm
+        self.force_n = force_n
+        if self._watch.state == "held":
+            self._return_nm = self._applied_nm
         wanted_nm = force_n / FORCE_PER_TORQUE_N_NM
         lowers = self._settings.by == "torque" and wanted_nm < self._applied_nm
         below_nm = max(wanted_nm - self._settings.likely_friction_nm, 0.0)
-        self._is_lowered, self._below_s = lowers, 0.0
+        self._lowered_nm = max(self._applied_nm - wanted_nm, 0.0) if lowers else 0.0
+        self._below_s = 0.0
         self._below_nm = below_nm if lowers else None
         self._watch.limits = self._settings.watch_limits(force_n)
 

@@ -31,6 +31,8 @@ SETTLED_S = 0.05
 
 STANDING_RAD_S = 0.05
 """Jaws that press on something are slower than this, 4 mm/s."""
+STILL_RAD_S = 0.1
+"""As `STANDING_RAD_S`, from positions: a noise of one code over the window is 0.08 rad/s."""
 
 RESIST_SHARE = 0.4
 RESIST_FRICTIONS = 1.3
@@ -80,6 +82,7 @@ class GripWatch:
         self.moved_rad: float | None = None
         self.contact_rad: float | None = None
         """Where the jaws pressed last, as far closed as they did."""
+        self._pressed_rad: float | None = None
         self.takes_nothing = False
         """True while nothing resists the torque that is commanded, fast or slow."""
         self.speed_rad_s: float | None = None
@@ -100,7 +103,7 @@ class GripWatch:
     @property
     def stands(self) -> bool:
         """True while the jaws are known to stand."""
-        return self.speed_rad_s is not None and abs(self.speed_rad_s) < STANDING_RAD_S
+        return self.speed_rad_s is not None and abs(self.speed_rad_s) < STILL_RAD_S
 
     def continue_from(self, before: "GripWatch") -> None:
         """Take over what another watch of the same object knows."""
@@ -110,17 +113,14 @@ class GripWatch:
     def resume(self) -> None:
         """Continue after a silence; what was measured before it continues nothing."""
         self._speed.clear()
-        self.speed_rad_s = None
+        self.speed_rad_s = self._pressed_rad = None
         for lasting in (self._free, self._far, self._closed, self._touching, self._settled):
             lasting.reset()
 
-    def see(
-        self, feedback: Feedback, sign: int, applied_nm: float, *, is_full: bool, falls: bool
-    ) -> bool:
+    def see(self, feedback: Feedback, sign: int, applied_nm: float, *, is_full: bool) -> bool:
         """Judge a measurement, each once; return True for a new one.
 
-        `applied_nm` is the torque that is commanded; `is_full`, that it is all that was asked for;
-        `falls`, that it is being lowered, so that a soft object opens the jaws by itself.
+        `applied_nm` is the torque that is commanded; `is_full`, that it is all that was asked for.
         """
         at_s = feedback.at_s
         if at_s == self._seen_s:
@@ -134,10 +134,10 @@ class GripWatch:
         self.speed_rad_s = speed_rad_s = self._speed.add(at_s, closed_rad)
         if speed_rad_s is not None:
             seen = _Seen(at_s, closed_rad, speed_rad_s, torque_nm, applied_nm)
-            self._judge(seen, is_full=is_full, falls=falls)
+            self._judge(seen, is_full=is_full)
         return True
 
-    def _judge(self, seen: _Seen, *, is_full: bool, falls: bool) -> None:
+    def _judge(self, seen: _Seen, *, is_full: bool) -> None:
         is_free = seen.speed_rad_s > self.limits.fast_rad_s and self.takes_nothing
         is_suspicious = self._free.step(is_free, seen.at_s)
         if self.state == "searching":
@@ -147,7 +147,7 @@ class GripWatch:
         elif self.state == "recovering":
             self._recover(seen, is_settled=is_full and not is_free)
         elif not is_free:
-            self._keep_contact(falls=falls)
+            self._keep_contact()
 
     def _resist_nm(self, applied_nm: float) -> float:
         friction_nm = RESIST_FRICTIONS * self.limits.friction_nm
@@ -158,13 +158,26 @@ class GripWatch:
         for lasting in (self._far, self._touching, self._settled):
             lasting.reset()
 
-    def _keep_contact(self, *, falls: bool) -> None:
-        """Note where the jaws press; a hand that opens them does not move the object."""
-        pressed_rad = self._speed.began_rad
-        if self.contact_rad is None or falls:
+    def _keep_contact(self) -> None:
+        """Note where the jaws press; a hand that opens them does not move the object.
+
+        Two windows must agree: one measurement alone may be disturbed.
+        """
+        before_rad, self._pressed_rad = self._pressed_rad, self._speed.began_rad
+        pressed_rad = (
+            self._pressed_rad if before_rad is None else min(before_rad, self._pressed_rad)
+        )
+        if self.contact_rad is None:
             self.contact_rad = pressed_rad
-        else:
-            self.contact_rad = max(self.contact_rad, pressed_rad)
+        self.contact_rad = max(self.contact_rad, pressed_rad)
+
+    def ease_contact(self, most_rad: float) -> None:
+        """Take the contact back to where the jaws press now, by `most_rad` at the most.
+
+        A soft object opens the jaws by itself when the force on it is lowered.
+        """
+        if self.contact_rad is not None and self._pressed_rad is not None:
+            self.contact_rad = max(self.contact_rad - most_rad, self._pressed_rad)
 
     def _search(self, seen: _Seen) -> None:
         """Judge where the jaws end that close on nothing: on something again, or too far."""
@@ -185,4 +198,4 @@ class GripWatch:
         if self.contact_rad is not None:
             moved_rad = seen.closed_rad - self.contact_rad
             self.moved_rad = moved_rad if moved_rad >= self.limits.moved_rad else None
-        self._keep_contact(falls=False)
+        self._keep_contact()

@@ -139,7 +139,9 @@ _GRIP = Carried(
     _return_nm=float,
     _below_nm=float | None,
     _below_s=float,
-    _is_lowered=bool,
+    _lowered_nm=float,
+    _eased=_LASTING,
+    _sent_nm=float | None,
     _ramped_at_s=float | None,
     _watch=Carried(
         GripWatch,
@@ -149,6 +151,7 @@ _GRIP = Carried(
         takes_nothing=bool,
         moved_rad=float | None,
         contact_rad=float | None,
+        _pressed_rad=float | None,
         speed_rad_s=float | None,
         _seen_s=float,
         _speed=Carried(SpeedWindow, left=("_window_s",), _samples=deque[tuple[float, float]]),

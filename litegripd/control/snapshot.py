@@ -66,7 +66,9 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         is_grasped=held is not None,
         clamp_n=None if held is None else held.clamp_n,
         loss_detection=(
-            None if held is None or detected_from_n is None else held.force_n >= detected_from_n
+            None
+            if held is None
+            else detected_from_n is not None and held.force_n >= detected_from_n
         ),
         loss_detection_from_n=detected_from_n,
         calibrated=geometry is not None,

@@ -8,14 +8,18 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
-from litegripd.control.approach import Approach, Verdict
+from litegripd.control.approach import BUDGET_NM, Approach, Verdict
 from litegripd.control.gains import Gains
 from litegripd.control.grip import Grip, GripSettings, HoldBy
+from litegripd.control.lasting import Lasting
 from litegripd.control.rest import Rest
-from litegripd.model.geometry import Geometry
+from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MotorView
 from litegripd.model.results import GraspOutcome, GraspResult, Progress
+
+FELT_S = 0.1
+"""So long what is there must bear the force that would drive free jaws: twice what a loss takes."""
 
 Until: TypeAlias = Literal["held", "verdict"]
 
@@ -63,6 +67,8 @@ class Grasp(PlainAction):
         self._steps = 0
         self._command_rad = 0.0
         self._feedback: Feedback | None = None
+        self._feels_n: float | None = None
+        self._felt = Lasting(FELT_S)
         if held is not None:
             self._verdict = "contact"
             self._grip = held.again(self._settings(None), request.force_n)
@@ -84,11 +90,13 @@ class Grasp(PlainAction):
             self._grip = self._take(now_s, feedback)
             if self._request.until == "verdict":
                 return Step(command, outcome=self._result(self._held()))
-        elif self._width_mm is None:
+        elif self._width_mm is None and self._is_felt(now_s, feedback, self._grip):
             self._note_contact(now_s, feedback)
             if self._request.until == "verdict":
                 command = self._grip.command(now_s, feedback)
-                return Step(command, outcome=self._result(self._held()))
+                return Step(
+                    command, outcome=self._outcome(self._grip) or self._result(self._held())
+                )
         command = self._grip.command(now_s, feedback)
         self._command_rad = command.position_rad
         return Step(command, outcome=self._outcome(self._grip))
@@ -106,6 +114,25 @@ class Grasp(PlainAction):
         total = max(round(self._approach.ramp_s / self._period_s), 1)
         step = min(self._steps, total)
         return progress_of("approach", step, total, self._command_rad, self._feedback)
+
+    def _is_felt(self, now_s: float, feedback: Feedback, grip: Grip) -> bool:
+        """Return True once it is sure that what was held is still there.
+
+        With a force whose loss would not be noticed it may have gone long ago: then the jaws press
+        for a moment as hard as a grasp that begins does, or as it takes.
+        """
+        if self._feels_n is None:
+            opening_mm = self._geometry.opening_mm(feedback.position_rad)
+            needed_n = grip.loss_detected_from_n(opening_mm) or 0.0
+            if min(grip.applied_n, self._request.force_n) >= needed_n:
+                return True
+            self._feels_n = min(needed_n, BUDGET_NM * FORCE_PER_TORQUE_N_NM)
+            grip.squeeze(max(self._feels_n, self._request.force_n))
+        presses = grip.applied_n >= 0.999 * self._feels_n
+        if not self._felt.step(presses, now_s):
+            return False
+        grip.squeeze(self._request.force_n)
+        return True
 
     def _take(self, now_s: float, feedback: Feedback) -> Grip:
         """Go over from closing to holding, without a step in the torque."""
