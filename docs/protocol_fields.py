@@ -215,7 +215,7 @@ def type_name(hint: Any) -> str:
     if get_origin(hint) is Literal:
         return ", ".join(f'"{choice}"' for choice in get_args(hint))
     if get_origin(hint) is tuple:
-        return "array of strings"
+        return "array of numbers" if float in get_args(hint) else "array of strings"
     if get_origin(hint) in (Union, UnionType):
         return ", or ".join(map(type_name, get_args(hint)))
     return _JSON_NAMES.get(hint, "object")
