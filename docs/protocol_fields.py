@@ -45,7 +45,8 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
         "A subscription to events.",
         (
             "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, other"
-            " for each kind). `seq` counts all events since the daemon's start, those of other"
+            " for each kind; `object_moved` has `moved_mm` and `width_mm`). `seq` counts"
+            " all events since the daemon's start, those of other"
             " kinds included. No event is dropped."
         ),
     ),
