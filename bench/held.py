@@ -20,7 +20,7 @@ RATES_HZ = (100, 200, 1000)
 LOOK_S = 0.25e-3
 SETTLE_S = 0.5
 """A rest after the force has been ramped from the approach's 10 N."""
-WATCHED_S = 1.0
+WATCHED_S = 0.8
 BACK_SHARE = 0.8
 CONTACT_N = 10.0
 

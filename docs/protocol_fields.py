@@ -45,7 +45,8 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
         "A subscription to events.",
         (
             "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, other"
-            " for each kind). `seq` counts all events since the daemon's start, those of other"
+            " for each kind; `object_moved` has `moved_mm` and `width_mm`). `seq` counts"
+            " all events since the daemon's start, those of other"
             " kinds included. No event is dropped."
         ),
     ),
@@ -215,7 +216,7 @@ def type_name(hint: Any) -> str:
     if get_origin(hint) is Literal:
         return ", ".join(f'"{choice}"' for choice in get_args(hint))
     if get_origin(hint) is tuple:
-        return "array of strings"
+        return "array of numbers" if float in get_args(hint) else "array of strings"
     if get_origin(hint) in (Union, UnionType):
         return ", or ".join(map(type_name, get_args(hint)))
     return _JSON_NAMES.get(hint, "object")

@@ -1,7 +1,7 @@
 """The state of the gripper, as one value.
 
 A newer daemon may say more than it holds, which is ignored; what it needs and the daemon does
-not say is a `ProtocolError`.
+not say is a `ProtocolError`, but for `NEWER_FIELDS`, which are None for an older daemon.
 """
 
 import time
@@ -13,6 +13,10 @@ from litegrip_client.checks import pick
 
 USABLE_BUS = ("up", "motor_silent")
 """States of a bus on which frames can be exchanged."""
+
+
+NEWER_FIELDS = ("clamp_n", "loss_detection", "loss_detection_from_n")
+"""Fields that an older daemon does not send."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +32,11 @@ class GripperState:
     `requested_torque_nm` what the motion wanted it to be told; `limited` says why they differ.
     `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
     when the motor is off; `is_grasped` whether an object is being held.
+
+    While one is, `clamp_n` is the least and the most force (N) that it may feel, for friction hides
+    the difference; the least is 0 while the jaws search for an object that gave way.
+    `loss_detection` tells whether its loss would be noticed, `loss_detection_from_n` with which set
+    force it would. All three are None without an object, and of a daemon that does not know them.
     """
 
     seq: int
@@ -55,6 +64,9 @@ class GripperState:
     requested_torque_nm: float | None
     force_set_n: float | None
     is_grasped: bool
+    clamp_n: tuple[float, float] | None
+    loss_detection: bool | None
+    loss_detection_from_n: float | None
     limited: tuple[str, ...]
     calibrated: bool
     mount: str | None
@@ -65,8 +77,11 @@ class GripperState:
     @classmethod
     def from_wire(cls, data: Mapping[str, Any]) -> "GripperState":
         """Read the wire's form; raises `ProtocolError`."""
-        values = pick(data, STATE_FIELDS, "state")
+        values = pick(data, _NEEDED_FIELDS, "state")
+        values |= {name: data.get(name) for name in NEWER_FIELDS}
         values["limited"] = tuple(values["limited"] or ())
+        if values["clamp_n"] is not None:
+            values["clamp_n"] = tuple(values["clamp_n"])
         return cls(**values)
 
     @property
@@ -76,3 +91,4 @@ class GripperState:
 
 
 STATE_FIELDS = tuple(field.name for field in fields(GripperState))
+_NEEDED_FIELDS = tuple(name for name in STATE_FIELDS if name not in NEWER_FIELDS)

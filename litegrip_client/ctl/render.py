@@ -191,7 +191,16 @@ def _command(data: Data, name: str) -> str:
 
 def _squeezing(data: Data) -> str:
     held = "an object is held" if data.get("is_grasped") else "no object is held"
-    return f"with {figure(data['force_set_n'], '.1f', 'N')}, {held}"
+    clamp_n = data.get("clamp_n")
+    felt = ""
+    if isinstance(clamp_n, Sequence) and len(clamp_n) == 2:
+        low, high = (figure(bound, ".1f", "").rstrip() for bound in clamp_n)
+        felt = f" ({low} to {high} N on the object)"
+    unnoticed = ""
+    if data.get("loss_detection") is False:
+        from_n = figure(data.get("loss_detection_from_n"), ".1f", "N")
+        unnoticed = f"; its loss would be noticed from {from_n} on"
+    return f"with {figure(data['force_set_n'], '.1f', 'N')}{felt}, {held}{unnoticed}"
 
 
 def _temperature(data: Data) -> str:

@@ -229,6 +229,26 @@ def test_a_stale_state_says_so_first_and_unknown_figures_are_no_numbers(
     ]
 
 
+@pytest.mark.parametrize(
+    ("clamp_n", "told", "shown"),
+    [
+        ([18.5, 21.5], {"loss_detection": True}, "18.5 to 21.5 N on the object"),
+        ([0.0, 22.5], {"loss_detection": False}, "0.0 to 22.5 N on the object"),
+        ([None, "x"], {"loss_detection": None}, "-- to -- N on the object"),
+    ],
+)
+def test_what_is_held_is_shown_with_what_it_may_feel(
+    daemon: FakeDaemon, ctl: Ctl, clamp_n: list[Any], told: dict[str, Any], shown: str
+) -> None:
+    held = {"force_set_n": 20.0, "is_grasped": True, "clamp_n": clamp_n}
+    state = {**STATE, **held, **told, "loss_detection_from_n": 24.0}
+    daemon.handlers["state.get"] = lambda request: state
+    line = f"squeezing    with 20.0 N ({shown}), an object is held"
+    if told["loss_detection"] is False:
+        line += "; its loss would be noticed from 24.0 N on"
+    assert line in ctl("state")[1].splitlines()
+
+
 def test_a_state_of_an_older_daemon_is_shown_without_what_it_does_not_tell(
     daemon: FakeDaemon, ctl: Ctl
 ) -> None:

@@ -107,6 +107,15 @@ def test_what_is_drawn_is_what_was_recorded(tmp_path: Path, content: bytes) -> N
     assert any(text.startswith("motor fault") for text in shown)
 
 
+def test_an_object_that_moved_is_named_with_its_way_and_is_no_alarm() -> None:
+    text = "the object gave way by 1.5 mm and is held again, at 48.5 mm"
+    data = {"moved_mm": 1.49, "width_mm": 48.5}
+    (label,) = labels([Happening(1.0, "object_moved", text, data)], 10.0, -10.0)
+    assert (label.text, label.is_alarm) == ("object moved 1.5 mm", False)
+    (other,) = labels([Happening(1.0, "object_moved", text, {})], 10.0, -10.0)
+    assert other.text.startswith("the object gave way")
+
+
 def test_labels_are_few_and_the_worst_gives_its_name() -> None:
     routine = [Happening(0.001 * n, "lease", "lease 1 taken", {}) for n in range(50)]
     fault = Happening(0.02, "motor", "motor: enabled -> fault", {"phase": "fault"})

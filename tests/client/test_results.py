@@ -13,6 +13,7 @@ from litegrip_client import (
     ProtocolError,
     SetZeroResult,
 )
+from litegrip_client.state import NEWER_FIELDS
 from tests.client.fake_daemon import GRASP, MOVE, STATE
 
 PROGRESS = {
@@ -92,12 +93,24 @@ def test_the_age_goes_on() -> None:
 )
 def test_more_is_ignored_and_less_is_an_error(kind: Any, data: dict[str, Any]) -> None:
     assert kind.from_wire({**data, "of_tomorrow": 1}) == kind.from_wire(data)
-    for name in data.keys() - ({"job"} if kind is not GripperState else set()):
+    optional = {"job"} if kind is not GripperState else set(NEWER_FIELDS)
+    for name in data.keys() - optional:
         less = {key: value for key, value in data.items() if key != name}
         with pytest.raises(ProtocolError, match=f"lacks '{name}'"):
             kind.from_wire(less)
     with pytest.raises(ProtocolError, match="is no object"):
         kind.from_wire(None)
+
+
+def test_what_an_older_daemon_does_not_say_of_a_grip_is_not_known() -> None:
+    older = {name: value for name, value in STATE.items() if name not in NEWER_FIELDS}
+    state = GripperState.from_wire(older)
+    assert (state.clamp_n, state.loss_detection, state.loss_detection_from_n) == (None,) * 3
+    held = {"clamp_n": [17.5, 22.5], "loss_detection": True, "loss_detection_from_n": 3.6}
+    state = GripperState.from_wire({**STATE, **held})
+    assert state.clamp_n == (17.5, 22.5)
+    assert state.loss_detection
+    assert state.loss_detection_from_n == 3.6
 
 
 def test_values_cannot_be_changed() -> None:

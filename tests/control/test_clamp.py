@@ -1,5 +1,7 @@
 """What the object feels is what was asked for, as far as friction allows, and is reported."""
 
+from typing import Any
+
 import pytest
 
 from tests.control.held import MOUNTS, RATES_HZ, Held
@@ -57,13 +59,14 @@ def test_a_force_that_is_lowered_is_felt_so_too() -> None:
     ],
 )
 def test_a_regrasp_of_what_is_held_never_halves_its_clamp(
-    first: dict[str, object], again: dict[str, object], least_n: float, mount: str
+    first: dict[str, Any], again: dict[str, Any], least_n: float, mount: str
 ) -> None:
     held = Held(30.0, mount, **first)
     params = {"until": "verdict", **again} if "hold_s" not in again else again
     number = held.owner.send("motion.grasp", force_n=30, **params)
     assert held.least_clamp_n(1.5) > least_n
-    result = held.owner.result("job.list") and held.owner.answers[number]["result"]
+    assert held.owner.has_answer(number)
+    result = held.owner.answers[number]["result"]
     expected = "wrong_width" if again.get("width_mm") == 20 else "object_held"
     assert result["outcome"] == expected
     assert result["width_mm"] == pytest.approx(50.0, abs=1.0)

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from litegrip_client import MoveResult
 from tests.control.held import MOUNTS, Held
 
 CLOSING: list[tuple[str, dict[str, Any]]] = [
@@ -45,6 +46,12 @@ def test_closing_on_what_is_held_is_blocked_at_once(
     assert (result["stalled"], result["reached"], result["protected"]) == (True, False, False)
     assert result["state"]["is_grasped"]
     held_on(held, 20.0)
+
+
+def test_the_client_gets_the_result_of_a_move_that_stalled() -> None:
+    result = MoveResult.from_wire(Held(20.0).owner.result("motion.close"))
+    assert (result.ok, result.stalled, result.outcome) == (False, True, "blocked")
+    assert result.state.is_grasped
 
 
 def test_closing_in_the_background_is_blocked_too() -> None:

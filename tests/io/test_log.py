@@ -12,7 +12,7 @@ import pytest
 from litegripd.app.logs import log_event
 from litegripd.io import log
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
-from litegripd.model.events import Event
+from litegripd.model.events import Event, EventKind
 
 
 def record(level: int, text: str, *arguments: object) -> logging.LogRecord:
@@ -112,6 +112,20 @@ def test_an_event_can_be_found_by_job_and_client(
         "LITEGRIP_CLIENT": "7",
         "LITEGRIP_CLIENT_PID": "42",
     }
+
+
+@pytest.mark.parametrize(("kind", "priority"), [("object_moved", "6"), ("object_lost", "4")])
+def test_a_lost_object_is_a_warning_and_one_that_moved_is_none(
+    journal: socket.socket,
+    sink: JournalSink,
+    monkeypatch: pytest.MonkeyPatch,
+    kind: EventKind,
+    priority: str,
+) -> None:
+    monkeypatch.setattr(logging.getLogger(), "handlers", [LogHandler(sink)])
+    monkeypatch.setattr(logging.getLogger("litegripd"), "level", logging.INFO)
+    log_event(Event(kind, "the object", {}))
+    assert fields(journal)["PRIORITY"] == priority
 
 
 def test_a_journal_that_is_full_or_gone_refuses_without_waiting(

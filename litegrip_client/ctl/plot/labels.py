@@ -70,6 +70,8 @@ def _short(event: Happening) -> str:
         return f"{data['kind']} (job {data.get('job')})"
     if event.kind == "job_ended" and "state" in data:
         return f"job {data.get('job')} {data['state']}"
+    if event.kind == "object_moved" and isinstance(data.get("moved_mm"), int | float):
+        return f"object moved {data['moved_mm']:.1f} mm"
     if event.kind == "motor" and "phase" in data:
         return f"motor {data['phase']}"
     if event.kind in ("calibration", "stop", "heat", "recorder", "lease"):
