@@ -15,7 +15,8 @@ Confirmed: TypeAlias = Literal["confirmed", "stuck", "not_found", "apart"]
 """`stuck`: the jaws did not get going; `not_found`: they did not stop; `apart`: nowhere twice."""
 
 MOST_STROKES = 4
-RUN_UP_MM = 12.0
+RUN_UP_MM = 25.0
+"""Past the zone in which slow jaws stick, some 15 mm, and far enough to be at speed before it."""
 RUN_UP_WITHIN_S = 1.5
 SPEED_RANGE_MM_S = (25.0, 100.0)
 """Slower jaws may stick where a `close` from afar passes; faster ones would only hit harder."""
