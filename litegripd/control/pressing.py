@@ -67,8 +67,10 @@ class Pressing:
         wanted_nm = self._push_nm + RATE_NM_S * (now_s - self._up_since_s)
         self._up_nm = min(wanted_nm, self._most_nm)
         gave_rad = (feedback.position_rad - self._stop_rad) * self._sign
-        is_over = wanted_nm >= self._most_nm + RATE_NM_S * REST_S
-        if is_over or gave_rad >= FAR_TOLERANCES * self._tolerance_rad:
+        if gave_rad >= FAR_TOLERANCES * self._tolerance_rad:
+            self._up_nm = self._push_nm  # they may be thrown back by the end: damping adds to it
+            self._down_since_s = now_s
+        elif wanted_nm >= self._most_nm + RATE_NM_S * REST_S:
             self._down_since_s = now_s
         return self._pushed(feedback, self._up_nm)
 
