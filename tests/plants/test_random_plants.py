@@ -22,3 +22,11 @@ def test_what_is_held(scene: str, seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_one_of_the_others(seed: int) -> None:
     assert play(IN_TURN[seed % len(IN_TURN)], seed).complaints == []
+
+
+@pytest.mark.parametrize("seed", [70, 125])
+def test_jaws_that_stick_at_one_place_again_and_again_are_at_no_stop(seed: int) -> None:
+    seen = play("zero", seed)
+    assert seen.complaints == []
+    assert seen.peak_nm is not None
+    assert seen.peak_nm <= 2.0 * seen.trial.plant.torque_factor
