@@ -85,7 +85,7 @@ class HeldRig(Rig):
         return None if self.engine.grip is None else self.engine.grip.clamp_n
 
     @property
-    def loss_detected_from_n(self) -> float:
+    def loss_detected_from_n(self) -> float | None:
         """From which force on the daemon says that it would notice the loss."""
         grip, feedback = self.engine.grip, self.engine.motor.feedback
         if grip is None or feedback is None:

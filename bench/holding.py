@@ -157,7 +157,7 @@ def rubbing(share: float) -> SimulatorParameters:
 
 def _loss_with_friction(force_n: float, share: float) -> str:
     rigs = [HeldRig(Setting(mount, 200), force_n, parameters=rubbing(share)) for mount in MOUNTS]
-    from_n = max(rig.loss_detected_from_n for rig in rigs)
+    from_n = max(rig.loss_detected_from_n or math.inf for rig in rigs)
     times_s = [rig.watch(vanish).told_s for rig in rigs]
     known_s = [at_s for at_s in times_s if at_s is not None]
     cell = f"{1e3 * max(known_s):.0f} ms" if len(known_s) == len(times_s) else "not told"

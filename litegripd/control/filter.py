@@ -15,6 +15,8 @@ RATED_TORQUE_NM = 3.0  # for long
 PEAK_IMPULSE_NM_S = 2.0
 """How much above the rating is "a moment": 7 N·m for 0.5 s, or less for longer."""
 
+VENDOR_KD_NM_S_RAD = 2.0
+"""The damping of the vendor's SDK, for every command."""
 UNSEEN_RAD_S = 1.0
 """By so much the true speed may differ from the measured one: free jaws gain it from 20 N in 1 ms,
 and the motor's own filter hides 1 to 2 ms."""
@@ -172,14 +174,15 @@ def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) ->
 
 
 def _within_peak(command: MitCommand, feedback: Feedback) -> MitCommand:
-    """Lower the damping so far that the true speed, too, makes no more than the peak torque of it.
+    """Lower hard damping so far that at the true speed, too, it makes no more than the peak torque.
 
-    The measured speed is filtered by the motor, and up to two ticks old.
+    The measured speed is filtered by the motor, and up to two ticks old. The vendor's own damping
+    stays: a stiff command with less of it would swing.
     """
     lead_rad = abs(command.position_rad - feedback.position_rad)
     slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s) + UNSEEN_RAD_S
     left_nm = PEAK_TORQUE_NM - command.kp_nm_rad * lead_rad - abs(command.torque_nm)
-    most_nm_s_rad = max(left_nm, 0.0) / slip_rad_s
+    most_nm_s_rad = max(left_nm / slip_rad_s, VENDOR_KD_NM_S_RAD)
     if command.kd_nm_s_rad <= most_nm_s_rad:
         return command
     return replace(command, kd_nm_s_rad=most_nm_s_rad)

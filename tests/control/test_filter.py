@@ -12,6 +12,7 @@ from litegripd.control.filter import (
     PEAK_TORQUE_NM,
     RATED_TORQUE_NM,
     UNSEEN_RAD_S,
+    VENDOR_KD_NM_S_RAD,
     Bounds,
     LastWord,
     bounds_of,
@@ -61,7 +62,8 @@ def test_any_command_becomes_one_that_may_be_sent(
     assert torque_bound_nm(sent, feedback) <= bounds.torque_nm * NEAR
     for unseen_rad_s in (-UNSEEN_RAD_S, UNSEEN_RAD_S):  # the true speed is not the measured one
         truly = replace(feedback, velocity_rad_s=feedback.velocity_rad_s + unseen_rad_s)
-        assert torque_bound_nm(sent, truly) <= PEAK_TORQUE_NM * NEAR
+        usual_nm = torque_bound_nm(sent, feedback) + VENDOR_KD_NM_S_RAD * UNSEEN_RAD_S
+        assert torque_bound_nm(sent, truly) <= max(PEAK_TORQUE_NM, usual_nm) * NEAR
     here_rad = feedback.position_rad
     assert min(bounds.low_rad, here_rad) - 1e-9 <= sent.position_rad
     assert sent.position_rad <= max(bounds.high_rad, here_rad) + 1e-9
