@@ -6,6 +6,7 @@ An object of 50 mm and 250 N·m/rad. Every cell of the first three tables is the
 and 100, 200 and 1000 Hz; the time is simulated, so that the tables are the same on every machine.
 """
 
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 
