@@ -29,10 +29,8 @@ TOUCH_S = 0.015
 SETTLED_S = 0.05
 """So long the force must be back before the object counts as held again."""
 
-STANDING_RAD_S = 0.05
-"""Jaws that press on something are slower than this, 4 mm/s."""
 STILL_RAD_S = 0.1
-"""As `STANDING_RAD_S`, from positions: a noise of one code over the window is 0.08 rad/s."""
+"""Jaws that stand are slower than this, 7 mm/s; a noise of one code over the window is 0.08."""
 
 RESIST_SHARE = 0.4
 RESIST_FRICTIONS = 1.3
@@ -129,6 +127,8 @@ class GripWatch:
         closed_rad = sign * feedback.position_rad
         torque_nm = sign * feedback.torque_nm
         self.takes_nothing = torque_nm < self._resist_nm(applied_nm)
+        if self.contact_rad is None:
+            self.contact_rad = closed_rad
         if self._closed.step(closed_rad >= self.limits.lost_at_rad, at_s):
             self.is_lost = True
         self.speed_rad_s = speed_rad_s = self._speed.add(at_s, closed_rad)
@@ -167,9 +167,8 @@ class GripWatch:
         pressed_rad = (
             self._pressed_rad if before_rad is None else min(before_rad, self._pressed_rad)
         )
-        if self.contact_rad is None:
-            self.contact_rad = pressed_rad
-        self.contact_rad = max(self.contact_rad, pressed_rad)
+        if self.contact_rad is not None:
+            self.contact_rad = max(self.contact_rad, pressed_rad)
 
     def ease_contact(self, most_rad: float) -> None:
         """Take the contact back to where the jaws press now, by `most_rad` at the most.

@@ -5,10 +5,11 @@ from typing import TypeAlias
 
 from litegripd.control.gains import Gains
 from litegripd.control.grip import Grip
-from litegripd.control.grip_watch import STANDING_RAD_S
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import Feedback, MitCommand
 
+STANDING_RAD_S = 0.05
+"""Jaws that press on something are slower than this, 4 mm/s."""
 PRESSING_SHARE = 0.5
 FAINT_NM = 0.1
 """What friction leaves of the way to a target does not count."""
