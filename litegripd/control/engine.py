@@ -173,7 +173,8 @@ class Engine(Arbiter):
         if isinstance(rest, Grip) and rest.is_lost:
             if rest.watched:
                 self.events.append(announce.object_lost(None))
-            self.rest = Hold(feedback.position_rad, self.gains)
+            # The jaws still run: on some motors the damping of a position hold would shake them.
+            self.rest = Hold(feedback.position_rad, self.gains.calmed())
             return self.rest.command(now_s, feedback)
         return command
 

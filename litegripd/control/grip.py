@@ -16,6 +16,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.friction import ASSUMED_NM, LARGE_NM, USUAL_NM
+from litegripd.control.gains import CALM_KD_NM_S_RAD
 from litegripd.control.grip_watch import STILL_RAD_S, GripWatch, WatchLimits
 from litegripd.control.lasting import Lasting
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
@@ -24,10 +25,6 @@ from litegripd.model.motor import Feedback, MitCommand
 
 HoldBy: TypeAlias = Literal["torque", "gains"]
 
-HARDEST_DAMPING_NM_S_RAD = 1.0
-"""Stable with a reserve of 1.4 on a motor that filters its speed by 2 ms, with a current loop of
-1 ms and half the inertia: J·(1/T_filter + 1/T_current) is 1.4 there, and 2.8 with the whole
-inertia. More damping shakes on such motors as soon as something moves the jaws."""
 SOFTEST_DAMPING_NM_S_RAD = 0.35
 SOFTEST_SEARCH_DAMPING_NM_S_RAD = 0.2
 
@@ -123,7 +120,7 @@ class GripSettings:
         free_rad_s = max(self.grasp_speed_rad_s, self.geometry.to_rad(LEAST_DAMPED_MM_S))
         free_rad_s = min(free_rad_s, MOST_FREE_SHARE * self.grasp_speed_rad_s)
         damping = applied_nm / free_rad_s
-        return min(max(damping, SOFTEST_DAMPING_NM_S_RAD), HARDEST_DAMPING_NM_S_RAD)
+        return min(max(damping, SOFTEST_DAMPING_NM_S_RAD), CALM_KD_NM_S_RAD)
 
     def search(self, force_n: float) -> tuple[float, float, float]:
         """Return torque (N·m), damping (N·m·s/rad) and speed (rad/s) of a search for `force_n`.
@@ -136,7 +133,7 @@ class GripSettings:
         )
         least_rad_s = min(self.geometry.to_rad(LEAST_SEARCH_MM_S), most_rad_s)
         speed_rad_s = max(SEARCH_SHARE * self.grasp_speed_rad_s, least_rad_s)
-        torque_nm = min(applied_nm, friction_nm + HARDEST_DAMPING_NM_S_RAD * speed_rad_s)
+        torque_nm = min(applied_nm, friction_nm + CALM_KD_NM_S_RAD * speed_rad_s)
         damping = max((torque_nm - friction_nm) / speed_rad_s, SOFTEST_SEARCH_DAMPING_NM_S_RAD)
         return torque_nm, damping, speed_rad_s
 

@@ -12,7 +12,7 @@ from litegripd.control.approach import BUDGET_NM, Approach, Verdict
 from litegripd.control.gains import Gains
 from litegripd.control.grip import Grip, GripSettings, HoldBy
 from litegripd.control.lasting import Lasting
-from litegripd.control.rest import Rest
+from litegripd.control.rest import Hold, Rest
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MotorView
@@ -57,6 +57,7 @@ class Grasp(PlainAction):
         self._request = request
         self._geometry = geometry
         self._config = config
+        self._gains = gains
         self._period_s = period_s
         self._approach = Approach(geometry, config, gains, request.speed_mm_s, period_s)
         self._grip: Grip | None = None
@@ -102,8 +103,12 @@ class Grasp(PlainAction):
         return Step(command, outcome=self._outcome(self._grip))
 
     def rest(self) -> Rest | None:
-        """Go on holding what is held."""
-        return self._grip if self._grip is not None and self._grip.is_holding else None
+        """Go on holding what is held; jaws that have lost it still run, and are held calmly."""
+        if self._grip is None:
+            return None
+        if self._grip.is_holding or self._feedback is None:
+            return self._grip
+        return Hold(self._feedback.position_rad, self._gains.calmed())
 
     def progress(self) -> Progress | None:
         """Tell the phase, the step of the approach, and where command and jaws are."""
