@@ -1,4 +1,4 @@
-"""What holds by force shakes on no motor, whatever has happened; bench/damping.py has the motors."""
+"""A hold by force shakes on no motor, whatever has happened; bench/damping.py has the motors."""
 
 from collections.abc import Callable
 
