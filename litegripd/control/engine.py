@@ -11,6 +11,7 @@ from dataclasses import replace
 from litegripd.control import announce
 from litegripd.control.admission import (
     NOT_ENABLED,
+    ZERO_MOVED,
     motor_refusal,
 )
 from litegripd.control.arbiter import Arbiter
@@ -210,6 +211,8 @@ class Engine(Arbiter):
             content = content_of(useless, self.unit, self.gains, self.motor)
             self.errands.append(save_errand(self.unit, content, self._saved))
             self.events.append(announce.calibrated(useless, self.calibrated.file))
+            if self.action is not None and self.action.needs_power:
+                self.end(ZERO_MOVED)  # its travel is known no longer
 
     def _saved(self, result: ErrandResult) -> None:
         if result.error is not None:

@@ -43,7 +43,7 @@ a loss is to be known within 50 ms."""
 INERTIA_KG_M2 = 1.87e-3
 """Rotor and fingers at the output (maker's table; the gripper's model files)."""
 FAR_S = 0.028
-FAR_MM = (1.2, 4.0)
+FAR_MM = (1.15, 4.0)
 """Too far for an object that gave way: what a search travels in so long, less the time in which
 free jaws gather speed; within these bounds."""
 MOVED_MM = 0.3

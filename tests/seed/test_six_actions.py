@@ -130,7 +130,7 @@ def test_zero_probes_both_stops_derives_travel_and_scale_and_saves(site: Site, m
         saved = json.loads(Path(gripper.save_calibration()).read_text(encoding="utf-8"))
     openings = [moment.opening_mm for moment in moments]
     assert max(openings) == pytest.approx(120.0, abs=1.0)
-    assert min(openings) == pytest.approx(0.0, abs=1.0)
+    assert -3.0 < min(openings) < 1.0  # the press that confirms the stop gives the soft end a way
     travel_rad = abs(unit.closed_rad - unit.open_rad)
     assert isinstance(data, CalibrationData)
     assert data.travel_range_rad == pytest.approx(travel_rad, rel=0.01)
