@@ -192,11 +192,6 @@ class Grip:
         self._aim(force_n)
 
     @property
-    def settings(self) -> GripSettings:
-        """What the grip is made of."""
-        return self._settings
-
-    @property
     def applied_n(self) -> float:
         """The force that is commanded now, on its way to `force_n`."""
         return self._applied_nm * FORCE_PER_TORQUE_N_NM

@@ -121,7 +121,7 @@ _ENGINE = Carried(
     recordings=int,
     second_master=Carried(
         SecondMaster,
-        # The configuration's; and the motor counts anew.
+        # The configuration's; and the motor counts from zero.
         left=("is_tolerated", "count", "_write", "_known_write"),
         is_active=bool,
         _seen_s=float,

@@ -86,7 +86,7 @@ class Verifier:
         return self._wrote_s > -math.inf
 
     def reset(self) -> None:
-        """Forget what is to be verified: all is read anew by other means."""
+        """Forget what is to be verified: other code reads all of it again."""
         self._open.clear()
 
     def begin(self) -> None:
