@@ -24,8 +24,8 @@ and the motor's own filter hides 1 to 2 ms."""
 _KP_MAX = 500.0
 _KD_MAX = 5.0
 _BRAKE_KD_NM_S_RAD = 1.0
-_THROWN_RAD_S = 3.0
-"""Faster than any probe, and a third of the speed from which held jaws began to shake."""
+_DAMPING_BACK_S = 0.1
+"""Damping that follows a speed which is measured late, up and down, throws the jaws to and fro."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +56,8 @@ def probe_bounds(config: MotionConfig) -> Bounds:
 class LastWord:
     """Keeps commands finite, inside the travel and within the torque that the motor bears.
 
-    The torque of a command is bounded by kp·|lead| + kd·|dv| + |torque|. A command beyond that
-    is scaled towards what the motor does now, which lowers each term alike; jaws that are thrown
-    are only braked.
+    The torque of a command is bounded by what of kp·lead, kd·dv and torque pulls one way. Where
+    that is too much, these terms are lowered alike.
     """
 
     def __init__(self) -> None:
@@ -66,6 +65,7 @@ class LastWord:
         self._rated_only = False
         self._last_s: float | None = None
         self._last_nm = 0.0
+        self._damping = 1.0
 
     def apply(
         self,
@@ -91,9 +91,11 @@ class LastWord:
         inside = _inside(packable, feedback, bounds)
         if inside != packable:
             limited.append("travel")
-        self._charge(now_s)
+        elapsed_s = self._charge(now_s)
         budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
-        within = _within_torque(inside, feedback, min(budget_nm, allowance_nm))
+        within, self._damping = _within_torque(
+            inside, feedback, min(budget_nm, allowance_nm), self._most_damping(elapsed_s)
+        )
         within = _within_peak(within, feedback)
         if within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
@@ -106,8 +108,15 @@ class LastWord:
         self._charge(now_s)
         self._last_nm = 0.0
 
-    def _charge(self, now_s: float) -> None:
-        """Keep the impulse above the rating; once used up, it must drain before the next peak."""
+    def _most_damping(self, elapsed_s: float) -> float:
+        """Return the share of the damping that may be sent: once lowered, it comes back slowly."""
+        return min(self._damping + elapsed_s / _DAMPING_BACK_S, 1.0)
+
+    def _charge(self, now_s: float) -> float:
+        """Keep the impulse above the rating; once used up, it must drain before the next peak.
+
+        Returns the seconds since the last command.
+        """
         elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
         self._last_s = now_s
         self._impulse_nm_s += (self._last_nm - RATED_TORQUE_NM) * elapsed_s
@@ -116,13 +125,30 @@ class LastWord:
             self._rated_only = True
         elif self._impulse_nm_s == 0.0:
             self._rated_only = False
+        return elapsed_s
 
 
 def torque_bound_nm(command: MitCommand, feedback: Feedback) -> float:
-    """Return the most torque that a command can ask for, given what the motor does now."""
-    lead_rad = abs(command.position_rad - feedback.position_rad)
-    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
-    return command.kp_nm_rad * lead_rad + command.kd_nm_s_rad * slip_rad_s + abs(command.torque_nm)
+    """Return the most torque that a command can ask for, given what the motor does now.
+
+    Lead, damping and torque that oppose each other do not add up, but one may end before another.
+    """
+    return max(_sums_nm(_terms_nm(command, feedback)))
+
+
+def _terms_nm(command: MitCommand, feedback: Feedback) -> tuple[float, float, float]:
+    """Return what lead, damping and torque make of their own (MIT protocol)."""
+    return (
+        command.kp_nm_rad * (command.position_rad - feedback.position_rad),
+        command.kd_nm_s_rad * (command.velocity_rad_s - feedback.velocity_rad_s),
+        command.torque_nm,
+    )
+
+
+def _sums_nm(terms_nm: tuple[float, float, float]) -> tuple[float, float]:
+    """Return what the terms make together in the motor's positive direction, and in the other."""
+    up_nm = sum(term_nm for term_nm in terms_nm if term_nm > 0.0)
+    return up_nm, up_nm - sum(terms_nm)
 
 
 def _fields(command: MitCommand) -> tuple[float, ...]:
@@ -152,25 +178,33 @@ def _inside(command: MitCommand, feedback: Feedback, bounds: Bounds) -> MitComma
     return replace(command, position_rad=position_rad, velocity_rad_s=velocity_rad_s)
 
 
-def _within_torque(command: MitCommand, feedback: Feedback, budget_nm: float) -> MitCommand:
-    bound_nm = torque_bound_nm(command, feedback)
-    if bound_nm <= budget_nm:
-        return command
-    position_rad, velocity_rad_s = feedback.position_rad, feedback.velocity_rad_s
-    slip_rad_s = command.velocity_rad_s - velocity_rad_s
-    brakes = slip_rad_s * velocity_rad_s < 0.0 and abs(velocity_rad_s) > _THROWN_RAD_S
-    if brakes and command.kd_nm_s_rad * abs(slip_rad_s) > budget_nm:
-        # Thrown jaws: less damping, with its aim kept. What was measured is two ticks old: damping
-        # towards that velocity would drive on what it should brake, to and fro, for ever.
-        kd_nm_s_rad = budget_nm / abs(slip_rad_s)
-        return replace(command, position_rad=position_rad, kd_nm_s_rad=kd_nm_s_rad, torque_nm=0.0)
-    share = budget_nm / bound_nm
-    return replace(
+def _within_torque(
+    command: MitCommand, feedback: Feedback, budget_nm: float, most_damping: float
+) -> tuple[MitCommand, float]:
+    """Lower the terms that exceed the budget on one side; return the share of the damping, too.
+
+    The aim of the damping stays: what was measured is filtered by the motor and two ticks old, and
+    damping towards that velocity would drive on what it should brake, to and fro, for ever.
+    """
+    terms_nm = _terms_nm(command, feedback)
+    up_nm, down_nm = _sums_nm(terms_nm)
+    shares = {1: _share(budget_nm, up_nm), -1: _share(budget_nm, down_nm)}
+    lead, damping, torque = (shares[1 if term_nm > 0.0 else -1] for term_nm in terms_nm)
+    damping = min(damping, most_damping)
+    if lead == damping == torque == 1.0:
+        return command, 1.0
+    lead_rad = command.position_rad - feedback.position_rad
+    lowered = replace(
         command,
-        position_rad=position_rad + share * (command.position_rad - position_rad),
-        velocity_rad_s=velocity_rad_s + share * slip_rad_s,
-        torque_nm=share * command.torque_nm,
+        position_rad=feedback.position_rad + lead * lead_rad,
+        kd_nm_s_rad=damping * command.kd_nm_s_rad,
+        torque_nm=torque * command.torque_nm,
     )
+    return lowered, damping
+
+
+def _share(budget_nm: float, asked_nm: float) -> float:
+    return 1.0 if asked_nm <= budget_nm else budget_nm / asked_nm
 
 
 def _within_peak(command: MitCommand, feedback: Feedback) -> MitCommand:

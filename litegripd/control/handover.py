@@ -73,6 +73,7 @@ _OUTPUT = Carried(
         LastWord,
         _impulse_nm_s=float,
         _rated_only=bool,
+        _damping=float,
         _last_s=float | None,
         _last_nm=float,
     ),

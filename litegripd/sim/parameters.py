@@ -86,7 +86,7 @@ class SimulatorParameters:
     # 1 to 2 ms, which is 160 to 80 Hz, while 500 rad/s would be 2 ms at least. 0 is taken as no
     # filter. The counts are at the output; 0 is an encoder without steps, `ENCODER_COUNTS_PER_RAD`
     # a likely one. The speed is the change of the counted position in a step of the simulation.
-    speed_filter_hz: float = 0.0
+    speed_filter_hz: float = 100.0
     encoder_counts_per_rad: float = 0.0
 
     # Heat (estimates: 4.3 K/W in all, of which the housing, 750 s, holds the smaller part).

@@ -6,6 +6,7 @@ configuration and the measurement. `slack` is what the codes of a frame may add 
 
 import math
 from dataclasses import replace
+from itertools import combinations
 
 from litegripd.control.actions.by_hand import CalibrateByHand
 from litegripd.control.actions.calibrate import Calibrate
@@ -21,11 +22,12 @@ TINY = 1e-9
 
 
 def asked_nm(command: MitCommand, feedback: Feedback) -> float:
-    """Return the most torque that a command can ask for."""
-    lead_rad = abs(command.position_rad - feedback.position_rad)
-    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s)
-    held_nm = command.kp_nm_rad * lead_rad
-    return held_nm + command.kd_nm_s_rad * slip_rad_s + abs(command.torque_nm)
+    """Return the most torque that a command can ask for, whichever of its terms end first."""
+    lead_nm = command.kp_nm_rad * (command.position_rad - feedback.position_rad)
+    damping_nm = command.kd_nm_s_rad * (command.velocity_rad_s - feedback.velocity_rad_s)
+    terms_nm = (lead_nm, damping_nm, command.torque_nm)
+    some = (sum(part) for count in (1, 2, 3) for part in combinations(terms_nm, count))
+    return max(abs(sum_nm) for sum_nm in some)
 
 
 def slack_nm(command: MitCommand, feedback: Feedback, ranges: Ranges) -> float:
