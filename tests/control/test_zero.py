@@ -99,7 +99,7 @@ def test_the_jaws_do_not_stay_pressed_against_each_other(mount: str) -> None:
     "config",
     [
         {"calib_kp": 40.0, "calib_kd": 2.5},
-        {"calib_step_rad": 0.025, "calib_kp": 40.0, "calib_tau_limit": 1.0},
+        {"calib_step_rad": 0.025, "calib_kp": 40.0, "calib_tau_limit": 1.1},
         {"sample_interval": 0.02, "calib_stall_cycles": 12, "calib_max_iter": 2000},
     ],
 )

@@ -6,6 +6,8 @@ from tests.control.plants import Plant, random_plant
 from tests.world import Client, World
 
 NEAR_MM = 1.5
+STICKS_A_CLOSE = (52, 53)
+"""At 100 Hz, jaws that stick by 1.1 to 1.2 N·m, which is more than a close presses with."""
 STICKS_SHORT = (5, 47, 52, 53, 56)
 """Where the probe alone sticks 8 to 15 mm in front of the closed stop."""
 DOES_NOT_START = 10
@@ -39,8 +41,13 @@ def test_what_is_saved_is_where_a_close_and_an_open_end(seed: int) -> None:
     assert short_mm < NEAR_MM
     assert (float(str(result["open_rad"])) - open_rad) * sign * scale < NEAR_MM
     for method, side in (("motion.open", "open_rad"), ("motion.close", "closed_rad")):
-        assert client.result(method)["outcome"] == "pressed_home"
+        outcome = client.result(method)["outcome"]
         apart_rad = abs(world.gripper.position_rad - float(str(result[side])))
+        if seed in STICKS_A_CLOSE and method == "motion.close":
+            assert outcome == "blocked"  # and says so
+            assert apart_rad * scale < 2.2
+            continue
+        assert outcome == "pressed_home"
         assert apart_rad * scale < NEAR_MM
 
 

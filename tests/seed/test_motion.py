@@ -177,7 +177,7 @@ def test_a_stall_needs_a_whole_window_of_standing_still(
     gripper.motion_config = MotionConfig(stop_torque_cycles=100)
 
     def hold() -> None:
-        daemon.gripper.push(-6.5 * closing)
+        daemon.gripper.push(-5.6 * closing)
         site.after(held_s, lambda: daemon.gripper.push(0.0))
 
     site.when(lambda: daemon.gripper.opening_mm < 35.0, hold)

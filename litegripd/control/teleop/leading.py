@@ -82,7 +82,8 @@ class Leading:
         step_to_rad = wanted_rad if before_rad is None else led(wanted_rad, before_rad, lead_rad)
         commanded_rad = led(step_to_rad, here_rad, lead_rad)
         if self._limit_nm is None:
-            velocity_rad_s = self._fed(velocity_rad_s, lead_rad, commanded_rad - here_rad)
+            ahead_rad = commanded_rad - here_rad
+            velocity_rad_s = self._fed(velocity_rad_s, gains, lead_rad, ahead_rad)
         self.velocity_rad_s = velocity_rad_s
         self.hold = Hold(commanded_rad, gains)
         return gains.at(commanded_rad, velocity_rad_s)
@@ -96,21 +97,26 @@ class Leading:
         limit_rad = geometry.closed_rad if closing else geometry.open_rad
         cap_rad = lead_cap_rad(abs(limit_rad - here_rad), geometry, self._config)
         if self._limit_nm is None:
-            is_soft = gains.kp_nm_rad * cap_rad <= MOST_NM  # kp may even be 0
-            return gains, cap_rad if is_soft else MOST_NM / gains.kp_nm_rad
+            if gains.kp_nm_rad * cap_rad <= MOST_NM:  # kp may even be 0
+                return gains, cap_rad
+            # Far behind, the command follows the jaws as they were measured: stiffly it would shake
+            # them. So the lead grows instead, with the same torque.
+            wanted_lead_rad = max(abs(wanted_rad - here_rad), MOST_NM / gains.kp_nm_rad)
+            lead_rad = min(wanted_lead_rad, cap_rad)
+            return Gains(MOST_NM / lead_rad, gains.kd_nm_s_rad), lead_rad
         speed_rad_s = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
         gains, lead_rad = budgeted(self._limit_nm, speed_rad_s, gains, self._period_s)
         return gains, min(cap_rad, lead_rad)
 
-    def _fed(self, velocity_rad_s: float, lead_rad: float, ahead_rad: float) -> float:
+    def _fed(self, velocity_rad_s: float, gains: Gains, lead_rad: float, ahead_rad: float) -> float:
         """Return how much of the leader's velocity is fed forward: what torque the lead leaves.
 
         It may always brake.
         """
-        kd = self._gains.kd_nm_s_rad
+        kd = gains.kd_nm_s_rad
         if kd == 0.0 or velocity_rad_s == 0.0:
             return velocity_rad_s
         sign = 1.0 if velocity_rad_s > 0.0 else -1.0
-        left_nm = self._gains.kp_nm_rad * (lead_rad - sign * ahead_rad)
+        left_nm = gains.kp_nm_rad * (lead_rad - sign * ahead_rad)
         slowest_rad_s = min(sign * measured_rad_s for measured_rad_s in self._measured)
         return sign * min(sign * velocity_rad_s, max(slowest_rad_s + left_nm / kd, 0.0))
