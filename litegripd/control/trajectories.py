@@ -16,6 +16,7 @@ from litegripd.control.admission import (
     conflict_refusal,
     motor_refusal,
     position_refusal,
+    trajectory_or_teleop_refusal,
 )
 from litegripd.control.capture import Capture
 from litegripd.control.engine import Engine
@@ -47,14 +48,10 @@ class Trajectories:
 
     def refusal(self) -> Refusal | None:
         """Say that a recording, a replay or teleoperation is under way, if so."""
-        running = self._engine.jobs.running
-        if running is not None and running.kind in ("record", "play", "teleop"):
-            busy = busy_with(running)
-            reason = "trajectory_busy" if busy.reason == "busy" else busy.reason
-            return Refusal(reason, busy.message, busy.data)
-        recording = self._engine.recording_refusal()
-        if recording is not None:
-            return recording
+        engine = self._engine
+        refusal = trajectory_or_teleop_refusal(engine.jobs.running) or engine.recording_refusal()
+        if refusal is not None:
+            return refusal
         if self._keeping is not None:
             text = "a recording is being taken to the disk's process: try again in a moment"
             return Refusal("trajectory_busy", text)

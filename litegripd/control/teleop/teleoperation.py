@@ -2,7 +2,12 @@
 
 from dataclasses import replace
 
-from litegripd.control.admission import conflict_refusal, motor_refusal, position_refusal
+from litegripd.control.admission import (
+    conflict_refusal,
+    motor_refusal,
+    position_refusal,
+    trajectory_or_teleop_refusal,
+)
 from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
 from litegripd.control.teleop.base import TeleopAction, ended
@@ -99,6 +104,8 @@ class Teleoperation:
         """Return the travel where teleoperation may begin, else say why not."""
         engine = self._engine
         refusal = engine.unfree() or engine.recording_refusal()
+        if refusal is not None and refusal.reason == "busy":
+            refusal = trajectory_or_teleop_refusal(engine.jobs.running) or refusal
         if refusal is not None:
             return refusal
         geometry = engine.geometry
