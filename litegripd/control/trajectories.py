@@ -26,7 +26,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import slow_conflict
+from litegripd.model.motion_limits import damping_conflict, slow_conflict
 from litegripd.model.trajectory import MAX_SAMPLES
 
 OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
@@ -155,13 +155,15 @@ class Trajectories:
         refusal, geometry = self.refusal() or engine.unfree(), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
-        if request.force == "replay":
-            speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
-            refusal = conflict_refusal(slow_conflict(config, speed, geometry, field))
-            if refusal is not None:
-                return refusal
         kp = engine.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad
         kd = engine.gains.kd_nm_s_rad if kd_nm_s_rad is None else kd_nm_s_rad
+        conflict = damping_conflict(kp, kd)
+        if conflict is None and request.force == "replay":
+            speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
+            conflict = slow_conflict(config, speed, geometry, field)
+        refusal = conflict_refusal(conflict)
+        if refusal is not None:
+            return refusal
         action = Replay(
             request,
             geometry=geometry,

@@ -8,6 +8,7 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from litegripd.model.motion_limits import LEAST_DAMPING_S
 from litegripd.model.motor import Ranges
 from tests.control.any_requests import NORMAL, REVERSE, Values, calls
 from tests.control.bench import Bench, Course, Request
@@ -44,6 +45,12 @@ settings_given = st.fixed_dictionaries(
 )
 
 
+def damped(given: dict[str, Any]) -> dict[str, Any]:
+    """Return settings with as much damping as is asked for at least."""
+    least = LEAST_DAMPING_S * given.get("kp", 100.0)
+    return {**given, "kd": max(given["kd"], least)} if "kd" in given else given
+
+
 def check(follower: Follower, given: dict[str, Any]) -> None:
     """Look at what was wanted and sent in this tick, and at what is told."""
     engine = follower.world.engine
@@ -64,7 +71,11 @@ def check(follower: Follower, given: dict[str, Any]) -> None:
 
 
 @settings(max_examples=60, deadline=None, derandomize=True)
-@given(settings_given, st.sampled_from(["normal", "reverse"]), st.lists(moments, max_size=25))
+@given(
+    settings_given.map(damped),
+    st.sampled_from(["normal", "reverse"]),
+    st.lists(moments, max_size=25),
+)
 def test_no_frames_bring_the_jaws_beyond_their_limits(
     given: dict[str, Any], mount: str, course: list[Any]
 ) -> None:
