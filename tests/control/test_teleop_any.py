@@ -5,7 +5,7 @@ import math
 import struct
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.motion_limits import LEAST_DAMPING_S
@@ -13,6 +13,7 @@ from litegripd.model.motor import Ranges
 from tests.control.any_requests import NORMAL, REVERSE, Values, calls
 from tests.control.bench import Bench, Course, Request
 from tests.control.teleop_scene import CODE_RAD, MM_RAD, Follower, TeleopWorld, packed
+from tests.properties import examples
 from tests.world import PERIOD_S
 
 MAX_LEAD_RAD = 4.0 / MM_RAD
@@ -70,7 +71,7 @@ def check(follower: Follower, given: dict[str, Any]) -> None:
     json.dumps(follower.status(), allow_nan=False)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
+@examples(60)
 @given(
     settings_given.map(damped),
     st.sampled_from(["normal", "reverse"]),
@@ -138,7 +139,7 @@ courses = st.builds(
 )
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@examples(80)
 @given(st.sampled_from([NORMAL, REVERSE]), st.lists(courses, max_size=12))
 def test_beside_any_other_requests_every_limit_is_kept(
     content: Values, course: list[Course]

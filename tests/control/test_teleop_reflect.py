@@ -6,7 +6,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.control.teleop.link import InProcessLinks
@@ -14,6 +14,7 @@ from litegripd.control.teleop.push_back import DEAD_BAND_N
 from litegripd.model.teleop import Arrival, LinkWish
 from tests.control.reflection_pair import FORCE, force_frame, pair
 from tests.control.teleop_scene import TeleopWorld, following, packed
+from tests.properties import examples
 from tests.world import PERIOD_S
 
 MASTER: dict[str, Any] = {"mode": "master"}
@@ -227,7 +228,7 @@ def made(now_s: float, force_n: float, at_s: float, age_s: float, sender: int) -
     return force_frame(force_n, at_s, now_s - age_s, sender)
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@examples(50)
 @given(st.floats(0.1, 10.0), st.floats(0.05, 1.0), st.lists(moments, max_size=20))
 def test_no_frames_push_a_hand_beyond_the_bounds(
     reflect_n: float, gain: float, course: list[Any]
