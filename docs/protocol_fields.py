@@ -128,7 +128,10 @@ TELEOP: Mapping[str, tuple[str, str]] = {
         "a slave would press harder, but for `force_limit_n` or the cap that every follower has",
     ),
     "reflects": (_OWN, "whether this end asked for force reflection"),
-    "reflected_n": (_OWN, "a slave: what it told last; a master: what its jaws push with now"),
+    "reflected_n": (
+        _OWN,
+        "a slave: what it reported last, null if no leader is heard; a master: what it pushes with",
+    ),
     "followers": (_OWN, "a master with reflection: whose force is heard now"),
     "round_trip_ms": (_OWN, "a master with reflection: age of the position that is answered"),
     "late": (_OWN, "frames kept by a network that was silent; a master: forces that came too late"),

@@ -16,6 +16,14 @@ when the first object is made.
 
 from __future__ import annotations
 
+import sys
+
+if sys.version_info < (3, 10):  # noqa: UP036 - a copy beside a script was installed by no pip
+    raise ImportError(
+        "litegrip_client needs Python 3.10 or newer, this is "
+        + ".".join(map(str, sys.version_info[:3]))
+    )
+
 from litegrip_client.actions import GripperActions
 from litegrip_client.errors import (
     BusyError,

@@ -37,13 +37,15 @@ class LoadingActions(ActionBase):
         factory's. While somebody's motion runs, what the daemon has in use already will do.
 
         What was asked for by name and cannot be used is a `CommandError`, never another file.
+        Which way closing runs by it is in the daemon's log; `mount` tells it, too.
         """
         return wait(self._core.load_calibration(path, template))
 
     def load_template(self, name: str) -> bool:
         """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
 
-        Raises `CommandError` for another name, and when the daemon cannot use it.
+        Which way closing runs by it is in the daemon's log; `mount` tells it, too. Raises
+        `CommandError` for another name, and when the daemon cannot use it.
         """
         return wait(self._core.load_template(name))
 

@@ -55,8 +55,11 @@ class TeleopActions(ActionBase):
         pushes back with the share `reflect_gain` (0.5) of it: the hand feels what is gripped. Over
         udp a master's `host` may name several slaves, separated by commas.
 
+        `transport` is refused: the link is the daemon's, and there is no `TeleopTransport` here.
+
         It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
-        enabled), `TeleopBusyError` (it runs already) and what `GripperActions` says.
+        enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
+        recorded or replayed) and what `GripperActions` says.
         """
         return wait(
             self._core.teleop_start(

@@ -77,10 +77,11 @@ class TrajectoryActions(ActionBase):
 
         It commands positions, by the openness and the calibration in use now; the torque that was
         recorded is never repeated. `speed` is a multiple of the one that was taught, 0.1 to 4;
-        `kp` (5 to 500 N·m/rad) and `kd` (0.1 to 5 N·m·s/rad) are the calibration's by default;
-        `torque_nm` is what the jaws press with on what is in the way, at most (0.3 to 3, 2 by
-        default). With `align` they first go to where it begins, at `motion_config.speed_mm_s`;
-        without, they must be there, within `motion_config.max_lead_mm`. `repeat` is how often.
+        `kp` (5 to 500 N·m/rad) and `kd` (0.1 to 5 N·m·s/rad, and at least kp · 0.002 s) are the
+        calibration's by default; `torque_nm` is what the jaws press with on what is in the way, at
+        most (0.3 to 3, 2 by default). With `align` they first go to where it begins, at
+        `motion_config.speed_mm_s`; without, they must be there, within `motion_config.max_lead_mm`.
+        `repeat` is how often.
 
         With `force` "replay" the jaws do each of `trajectory.grips` again, as `grasp` does, with
         the taught force and for as long as it lasted, at `motion_config.grasp_speed_mm_s`; what is

@@ -5,9 +5,14 @@ Facts in, findings out; nothing is asked.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 from litegrip_client.doctor.facts import Facts
 from litegrip_client.doctor.findings import Finding, error, ok, warning
 
+STANDSTILL_US = 100_000
+"""From so late a tick on a motor with the usual watchdog reports "communication lost"."""
 _LIMITS = "[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n"
 _DROP_IN = "/etc/systemd/system/litegripd@.service.d"
 
@@ -98,14 +103,33 @@ def real_time(facts: Facts) -> Finding | None:
         missing.append(f"SCHED_FIFO {wanted or ''}".strip())
     if not locked:
         missing.append("locked memory")
+    stood_still = _stood_still(granted)
+    if not missing and stood_still is not None:
+        return warning(
+            stood_still,
+            f"{facts.ctl} health",
+            "find what kept it from running, such as another real-time program or a suspended"
+            " machine; cpus in [control] gives it processors of its own",
+        )
     if not missing:
         order = f"SCHED_FIFO {priority}" if priority else "ordinary priority, as configured"
         return ok(f"{order}, memory locked")
     return warning(
-        f"not granted: {' and '.join(missing)}; ticks may start late",
+        f"not granted: {' and '.join(missing)}; {stood_still or 'ticks may start late'}",
         f"sudo mkdir -p {_DROP_IN} && printf '{_LIMITS}' | sudo tee {_DROP_IN}/realtime.conf"
         f" && sudo systemctl daemon-reload && sudo systemctl restart {facts.unit}",
         "a container must be given CAP_SYS_NICE and CAP_IPC_LOCK as well",
+    )
+
+
+def _stood_still(control: Mapping[str, Any]) -> str | None:
+    """Report that the daemon did not run for so long that the motor disarmed itself, if so."""
+    worst_us = control.get("lateness", {}).get("worst_us")
+    if worst_us is None or worst_us < STANDSTILL_US:
+        return None
+    return (
+        f"the daemon itself stood still for {worst_us / 1e3:.0f} ms at worst since it was started,"
+        f" {control.get('lost_ticks')} ticks lost in all; motors usually disarm after 100 ms"
     )
 
 

@@ -55,11 +55,11 @@ def motor(facts: Facts) -> Finding | None:
     phase, age_s = state.get("motor"), state.get("age_s")
     age = "no feedback yet" if age_s is None else f"last feedback {age_s:.3f} s ago"
     if phase == "fault":
-        return error(
-            f"it reports a fault: {state.get('status')}, {age}",
-            f"{facts.ctl} enable",
-            "enabling clears the fault: find its cause first",
-        )
+        status = state.get("status")
+        advice = "enabling clears the fault: find its cause first"
+        if status == "communication_lost":
+            advice += "; whether the bus or the daemon itself was silent, the line health says"
+        return error(f"it reports a fault: {status}, {age}", f"{facts.ctl} enable", advice)
     if phase in ("silent", "unknown") or state.get("stale") or age_s is None:
         can_id = daemon.hello.get("motor", {}).get("can_id", 0x08)
         return error(f"{phase}, {age}", advice=_NO_ANSWER % can_id)

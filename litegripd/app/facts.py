@@ -22,6 +22,8 @@ from litegripd.rpc.wire import MAX_LINE_BYTES
 
 _LATE_SHARE = 0.4
 """When one tick in a hundred starts later than this share of a period, health says so."""
+_STANDSTILL_S = 0.1
+"""A single tick that is so late is named, too: the motor has disarmed itself by then."""
 
 
 def daemon_version() -> str:
@@ -187,6 +189,9 @@ def _process_complaints(parts: Parts) -> list[str]:
     late_s = parts.reactor.recent_lateness.p99_s()
     if late_s is not None and late_s > _LATE_SHARE * parts.reactor.period_s:
         found.append(f"ticks start late: p99 {late_s * 1e6:.0f} µs in the last minute")
+    worst_s = parts.reactor.recent_lateness.worst_s()
+    if worst_s >= _STANDSTILL_S:
+        found.append(f"the daemon itself stood still for {worst_s * 1e3:.0f} ms in the last minute")
     defects = parts.reactor.tick_errors + parts.reactor.backlog_errors
     if defects:
         found.append(f"{defects} ticks or requests failed by a defect; see the log")

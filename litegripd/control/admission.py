@@ -66,6 +66,15 @@ def busy_with(running: Job) -> Refusal:
     )
 
 
+def trajectory_or_teleop_refusal(running: Job | None) -> Refusal | None:
+    """Say that a recording, a replay or teleoperation runs, if so: they exclude each other."""
+    if running is None or running.kind not in ("record", "play", "teleop"):
+        return None
+    busy = busy_with(running)
+    reason = "trajectory_busy" if busy.reason == "busy" else busy.reason
+    return Refusal(reason, busy.message, busy.data)
+
+
 def stopped_under_way(running: Job, stopped: Refusal) -> Refusal:
     """Say that a stop has broken off what was running, which must not read as never begun."""
     return Refusal(

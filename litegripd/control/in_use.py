@@ -7,6 +7,7 @@ from litegripd.control.gains import DEFAULT_GAINS, gains_of
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
+from litegripd.model.motion_limits import damping_conflict
 from litegripd.model.motor import ZeroView
 
 
@@ -32,7 +33,13 @@ class CalibrationInUse:
         """Take a calibration and its file, or the reason why there is none."""
         self.calibration, self.file = calibration, file
         self.problem = problem or NOT_CALIBRATED
-        self.gains = DEFAULT_GAINS if calibration is None else gains_of(calibration, self.gains)
+        before, self.gains = self.gains, DEFAULT_GAINS
+        if calibration is None:
+            return
+        gains = gains_of(calibration, before)
+        if damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad) is not None:
+            gains = gains_of(calibration, DEFAULT_GAINS)  # one was given, and fits the usual other
+        self.gains = gains
 
     def note_saved(self, calibration: Calibration, channel: str, file: str, saved_s: float) -> None:
         """Note that `calibration`, if it is still in use, is in the file of `channel` now."""

@@ -29,7 +29,12 @@ from litegripd.model.errors import Refusal
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import fast_conflict, move_conflict, slow_conflict
+from litegripd.model.motion_limits import (
+    damping_conflict,
+    fast_conflict,
+    move_conflict,
+    slow_conflict,
+)
 from litegripd.model.motor import EnableMotor, Feedback, MotorPhase
 from litegripd.model.results import ForceResult, HoldResult, MoveResult, SlackResult
 
@@ -108,6 +113,8 @@ class Motions:
         if isinstance(geometry, Refusal):
             return geometry
         conflict = slow_conflict(config, request.speed_mm_s, geometry, "grasp_speed_mm_s")
+        if conflict is None and request.hold_by == "gains":
+            conflict = damping_conflict(config.hold_kp, config.hold_kd, "hold_")
         held = self._held()
         hot = None if held else heat_refusal(engine.output.heat.allowance_nm, BUDGET_NM)
         refusal = conflict_refusal(conflict) or hot

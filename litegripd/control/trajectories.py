@@ -16,6 +16,7 @@ from litegripd.control.admission import (
     conflict_refusal,
     motor_refusal,
     position_refusal,
+    trajectory_or_teleop_refusal,
 )
 from litegripd.control.capture import Capture
 from litegripd.control.engine import Engine
@@ -25,7 +26,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import slow_conflict
+from litegripd.model.motion_limits import damping_conflict, slow_conflict
 from litegripd.model.trajectory import MAX_SAMPLES
 
 OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
@@ -47,14 +48,10 @@ class Trajectories:
 
     def refusal(self) -> Refusal | None:
         """Say that a recording, a replay or teleoperation is under way, if so."""
-        running = self._engine.jobs.running
-        if running is not None and running.kind in ("record", "play", "teleop"):
-            busy = busy_with(running)
-            reason = "trajectory_busy" if busy.reason == "busy" else busy.reason
-            return Refusal(reason, busy.message, busy.data)
-        recording = self._engine.recording_refusal()
-        if recording is not None:
-            return recording
+        engine = self._engine
+        refusal = trajectory_or_teleop_refusal(engine.jobs.running) or engine.recording_refusal()
+        if refusal is not None:
+            return refusal
         if self._keeping is not None:
             text = "a recording is being taken to the disk's process: try again in a moment"
             return Refusal("trajectory_busy", text)
@@ -158,13 +155,15 @@ class Trajectories:
         refusal, geometry = self.refusal() or engine.unfree(), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
-        if request.force == "replay":
-            speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
-            refusal = conflict_refusal(slow_conflict(config, speed, geometry, field))
-            if refusal is not None:
-                return refusal
         kp = engine.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad
         kd = engine.gains.kd_nm_s_rad if kd_nm_s_rad is None else kd_nm_s_rad
+        conflict = damping_conflict(kp, kd)
+        if conflict is None and request.force == "replay":
+            speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
+            conflict = slow_conflict(config, speed, geometry, field)
+        refusal = conflict_refusal(conflict)
+        if refusal is not None:
+            return refusal
         action = Replay(
             request,
             geometry=geometry,

@@ -69,6 +69,10 @@ class RecentLateness:
             self._ends_s = now_s + self._window_s
         self._current.add(duration_s)
 
+    def worst_s(self) -> float:
+        """Return the longest duration of the two windows; 0 before the first."""
+        return max(self._previous.worst_s, self._current.worst_s)
+
     def p99_s(self) -> float | None:
         """Return the 99th percentile of the worse of the two windows; None before the first."""
         found = [

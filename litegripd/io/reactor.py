@@ -132,7 +132,7 @@ class Reactor:
         fired = timer.wait()
         now_s = time.monotonic()
         self.next_tick_s = timer.next_due_s
-        self.late_s = late_s = now_s - timer.last_due_s
+        self.late_s = late_s = now_s - timer.first_due_s  # of lost ticks, the first
         self.lateness.add(late_s)
         self.recent_lateness.add(now_s, late_s)
         self.ticks += fired

@@ -51,6 +51,7 @@ class PeriodicTimer:
         self._first_ns = first_ns
         self._period_ns = period_ns
         self._fired = 0
+        self._at_once = 0
         self._fd = _check(_libc.timerfd_create(_CLOCK_MONOTONIC, _TFD_CLOEXEC))
         spec = _Itimerspec(_timespec(period_ns), _timespec(first_ns))
         _check(_libc.timerfd_settime(self._fd, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None))
@@ -63,7 +64,13 @@ class PeriodicTimer:
         """Block until a firing is due; return the number of firings since the last call."""
         count = int.from_bytes(os.read(self._fd, 8), "little")
         self._fired += count
+        self._at_once = count
         return count
+
+    @property
+    def first_due_s(self) -> float:
+        """When the first of the firings that the last `wait` has returned was due."""
+        return (self._first_ns + (self._fired - self._at_once) * self._period_ns) / _NS_PER_S
 
     @property
     def last_due_s(self) -> float:

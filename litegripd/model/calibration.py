@@ -11,10 +11,14 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from litegripd.model.geometry import Geometry
+from litegripd.model.motion_limits import damping_conflict
 
 _KNOWN_NUMBERS = ("zero_position_rad", "max_position_rad", "rad_to_mm")
 _GAIN_RANGES = {"kp": (1.0, 500.0), "kd": (0.0, 5.0)}
 """The most is what a command frame can carry; without stiffness nothing would be held or led."""
+
+_USUAL_GAINS = {"kp": 100.0, "kd": 2.0}
+"""What stands in for a gain that a file leaves out, when the two are judged together."""
 
 _MAX_NESTING = 16
 """Objects and arrays of a file, inside each other. The SDK's files have one level; thousands would
@@ -170,12 +174,13 @@ def read_content(content: object) -> Calibration:
         geometry = Geometry(closed_rad, open_rad, rad_to_mm)
     except ValueError as error:
         raise CalibrationError(str(error)) from None
+    kp_nm_rad, kd_nm_s_rad = _gains(content)
     return Calibration(
         geometry=geometry,
         calibrated=_typed(content, "calibrated", bool, default=True),
         channel=_typed(content, "channel", str, default=None),
-        kp_nm_rad=_gain(content, "kp"),
-        kd_nm_s_rad=_gain(content, "kd"),
+        kp_nm_rad=kp_nm_rad,
+        kd_nm_s_rad=kd_nm_s_rad,
         content=content,
     )
 
@@ -200,6 +205,16 @@ def _number(content: Mapping[str, Any], key: str) -> float:
     if not math.isfinite(number):
         raise CalibrationError(f"{key} is not a finite number")
     return number
+
+
+def _gains(content: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    """Return kp and kd, each None where the file has none; they must go together."""
+    gains = {name: _gain(content, name) for name in _USUAL_GAINS}
+    judged = {name: _USUAL_GAINS[name] if value is None else value for name, value in gains.items()}
+    conflict = damping_conflict(judged["kp"], judged["kd"])
+    if conflict is not None:
+        raise CalibrationError(conflict.message)
+    return gains["kp"], gains["kd"]
 
 
 def _gain(content: Mapping[str, Any], key: str) -> float | None:

@@ -16,6 +16,29 @@ class Conflict:
     message: str
 
 
+LEAST_DAMPING_S = 2e-3
+"""Of kd / kp. The motor's torque follows its command by 1 ms or more, so stiffness alone feeds each
+swing: a usual motor swings for ever below 0.5 (100 N·m/rad) to 1.5 ms (500 N·m/rad)."""
+
+
+def damping_conflict(kp_nm_rad: float, kd_nm_s_rad: float, of: str = "") -> Conflict | None:
+    """Report that gains of a position command damp too little to be safe, if so.
+
+    `kp_nm_rad` in N·m/rad, `kd_nm_s_rad` in N·m·s/rad; `of` is what their names begin with. Enough
+    damping does not make every motor calm.
+    """
+    least = LEAST_DAMPING_S * kp_nm_rad
+    if kd_nm_s_rad >= least * (1.0 - 1e-9):
+        return None
+    return Conflict(
+        f"{of}kd",
+        kd_nm_s_rad,
+        least,
+        f"{of}kd is {kd_nm_s_rad:g}, with {of}kp {kp_nm_rad:g} it must be at least {least:.3g}:"
+        " with less damping the jaws swing by themselves",
+    )
+
+
 def move_conflict(
     config: MotionConfig, speed_mm_s: float, geometry: Geometry, period_s: float
 ) -> Conflict | None:

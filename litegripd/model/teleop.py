@@ -108,10 +108,11 @@ class TeleopStatus:
     to; None where there is no network. `link_protected` is False where anybody may take part who
     reaches the link; like `link_state` and `matching` it is None once all is over. `force_limited`
     says that a slave would press harder, but for its limits. With force reflection `reflected_n` is
-    what a slave has told its leader last (squeezing positive), or with what a master's jaws push
-    now (opening positive); `followers` counts those whose force a master hears, `round_trip_ms` is
-    the age of the position that the newest force answers. `late` counts frames that lay in the
-    network while it was silent, or, of a master, forces that came too late.
+    what a slave has reported to its leader last (squeezing positive; None while it reports none),
+    or with what a master's jaws push now (opening positive); `followers` counts those whose force a
+    master hears, `round_trip_ms` is the age of the position that the newest force answers. `late`
+    counts frames that lay in the network while it was silent, or, of a master, forces that came too
+    late.
     """
 
     active: bool

@@ -25,9 +25,25 @@ STILL_ENABLED = Refusal(
 )
 
 
-def fault_refusal(feedback: Feedback) -> Refusal:
-    """Name the fault that a feedback frame reports, with what to do about it."""
+_STOOD_STILL = (
+    "enable again; if it recurs, find what keeps the daemon from running: no real-time rights,"
+    " another real-time program, a machine that is overloaded or suspended"
+)
+
+
+def fault_refusal(feedback: Feedback, stood_still_s: float | None = None) -> Refusal:
+    """Name the fault that a feedback frame reports, with what to do about it.
+
+    `stood_still_s` is for how long the daemon itself sent nothing before, if it did not.
+    """
     name = status_name(feedback.status)
+    if feedback.status == Status.COMMUNICATION_LOST and stood_still_s is not None:
+        return Refusal(
+            "motor_fault",
+            f"the motor reports communication lost: the daemon itself stood still for"
+            f" {stood_still_s * 1e3:.0f} ms, and the motor disarmed itself: {_STOOD_STILL}",
+            {"status": name, "hint": _STOOD_STILL, "stood_still_s": stood_still_s},
+        )
     remedy = REMEDIES.get(feedback.status, "see the motor's manual")
     return Refusal(
         "motor_fault",

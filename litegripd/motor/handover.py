@@ -15,6 +15,7 @@ from litegripd.motor.motor import Motor
 from litegripd.motor.phases import Phase
 from litegripd.motor.plausibility import Plausibility
 from litegripd.motor.silence import Silence
+from litegripd.motor.standstill import Standstill
 from litegripd.motor.traffic import Traffic
 from litegripd.motor.zeroing import Zeroing
 
@@ -75,6 +76,14 @@ _MOTOR = Carried(
     ),
     _feedback=Feedback,
     _asked_s=float,
+    _standstill=Carried(
+        Standstill,
+        left=("_period_s",),
+        _ticked_s=float | None,
+        _ended_s=float | None,
+        _lasted_s=float,
+    ),
+    _stood_still_s=float | None,
     _silence=Carried(
         Silence, left=("_bus_is_usable", "_was_total", "repeats", "_ticks_apart"), unanswered=int
     ),

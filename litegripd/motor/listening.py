@@ -17,7 +17,7 @@ from litegripd.model.motor import (
 from litegripd.motor import codec
 from litegripd.motor.arming import Arming
 from litegripd.motor.identification import Identification
-from litegripd.motor.phases import ARMING_PHASES, TRANSITIONS, Event, Phase
+from litegripd.motor.phases import ARMING_PHASES, FAULTY, TRANSITIONS, Event, Phase
 from litegripd.motor.plausibility import Plausibility
 from litegripd.motor.reading import READABLE, Reading
 from litegripd.motor.registers import (
@@ -29,6 +29,7 @@ from litegripd.motor.registers import (
     parse_write_request,
 )
 from litegripd.motor.silence import Silence
+from litegripd.motor.standstill import Standstill
 from litegripd.motor.status_judge import StatusJudge
 from litegripd.motor.traffic import MotorCounters, Traffic
 from litegripd.motor.zeroing import Zeroing
@@ -68,11 +69,16 @@ class Listener:
         """The registers that others asked to write, until the motor has answered."""
         self._certain_s = 0.0
         """When the motor's ranges were last not in doubt."""
+        self._standstill = Standstill(period_s)
+        self._stood_still_s: float | None = None
+        """For how long the daemon sent nothing before the present fault, if it stood still."""
 
     def receive(self, now_s: float, frames: Iterable[CanFrame]) -> None:
         """Take what came over the bus since the last tick; call it once per tick, before `step`."""
         for frame in frames:
             self._receive(frame)
+        identity = self._identification.identity
+        self._standstill.tick(now_s, 0.0 if identity is None else identity.timeout_s)
         self._watch_registers(now_s)
         if self._plausibility.refusal is not None and self._phase is Phase.ENABLED:
             self._go(Event.IMPLAUSIBLE, now_s)
@@ -228,6 +234,8 @@ class Listener:
         if feedback.status == Status.ENABLED:
             self._go(Event.SAW_ENABLED, now_s)
         elif is_fault(feedback.status):
+            if self._phase not in FAULTY:
+                self._stood_still_s = self._standstill.before(now_s)
             self._go(Event.SAW_FAULT, now_s)
         elif self._arming is None or self._arming.has_stored_zero:
             self._zeroing.take(feedback, now_s)

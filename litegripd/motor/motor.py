@@ -23,7 +23,7 @@ from litegripd.motor.arming import Arming
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identification import STILL_READ
 from litegripd.motor.listening import Listener
-from litegripd.motor.phases import ARMING_PHASES, PUBLIC, Event, Phase
+from litegripd.motor.phases import ARMING_PHASES, FAULTY, PUBLIC, Event, Phase
 from litegripd.motor.reading import READABLE
 from litegripd.motor.registers import PMAX, VERIFIED
 from litegripd.motor.silence import DISABLE_GIVES_UP_S, USUAL_PERIOD_S
@@ -138,9 +138,8 @@ class Motor(Listener):
         return self._plausibility.refusal or reading or self._identification.problem()
 
     def _fault(self) -> Refusal | None:
-        is_faulty = self._phase in (Phase.FAULT, Phase.UNFAULTING)
-        feedback = self._feedback if is_faulty else None
-        return None if feedback is None else fault_refusal(feedback)
+        feedback = self._feedback if self._phase in FAULTY else None
+        return None if feedback is None else fault_refusal(feedback, self._stood_still_s)
 
     def _begin_enable(self, request: EnableMotor, now_s: float) -> None:
         self._failure = UNDER_WAY if self._zeroing.is_pending else self._problem()

@@ -104,6 +104,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
 """`DISABLE` while looking needs no row: a motor that is found enabled is disabled anyway."""
 
 ARMING_PHASES = (Phase.PREPARING, Phase.CLEARING, Phase.ARMING)
+FAULTY = (Phase.FAULT, Phase.UNFAULTING)
 
 PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
     {

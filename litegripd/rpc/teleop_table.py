@@ -80,7 +80,11 @@ _HOW = (
         "kp", "number", "A slave's stiffness, N·m/rad (default: the calibration's).", False, 1, 500
     ),
     Param(
-        "kd", "number", "A slave's damping, N·m·s/rad (default: the calibration's).", False, 0, 5
+        "kd",
+        "number",
+        "A slave's damping, N·m·s/rad, at least kp · 0.002 s (default: the calibration's).",
+        minimum=0,
+        maximum=5,
     ),
     Param(
         "dq_max",

@@ -75,7 +75,13 @@ _PLAY = Method(
         _RECORDING,
         _SPEED,
         Param("kp", "number", "Stiffness (default: the calibration's).", minimum=5, maximum=500),
-        Param("kd", "number", "Damping (default: the calibration's).", minimum=0.1, maximum=5),
+        Param(
+            "kd",
+            "number",
+            "Damping, at least kp · 0.002 s (default: the calibration's).",
+            minimum=0.1,
+            maximum=5,
+        ),
         Param(
             "torque_nm",
             "number",

@@ -12,6 +12,7 @@ from litegripd.app.parts import motor_figures
 from litegripd.control.second_master import QUIET_AFTER_S
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import DATA
+from litegripd.io.meters import RecentLateness
 from litegripd.model.bus import UP
 from litegripd.model.calibration import to_plain
 from litegripd.model.frame import CanFrame
@@ -29,10 +30,15 @@ def facts(world: World) -> DaemonFacts:
     return DaemonFacts(config, world.machine)
 
 
-def verdict(world: World, *, helper_runs: bool = True) -> tuple[str, list[str]]:
-    """Return the verdict of a daemon with these parts, and the reasons."""
-    lateness = SimpleNamespace(p99_s=lambda: None)
-    reactor = SimpleNamespace(recent_lateness=lateness, tick_errors=0, backlog_errors=0)
+def verdict(
+    world: World, *, helper_runs: bool = True, late_s: float = 0.0
+) -> tuple[str, list[str]]:
+    """Return the verdict of a daemon with these parts, whose latest tick was late, and why."""
+    lateness = RecentLateness(30.0)
+    lateness.add(0.0, late_s)
+    reactor = SimpleNamespace(
+        recent_lateness=lateness, period_s=1.0, tick_errors=0, backlog_errors=0
+    )
     parts = SimpleNamespace(
         bus=SimpleNamespace(condition=UP),
         rights=SimpleNamespace(refused=[]),
@@ -76,6 +82,13 @@ def test_a_position_far_outside_the_travel_is_told_as_it_is_refused(by_rad: floa
     assert client.result("calibration.zero", mount="normal")["ok"]
     assert verdict(world) == ("ok", [])
     assert client.result("motion.move", opening_mm=60)["ok"]
+
+
+def test_a_standstill_is_named_with_how_long_it_lasted() -> None:
+    world = World().start()
+    assert verdict(world, late_s=0.099) == ("ok", [])
+    told = ["the daemon itself stood still for 312 ms in the last minute"]
+    assert verdict(world, late_s=0.312) == ("degraded", told)
 
 
 def test_a_template_is_nominal_and_has_no_date() -> None:

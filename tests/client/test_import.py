@@ -44,6 +44,16 @@ def test_no_file_of_a_site_directory_is_loaded_by_the_program(tmp_path: Path) ->
     assert not [path for path in run(code, tmp_path).splitlines() if path.startswith(site)]
 
 
+def test_a_python_that_is_too_old_is_named_before_anything_else_fails(tmp_path: Path) -> None:
+    code = (
+        "import sys; sys.version_info = (3, 8, 20)\n"
+        "try: import litegrip_client\n"
+        "except ImportError as error: print(error)"
+    )
+    told = "litegrip_client needs Python 3.10 or newer, this is 3.8.20\n"
+    assert run(code, tmp_path) == told
+
+
 def test_asyncio_is_imported_when_it_is_asked_for_and_not_before(tmp_path: Path) -> None:
     code = (
         "import importlib, pkgutil, sys, litegrip_client, litegrip_client.core as core\n"

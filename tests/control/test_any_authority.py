@@ -2,13 +2,13 @@
 
 from typing import Any
 
-from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from litegripd.model.jobs import Job
 from litegripd.model.motor import MotorPhase
 from litegripd.sim.parameters import SimulatorParameters
+from tests.properties import examples
 from tests.world import CAN_ID, Client, World
 
 which = st.integers(0, 4)
@@ -179,7 +179,5 @@ class AnyAuthority(RuleBasedStateMachine):
         assert back.result("motion.open")["outcome"] == "pressed_home"
 
 
-AnyAuthority.TestCase.settings = settings(
-    max_examples=60, stateful_step_count=30, deadline=None, derandomize=True
-)
+AnyAuthority.TestCase.settings = examples(60, stateful_step_count=30)
 TestAnyAuthority = AnyAuthority.TestCase

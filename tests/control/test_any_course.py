@@ -1,6 +1,5 @@
 """Whatever clients do and whatever the bus loses: what must hold in every period."""
 
-from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
@@ -8,6 +7,7 @@ from litegripd.control.grip import Grip
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MitCommand, MotorPhase, Status
 from litegripd.motor import codec
+from tests.properties import examples
 from tests.world import CAN_ID, PERIOD_S, Client, World, is_command
 
 CODE_RAD = 25.0 / 65535
@@ -253,6 +253,4 @@ class AnyCourse(RuleBasedStateMachine):
 
 
 TestAnyCourse = AnyCourse.TestCase
-TestAnyCourse.settings = settings(
-    max_examples=40, stateful_step_count=30, deadline=None, derandomize=True
-)
+TestAnyCourse.settings = examples(40, stateful_step_count=30)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
@@ -34,10 +34,11 @@ from tests.control.any_requests import (
 )
 from tests.control.bench import LEAVE, Bench, Course, Request
 from tests.control.limits import LimitWatch
+from tests.properties import examples
 from tests.world import CAN_ID, PERIOD_S, Client, World, is_command
 
 
-@settings(max_examples=100, deadline=None, derandomize=True)
+@examples(100)
 @given(any_fields)
 def test_fields_in_their_ranges_make_a_configuration_if_they_go_together(fields: Values) -> None:
     if go_together(fields):
@@ -90,7 +91,7 @@ def measures(ticks: int = 1, **measured: Any) -> Course:
     return replace(QUIET, measured=measured, ticks=ticks)
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@examples(80)
 @given(
     configs,
     st.sampled_from([NORMAL, REVERSE, None]) | odd_contents,
@@ -296,9 +297,7 @@ class AnyMotion(RuleBasedStateMachine):
 
 
 TestAnyMotion = AnyMotion.TestCase
-TestAnyMotion.settings = settings(
-    max_examples=50, stateful_step_count=30, deadline=None, derandomize=True
-)
+TestAnyMotion.settings = examples(50, stateful_step_count=30)
 
 
 def test_a_forged_frame_of_great_speed_leads_to_no_great_torque() -> None:

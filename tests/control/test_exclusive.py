@@ -2,6 +2,8 @@
 
 import pytest
 
+from tests.control.replays import SLOW
+from tests.trajectories import uploaded
 from tests.world import Client, World
 
 TELEOP = {"mode": "slave", "fake_leader": True}
@@ -11,6 +13,8 @@ def begun(client: Client, what: str) -> None:
     """Begin one of them, for long."""
     if what == "teleop":
         client.result("teleop.start", **TELEOP)
+    elif what == "replaying":
+        client.send("trajectory.play", upload=uploaded(client, SLOW))
     elif what == "watching":
         client.result("trajectory.record_start", zero_gravity=False)
     else:
@@ -19,7 +23,12 @@ def begun(client: Client, what: str) -> None:
 
 @pytest.mark.parametrize(
     ("first", "reason"),
-    [("teleop", "teleop_busy"), ("watching", "trajectory_busy"), ("teaching", "trajectory_busy")],
+    [
+        ("teleop", "teleop_busy"),
+        ("watching", "trajectory_busy"),
+        ("teaching", "trajectory_busy"),
+        ("replaying", "trajectory_busy"),
+    ],
 )
 def test_whatever_runs_first_excludes_the_others(first: str, reason: str) -> None:
     world = World()
@@ -28,7 +37,4 @@ def test_whatever_runs_first_excludes_the_others(first: str, reason: str) -> Non
     world.run(0.1)
     assert client.refusal("trajectory.record_start", zero_gravity=False) == reason
     assert client.refusal("trajectory.play", name="pick") == reason
-    if first != "teaching":
-        assert client.refusal("teleop.start", **TELEOP) == reason
-    else:  # a motion like any other
-        assert client.refusal("teleop.start", **TELEOP) in ("busy", reason)
+    assert client.refusal("teleop.start", **TELEOP) == reason

@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.control.filter import (
@@ -22,6 +22,7 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, Ranges
 from litegripd.motor import codec
+from tests.properties import examples
 
 PERIOD_S = 0.005
 CONFIG = MotionConfig()
@@ -71,7 +72,7 @@ def test_any_command_becomes_one_that_may_be_sent(
     assert (sent != command) == bool(limited)
 
 
-@settings(max_examples=25, deadline=None, derandomize=True)
+@examples(25)
 @given(st.lists(st.tuples(commands, frames), min_size=1, max_size=5), st.integers(0, 4))
 def test_the_torque_is_bounded_at_once_and_for_long(
     course: list[tuple[MitCommand, bytes]], offset: int

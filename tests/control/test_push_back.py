@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.control.teleop.force_intake import MOST_FOLLOWERS, ForceIntake
@@ -19,6 +19,7 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.motor import Feedback, MitCommand
 from litegripd.model.teleop import Arrival
 from tests.control.reflection_pair import force_frame
+from tests.properties import examples
 from tests.world import PERIOD_S
 
 NORMAL = Geometry(0.114, -1.491, 74.8)
@@ -85,7 +86,7 @@ moves = st.floats(-0.02, 0.02) | st.just(0.0)
 moments = st.tuples(felt, moves, st.sampled_from([PERIOD_S] * 8 + [0.0, 0.06, 1.0]))
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
+@examples(150)
 @given(
     st.sampled_from([NORMAL, REVERSE]),
     st.floats(0.0, 20.0),

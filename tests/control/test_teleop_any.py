@@ -5,13 +5,15 @@ import math
 import struct
 from typing import Any
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.model.motion_limits import LEAST_DAMPING_S
 from litegripd.model.motor import Ranges
 from tests.control.any_requests import NORMAL, REVERSE, Values, calls
 from tests.control.bench import Bench, Course, Request
 from tests.control.teleop_scene import CODE_RAD, MM_RAD, Follower, TeleopWorld, packed
+from tests.properties import examples
 from tests.world import PERIOD_S
 
 MAX_LEAD_RAD = 4.0 / MM_RAD
@@ -44,6 +46,12 @@ settings_given = st.fixed_dictionaries(
 )
 
 
+def damped(given: dict[str, Any]) -> dict[str, Any]:
+    """Return settings with as much damping as is asked for at least."""
+    least = LEAST_DAMPING_S * given.get("kp", 100.0)
+    return {**given, "kd": max(given["kd"], least)} if "kd" in given else given
+
+
 def check(follower: Follower, given: dict[str, Any]) -> None:
     """Look at what was wanted and sent in this tick, and at what is told."""
     engine = follower.world.engine
@@ -63,8 +71,12 @@ def check(follower: Follower, given: dict[str, Any]) -> None:
     json.dumps(follower.status(), allow_nan=False)
 
 
-@settings(max_examples=60, deadline=None, derandomize=True)
-@given(settings_given, st.sampled_from(["normal", "reverse"]), st.lists(moments, max_size=25))
+@examples(60)
+@given(
+    settings_given.map(damped),
+    st.sampled_from(["normal", "reverse"]),
+    st.lists(moments, max_size=25),
+)
 def test_no_frames_bring_the_jaws_beyond_their_limits(
     given: dict[str, Any], mount: str, course: list[Any]
 ) -> None:
@@ -127,7 +139,7 @@ courses = st.builds(
 )
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@examples(80)
 @given(st.sampled_from([NORMAL, REVERSE]), st.lists(courses, max_size=12))
 def test_beside_any_other_requests_every_limit_is_kept(
     content: Values, course: list[Course]

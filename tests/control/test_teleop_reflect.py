@@ -6,14 +6,15 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.control.teleop.link import InProcessLinks
 from litegripd.control.teleop.push_back import DEAD_BAND_N
 from litegripd.model.teleop import Arrival, LinkWish
 from tests.control.reflection_pair import FORCE, force_frame, pair
-from tests.control.teleop_scene import TeleopWorld, following
+from tests.control.teleop_scene import TeleopWorld, following, packed
+from tests.properties import examples
 from tests.world import PERIOD_S
 
 MASTER: dict[str, Any] = {"mode": "master"}
@@ -134,6 +135,27 @@ def test_a_script_that_knows_the_page_alone_is_felt_and_reads_ours() -> None:
         assert at_s - 2 * PERIOD_S - 1e-9 <= echo_s <= at_s
 
 
+@pytest.mark.parametrize("watchdog_s", [0.05, 0.2, 1.0])
+def test_one_datagram_gets_no_answers_without_end(watchdog_s: float) -> None:
+    """Anybody can forge one; whoever it names would be flooded."""
+    follower = following(reflect=True, aligned=False, watchdog_s=watchdog_s)
+    follower.put(packed(0.5, 7.0), "forged:17448")
+    follower.world.run(3.0)
+    most = min(watchdog_s, 0.2) * 100.0
+    assert 0 < len(follower.world.wire.replied) <= most + 1
+    assert follower.status()["reflected_n"] is None
+
+
+def test_a_leader_that_is_heard_again_is_answered_again() -> None:
+    follower = following(reflect=True)
+    follower.world.run(1.0)
+    before = len(follower.world.wire.replied)
+    assert follower.status()["reflected_n"] is None
+    follower.stay(0.5, 0.5)
+    assert len(follower.world.wire.replied) - before == pytest.approx(50, abs=5)
+    assert follower.status()["reflected_n"] is not None
+
+
 def test_it_ends_with_teleoperation() -> None:
     both = pair(10.0, gain=1.0)
     both.run(0.8, to_mm=40.0)
@@ -206,7 +228,7 @@ def made(now_s: float, force_n: float, at_s: float, age_s: float, sender: int) -
     return force_frame(force_n, at_s, now_s - age_s, sender)
 
 
-@settings(max_examples=50, deadline=None, derandomize=True)
+@examples(50)
 @given(st.floats(0.1, 10.0), st.floats(0.05, 1.0), st.lists(moments, max_size=20))
 def test_no_frames_push_a_hand_beyond_the_bounds(
     reflect_n: float, gain: float, course: list[Any]

@@ -117,6 +117,28 @@ def test_lost_ticks_are_counted_not_made_up_for(ticks: Ticks) -> None:
     assert ticks.reactor.ticks == 20 + ticks.reactor.lost_ticks
 
 
+def test_a_tick_after_lost_ones_is_as_late_as_the_first_of_them(ticks: Ticks) -> None:
+    """How long the loop stood still is what its lateness says, not the rest of a period."""
+    late_s: list[float] = []
+    stood_still_s = 0.0
+
+    def busy() -> None:
+        nonlocal stood_still_s
+        late_s.append(ticks.reactor.late_s)
+        if len(ticks.times) == 5:
+            due_s = ticks.reactor.next_tick_s
+            while time.monotonic() < due_s + 3.5 * PERIOD_S:
+                pass
+            stood_still_s = time.monotonic() - due_s
+
+    ticks.at_tick = busy
+    ticks.reactor.run()
+    assert late_s[5] >= stood_still_s >= 3.5 * PERIOD_S
+    assert ticks.reactor.lateness.worst_s >= late_s[5]
+    assert ticks.reactor.recent_lateness.worst_s() == ticks.reactor.lateness.worst_s
+    assert all(late > 0.0 for late in late_s)
+
+
 def test_requests_get_a_bounded_share_of_each_period(ticks: Ticks) -> None:
     greedy = Greedy()
     ticks.reactor.backlog = greedy
@@ -217,6 +239,11 @@ def test_the_timer_knows_when_its_firings_were_due() -> None:
             assert timer.wait() >= 1
             assert time.monotonic() >= timer.last_due_s
         assert timer.next_due_s == pytest.approx(timer.last_due_s + 0.002, abs=1e-9)
+        while (fired := timer.wait()) < 3:
+            while time.monotonic() < timer.next_due_s + 0.005:
+                pass
+        first_s = timer.last_due_s - (fired - 1) * 0.002
+        assert timer.first_due_s == pytest.approx(first_s, abs=1e-9)
     finally:
         timer.close()
 

@@ -79,6 +79,10 @@ def test_unknown_keys_are_kept_and_a_template_brings_direction_only() -> None:
         (changed(kp=-1), "kp"),
         (changed(kp=0), "kp is 0.0, it must be 1 to 500"),
         (changed(kd=5.1), "kd"),
+        (changed(kp=500, kd=0), "kd is 0, with kp 500 it must be at least 1: with less damping"),
+        (changed(kp=500, kd=0.99), "it must be at least 1"),
+        (changed(kp=None, kd=0.1), "kd is 0.1, with kp 100 it must be at least 0.2"),
+        (changed(kd=0), "swing by themselves"),
         (changed(calibrated=1), "calibrated"),
         (changed(channel=3), "channel"),
         ('{"zero_position_rad": 0.1, "rad_to_mm": 74.8}', "max_position_rad"),
@@ -159,6 +163,14 @@ def test_a_master_id_that_is_not_known_is_left_out(unknown: int | None) -> None:
     assert "mst_id" not in content_of(Calibration(BENCH), unknown)
     assert "mst_id" not in content_of(parse_calibration(changed(mst_id=0)), unknown)
     assert content_of(parse_calibration(changed()), unknown)["mst_id"] == 24
+
+
+@pytest.mark.parametrize(
+    ("kp", "kd"), [(500, 1.0), (100, 0.2), (1, 0.002), (None, 0.2), (500, None), (None, None)]
+)
+def test_gains_that_damp_enough_are_taken(kp: float | None, kd: float | None) -> None:
+    calibration = parse_calibration(changed(kp=kp, kd=kd))
+    assert (calibration.kp_nm_rad, calibration.kd_nm_s_rad) == (kp, kd)
 
 
 def test_gains_that_are_known_without_a_file_go_into_it() -> None:

@@ -3,7 +3,7 @@
 import struct
 from dataclasses import dataclass
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.frame import CanFrame
@@ -20,6 +20,7 @@ from litegripd.model.motor import (
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
 from tests.motor.helpers import MASTER_ID, Registers
+from tests.properties import examples
 from tests.world import CAN_ID, is_command
 
 COMMAND = MitCommand(-0.1, 0.1, 100.0, 2.0, 0.1)  # every usable range can carry it
@@ -82,7 +83,7 @@ def is_slack(data: bytes, spans: Ranges) -> bool:
     return command.kp_nm_rad == command.kd_nm_s_rad == 0.0 and abs(command.torque_nm) <= half_nm
 
 
-@settings(max_examples=80, deadline=None, derandomize=True)
+@examples(80)
 @given(
     st.sampled_from([0, 5, 12, 16]),
     st.sampled_from([0, 1, 8]),
@@ -135,7 +136,7 @@ def test_it_never_raises_and_energises_nothing_unasked(
         assert asked or not powered
 
 
-@settings(max_examples=30, deadline=None, derandomize=True)
+@examples(30)
 @given(st.lists(periods, min_size=15, max_size=40))
 def test_it_always_finds_back_to_disabled(course: list[Period]) -> None:
     motor = Motor(CAN_ID)

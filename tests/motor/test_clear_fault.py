@@ -2,6 +2,7 @@
 
 import pytest
 
+from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MotorPhase
 from litegripd.motor import codec
 from tests.motor.test_silence import moving
@@ -81,3 +82,17 @@ def test_a_stop_does_not_forbid_it() -> None:
     client.result("stop")
     assert client.result("motor.clear_fault")["cleared"] == "over_voltage"
     assert client.refusal("motor.enable") == "stopped"
+
+
+def test_a_fault_that_somebody_else_has_cleared_is_over() -> None:
+    """The maker's tool, or the motor itself: it is a disabled motor then, ready to be enabled."""
+    world = World()
+    client = world.enabled()
+    faulty(world)
+    world.run(0.2)
+    assert world.in_phase(MotorPhase.FAULT)
+    world.gripper.receive(world.now_s, CanFrame(CAN_ID, codec.CLEAR_FAULT))
+    world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 0.5)
+    assert world.state.status == "disabled"
+    assert client.refusal("motion.open") == "not_enabled"
+    assert client.result("motor.enable")["ok"]

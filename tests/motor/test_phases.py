@@ -73,6 +73,11 @@ def test_a_motor_that_somebody_else_enabled_is_disabled(phase: Phase) -> None:
     assert TRANSITIONS[phase, Event.SAW_ENABLED] is Phase.DISABLING
 
 
+def test_a_fault_that_is_gone_leaves_a_disabled_motor() -> None:
+    for phase in (Phase.FAULT, Phase.UNFAULTING, Phase.LOOKING, Phase.DISABLING):
+        assert TRANSITIONS[phase, Event.SAW_DISABLED] is Phase.DISABLED
+
+
 def test_a_silent_motor_is_looked_for_anew() -> None:
     for phase in (Phase.DISABLED, Phase.FAULT, Phase.DISABLING):
         assert TRANSITIONS[phase, Event.NO_ANSWER] is Phase.LOOKING

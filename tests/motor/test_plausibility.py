@@ -342,3 +342,36 @@ def test_a_bounce_that_each_measurement_leads_to_is_no_jump() -> None:
         accepts(judge, told(0.010 * tick, position_rad, velocity_rad_s))
     assert judge.refusal is None
     assert judge.in_a_row == 0
+
+
+@pytest.mark.parametrize("speed_rad_s", [0.0, 0.5, 6.9, 7.0, 7.1, 10.0, 14.0, 20.0, 29.9])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_motor_in_doubt_is_braked_by_no_more_than_its_peak(
+    speed_rad_s: float, sign: float
+) -> None:
+    judge = Plausibility()
+    judge.believe(told(0.0, 0.0, sign * speed_rad_s))
+    expected = 1.0 if speed_rad_s <= 7.0 else 7.0 / speed_rad_s
+    assert judge.brake_kd_nm_s_rad == pytest.approx(expected)
+    assert judge.brake_kd_nm_s_rad * speed_rad_s <= 7.0 + 1e-9
+
+
+def test_fast_jaws_whose_position_is_in_doubt_are_braked_by_no_more_than_their_peak() -> None:
+    """The speed that was believed last counts: a hand throws them, and a hold is to catch them."""
+    world = World()
+    client = holding(world)
+    client.result("motion.zero_gravity")
+    world.gripper.push(2.0)
+    world.run_until(lambda: abs(world.gripper.velocity_rad_s) > 9.0, 1.0)
+    off_once(world)
+    world.tick()
+    feedback = world.machine.motor.view().feedback
+    assert feedback is not None
+    client.send("motion.hold")
+    world.tick()
+    assert world.machine.motor.counters.implausible_frames == 1
+    _, command = world.commands_since(world.now_s)[-1]
+    assert command.kp_nm_rad == 0.0
+    assert command.torque_nm == pytest.approx(0.0, abs=0.003)
+    assert abs(feedback.velocity_rad_s) > 8.0
+    assert command.kd_nm_s_rad == pytest.approx(7.0 / abs(feedback.velocity_rad_s), abs=0.002)

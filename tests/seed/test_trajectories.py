@@ -138,6 +138,8 @@ def test_recording_and_replay_are_mutually_exclusive(
         *begin.values(),
         lambda: gripper.record(1.0),
         lambda: gripper.play(swing()),
+        lambda: gripper.teleop_start("master"),
+        lambda: gripper.teleop_start("slave", host="192.168.1.20"),
     ]
     for attempt in attempts:
         with pytest.raises(TrajectoryBusyError) as caught:

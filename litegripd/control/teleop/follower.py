@@ -14,6 +14,7 @@ from litegripd.control.gains import Gains
 from litegripd.control.lead import led
 from litegripd.control.rest import Relax, Rest
 from litegripd.control.teleop.base import TeleopAction, Tell
+from litegripd.control.teleop.force_intake import MOST_ROUND_TRIP_S
 from litegripd.control.teleop.force_teller import ForceTeller
 from litegripd.control.teleop.intake import Intake
 from litegripd.control.teleop.leading import Leading
@@ -142,7 +143,7 @@ class Follow(TeleopAction):
             over_torque=self._guard.is_tripped,
             torque_trips=self._guard.trips,
             force_limited=self._leading.is_limited,
-            reflected_n=self._teller.told_n,
+            reflected_n=self._teller.reported_n,
         )
 
     def complaint(self) -> str | None:
@@ -219,9 +220,14 @@ class Follow(TeleopAction):
     # Telling
 
     def _tell_force(self, now_s: float, feedback: Feedback) -> None:
-        """Tell the leader's hand what the jaws press with while they go where it wants them."""
-        intake, frame = self._intake, self._intake.latest
-        if frame is None:
+        """Report to the leader's hand what the jaws press with while they go where it wants them.
+
+        A leader that is heard no longer gets nothing, nor one that would reject the force as late:
+        where its frames were forged, the answers go to somebody who has not asked for them.
+        """
+        intake, frame, age_s = self._intake, self._intake.latest, self._intake.age_s(now_s)
+        if frame is None or age_s is None or age_s >= MOST_ROUND_TRIP_S or intake.is_stale(now_s):
+            self._teller.reported_n = None
             return
         is_felt = self._phase in ("aligning", "following")
         force_n = self._course.geometry.force_n(feedback.torque_nm) if is_felt else 0.0

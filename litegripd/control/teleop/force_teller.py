@@ -16,7 +16,8 @@ class ForceTeller:
     """
 
     def __init__(self, link: Link, sender: int) -> None:
-        self.told_n: float | None = None
+        self.reported_n: float | None = None
+        """What was reported last, None while nothing is reported."""
         self._link = link
         self._sender = sender
         self._next_s = float("-inf")
@@ -29,5 +30,5 @@ class ForceTeller:
             return False
         self._next_s = now_s + TELL_EVERY_S
         frame = ForceFrame(self._sender, force_n, feedback.at_s, echo_s)
-        self.told_n = force_n
+        self.reported_n = force_n
         return not self._link.reply(encode_force(frame), leader, now_s)

@@ -2,7 +2,12 @@
 
 from dataclasses import replace
 
-from litegripd.control.admission import conflict_refusal, motor_refusal, position_refusal
+from litegripd.control.admission import (
+    conflict_refusal,
+    motor_refusal,
+    position_refusal,
+    trajectory_or_teleop_refusal,
+)
 from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
 from litegripd.control.teleop.base import TeleopAction, ended
@@ -15,7 +20,7 @@ from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import fast_conflict
+from litegripd.model.motion_limits import damping_conflict, fast_conflict
 from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
 
 _RATE_ROUNDING = 1.001
@@ -47,8 +52,11 @@ class Teleoperation:
         if isinstance(geometry, Refusal):
             return geometry
         rate_hz = 1.0 / engine.period_s if settings.rate_hz is None else settings.rate_hz
+        gains, conflict = self._gains(settings), None
+        if wish.mode == "slave":
+            conflict = damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad)
         refusal = self._rate_refusal(rate_hz) or conflict_refusal(
-            fast_conflict(config, config.speed_mm_s, engine.period_s)
+            conflict or fast_conflict(config, config.speed_mm_s, engine.period_s)
         )
         if refusal is not None:
             return refusal
@@ -61,9 +69,7 @@ class Teleoperation:
                 link, wish, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
             )
         else:
-            course = Course(
-                geometry, config, self._gains(settings), settings, engine.period_s, self._sender
-            )
+            course = Course(geometry, config, gains, settings, engine.period_s, self._sender)
             action = Follow(link, wish, self._tell, course)
         action.is_warned = warning is not None
         self._action = action
@@ -99,6 +105,8 @@ class Teleoperation:
         """Return the travel where teleoperation may begin, else say why not."""
         engine = self._engine
         refusal = engine.unfree() or engine.recording_refusal()
+        if refusal is not None and refusal.reason == "busy":
+            refusal = trajectory_or_teleop_refusal(engine.jobs.running) or refusal
         if refusal is not None:
             return refusal
         geometry = engine.geometry

@@ -19,6 +19,13 @@ FILE = "/etc/litegripd/can0.toml"
 WRONG = Configuration(FILE, error=f"{FILE}: not valid TOML: at line 3")
 UNKNOWN = facts(daemon=None, failure="no daemon can be reached", sockets=(), is_channel_known=False)
 ROOT = User("root", 0, "litegrip", is_member=False, has_group=False)
+GRANTED = {"fifo_priority": 50, "memory_locked": True}
+LIMITS = (
+    "sudo mkdir -p /etc/systemd/system/litegripd@.service.d && printf"
+    " '[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n'"
+    " | sudo tee /etc/systemd/system/litegripd@.service.d/realtime.conf"
+    " && sudo systemctl daemon-reload && sudo systemctl restart litegripd@can0"
+)
 
 DAEMON_CASES = [
     Case("daemon", facts(), "ok", "runs for 12 s, pid 77, /run/litegripd/can0.sock"),
@@ -186,10 +193,33 @@ DAEMON_CASES = [
         with_daemon(health_control={"fifo_priority": 0, "memory_locked": False}),
         "warning",
         "not granted: SCHED_FIFO 50 and locked memory",
-        "sudo mkdir -p /etc/systemd/system/litegripd@.service.d && printf"
-        " '[Service]\\nLimitRTPRIO=99\\nLimitMEMLOCK=infinity\\n'"
-        " | sudo tee /etc/systemd/system/litegripd@.service.d/realtime.conf"
-        " && sudo systemctl daemon-reload && sudo systemctl restart litegripd@can0",
+        LIMITS,
+        "CAP_SYS_NICE",
+    ),
+    Case(
+        "real-time",
+        with_daemon(health_control={**GRANTED, "lateness": {"worst_us": 99_999.0}}),
+        "ok",
+        "SCHED_FIFO 50, memory locked",
+    ),
+    Case(
+        "real-time",
+        with_daemon(
+            health_control={**GRANTED, "lateness": {"worst_us": 312_345.6}, "lost_ticks": 61}
+        ),
+        "warning",
+        "the daemon itself stood still for 312 ms at worst since it was started, 61 ticks lost",
+        "litegripctl -c can0 health",
+        "cpus in [control]",
+    ),
+    Case(
+        "real-time",
+        with_daemon(
+            health_control={**GRANTED, "fifo_priority": 0, "lateness": {"worst_us": 312_345.6}}
+        ),
+        "warning",
+        "not granted: SCHED_FIFO 50; the daemon itself stood still for 312 ms",
+        LIMITS,
         "CAP_SYS_NICE",
     ),
     Case("health", facts(), "ok", "verdict on itself is ok"),

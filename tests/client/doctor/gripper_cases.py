@@ -43,6 +43,14 @@ GRIPPER_CASES = [
         "litegripctl -c can0 enable",
         "find its cause",
     ),
+    Case(
+        "motor",
+        with_daemon(state_motor="fault", state_status="communication_lost"),
+        "error",
+        "it reports a fault: communication_lost, last feedback 0.004 s ago",
+        "litegripctl -c can0 enable",
+        "whether the bus or the daemon itself was silent, the line health says",
+    ),
     Case("other-master", facts(), "ok", "nobody but the daemon"),
     Case("other-master", facts(daemon=None), None),
     Case(

@@ -1,0 +1,58 @@
+"""The torque of an approach where it ends: no more than its budget, and no less than it takes."""
+
+import pytest
+
+from litegripd.control.approach import BUDGET_NM, KP_MAX_NM_RAD, Approach
+from litegripd.control.gains import Gains
+from litegripd.model.geometry import Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand, Status
+from tests.world import PERIOD_S
+
+GEOMETRY = {"normal": Geometry(0.114, -1.491, 74.8), "reverse": Geometry(-1.491, 0.114, 74.8)}
+
+
+def at(position_rad: float, at_s: float) -> Feedback:
+    return Feedback(Status.ENABLED, position_rad, 0.0, 0.0, 30, 30, at_s)
+
+
+def commanded_at_the_end(approach: Approach, sign: float, short_rad: float) -> MitCommand:
+    """Return the command once the ramp has ended, of jaws that stand so far before its end."""
+    here_rad = approach.target_rad - sign * short_rad
+    command, _ = approach.step(0.0, at(approach.target_rad - sign * 0.3, 0.0))
+    command, _ = approach.step(10.0, at(here_rad, 10.0))
+    assert command.velocity_rad_s == 0.0
+    return command
+
+
+@pytest.mark.parametrize("mount", ["normal", "reverse"])
+@pytest.mark.parametrize("kp_nm_rad", [5.0, 20.0, 100.0, 500.0])
+@pytest.mark.parametrize("reach_tol", [0.001, 0.02, 0.1])
+@pytest.mark.parametrize("speed_mm_s", [5.0, 50.0, 200.0])
+def test_jaws_that_stand_before_the_end_are_pressed_with_the_budget(
+    mount: str, kp_nm_rad: float, reach_tol: float, speed_mm_s: float
+) -> None:
+    geometry, config = GEOMETRY[mount], MotionConfig(reach_tol=reach_tol)
+    sign = float(geometry.close_sign)
+    gains = Gains(kp_nm_rad, 2.0)
+    for short_rad in (0.5, 0.2, 0.1):
+        approach = Approach(geometry, config, gains, speed_mm_s, PERIOD_S)
+        command = commanded_at_the_end(approach, sign, short_rad)
+        here_rad = approach.target_rad - sign * short_rad
+        pressing_nm = command.kp_nm_rad * (command.position_rad - here_rad) * sign
+        most_nm = min(BUDGET_NM, command.kp_nm_rad * short_rad)
+        assert pressing_nm == pytest.approx(most_nm)
+        assert kp_nm_rad <= command.kp_nm_rad <= KP_MAX_NM_RAD
+        assert command.kd_nm_s_rad == gains.kd_nm_s_rad
+        assert command.torque_nm == 0.0
+
+
+@pytest.mark.parametrize("kp_nm_rad", [1.0, 20.0, 100.0])
+def test_soft_gains_do_not_leave_the_jaws_short_of_the_end(kp_nm_rad: float) -> None:
+    """At the edge of `reach_tol` the whole budget presses, be the gains ever so soft."""
+    config = MotionConfig()
+    approach = Approach(GEOMETRY["normal"], config, Gains(kp_nm_rad, 2.0), 50.0, PERIOD_S)
+    command = commanded_at_the_end(approach, 1.0, config.reach_tol)
+    here_rad = approach.target_rad - config.reach_tol
+    pressing_nm = command.kp_nm_rad * (command.position_rad - here_rad)
+    assert pressing_nm == pytest.approx(BUDGET_NM)

@@ -1,0 +1,98 @@
+"""Gains that cannot be safe: refused, wherever a caller may give them."""
+
+from typing import Any
+
+import pytest
+
+from litegripd.control.gains import DEFAULT_GAINS, Gains
+from litegripd.model.calibration import Calibration
+from litegripd.model.motion_limits import LEAST_DAMPING_S, damping_conflict
+from tests.control.replays import SLOW
+from tests.plants.parameters import PlantParameters
+from tests.plants.world import PlantWorld
+from tests.trajectories import uploaded
+from tests.world import World
+
+SLAVE = {"mode": "slave", "fake_leader": True}
+
+
+def shaken_mm_s(gains: Gains) -> float:
+    """Return how fast the jaws still are a second after a blow, on a motor that is no simulator."""
+    world = PlantWorld(PlantParameters(), "normal", 200, opening_mm=60.0)
+    geometry = world.engine.geometry
+    assert geometry is not None
+    kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
+    world.engine.use_calibration(Calibration(geometry, kp_nm_rad=kp, kd_nm_s_rad=kd))
+    world.enabled()
+    world.mechanics.rotor_rad_s += 3.0
+    world.run(1.0)
+    return max(abs(look.rotor_mm_s) for look in world.looks_since(world.now_s - 0.2))
+
+
+@pytest.mark.parametrize("kp_nm_rad", [100.0, 200.0, 300.0, 500.0])
+def test_the_bound_is_where_jaws_swing_by_themselves(kp_nm_rad: float) -> None:
+    assert shaken_mm_s(Gains(kp_nm_rad, 0.0)) > 1000.0
+    least = LEAST_DAMPING_S * kp_nm_rad
+    assert damping_conflict(kp_nm_rad, least) is None
+    assert shaken_mm_s(Gains(kp_nm_rad, least)) < 1.0
+    conflict = damping_conflict(kp_nm_rad, 0.999 * least)
+    assert conflict is not None
+    assert conflict.field == "kd"
+    assert conflict.limit == pytest.approx(least)
+
+
+def test_a_calibration_without_damping_is_refused_and_the_present_one_stays() -> None:
+    world = World()
+    client = world.enabled()
+    before = world.engine.calibrated.calibration
+    content = client.result("calibration.get")["content"]
+    answer = client.call("calibration.load", content={**content, "kp": 500, "kd": 0})
+    assert "kd is 0, with kp 500 it must be at least 1" in answer["error"]["message"]
+    assert world.engine.calibrated.calibration is before
+    assert world.engine.gains == DEFAULT_GAINS
+
+
+def test_a_file_with_one_gain_does_not_get_the_other_of_a_stiffer_one() -> None:
+    world = World()
+    client = world.enabled()
+    content = client.result("calibration.get")["content"]
+    for kp, kd, expected in (
+        (500, 1.5, Gains(500.0, 1.5)),
+        (None, 0.3, Gains(100.0, 0.3)),  # and not with the 500 of before
+        (None, None, Gains(100.0, 0.3)),
+        (150, None, Gains(150.0, 0.3)),
+        (400, None, Gains(400.0, 2.0)),
+    ):
+        given = {name: gain for name, gain in {"kp": kp, "kd": kd}.items() if gain is not None}
+        bare = {name: value for name, value in content.items() if name not in ("kp", "kd")}
+        client.result("calibration.load", content={**bare, **given})
+        assert world.engine.gains == expected
+
+
+@pytest.mark.parametrize(
+    ("gains", "least"), [({"kp": 500, "kd": 0.1}, 1.0), ({"kp": 500}, 1.0), ({"kd": 0.1}, 0.2)]
+)
+@pytest.mark.parametrize("method", ["teleop.start", "trajectory.play"])
+def test_what_a_motion_gives_is_judged_with_what_it_leaves_out(
+    method: str, gains: dict[str, Any], least: float
+) -> None:
+    world = World()
+    client = world.enabled()
+    content = client.result("calibration.get")["content"]
+    client.result("calibration.load", content={**content, "kp": 100, "kd": 0.5})
+    plays = {"upload": uploaded(client, SLOW)} if method == "trajectory.play" else SLAVE
+    error = client.call(method, **plays, **gains)["error"]
+    assert error["data"]["reason"] == "out_of_limits"
+    assert (error["data"]["field"], error["data"]["limit"]) == ("kd", pytest.approx(least))
+    assert world.engine.jobs.running is None
+
+
+def test_a_hold_by_gains_damps_enough_or_is_refused() -> None:
+    world = World()
+    client = world.enabled()
+    grasp: dict[str, Any] = {"hold_by": "gains", "until": "verdict"}
+    error = client.call("motion.grasp", **grasp, config={"hold_kp": 300, "hold_kd": 0.1})["error"]
+    assert error["data"]["field"] == "hold_kd"
+    assert "hold_kd is 0.1, with hold_kp 300 it must be at least 0.6" in error["message"]
+    world.gripper.put_object(width_mm=50.0)
+    assert client.result("motion.grasp", **grasp, config={"hold_kp": 300, "hold_kd": 0.6})["ok"]
