@@ -9,8 +9,8 @@ import json
 import sys
 from collections.abc import Mapping
 
-from litegrip_client.ctl.hints import in_commands
 from litegrip_client.errors import LiteGripError
+from litegrip_client.voices import is_said
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -66,9 +66,8 @@ class Output:
                 flush=True,
             )
         else:
-            message = in_commands(error.message)
-            self.note(message)
-            if hint and not message.endswith(hint):  # many a message ends in its remedy
+            self.note(error.message)
+            if hint and not is_said(error.message, hint):  # many a message has its remedy
                 print(f"  {one_line(hint)}", file=sys.stderr)
 
     def note(self, text: str) -> None:
