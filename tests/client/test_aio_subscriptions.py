@@ -61,6 +61,7 @@ def test_fields_are_dictionaries_and_calls_between_them_lose_none(daemon: FakeDa
         async with LiteGrip(socket_path=daemon.path) as gripper:
             seen = []
             async for one in gripper.states(50, ["seq"]):
+                assert seen or list(one) == ["seq"]
                 assert (await gripper.get_state()).mode == "holding"
                 seen.append(one["seq"])
                 if one["seq"] == 3:
