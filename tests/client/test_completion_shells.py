@@ -1,13 +1,11 @@
 """The completion scripts in real shells; each is left out where its shell is not installed."""
 
-import fcntl
 import os
 import select
 import shlex
 import shutil
 import subprocess
 import sys
-import termios
 from pathlib import Path
 
 import pytest
@@ -143,14 +141,12 @@ class Typing:
         self._shown = ""
         self._terminal, inner = os.openpty()
         self._process = subprocess.Popen(
-            [needs(shell), *arguments],
+            ["setsid", "--ctty", needs(shell), *arguments],
             cwd=folder,
             env={**os.environ, "TERM": "xterm", "HOME": str(folder.parent)},
             stdin=inner,
             stdout=inner,
             stderr=inner,
-            start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
         )
         os.close(inner)
 
