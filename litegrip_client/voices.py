@@ -126,6 +126,9 @@ ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
 What is not here has the same name in Python and none in the shell.
 """
 
+_OF_ALL = {"config": ("motion_config", "config")}
+"""Parameters of nearly all methods."""
+
 _PYTHON, _SHELL = 0, 1
 
 _METHOD = re.compile(
@@ -192,7 +195,7 @@ def _arguments(text: str, method: str | None, parameter: str | None, voice: int)
 
     One that is a word of English, too, counts only at the beginning, where it is the subject.
     """
-    names = ARGUMENTS.get(method or "", {})
+    names = {**_OF_ALL, **ARGUMENTS.get(method or "", {})}
     plain = [name for name in names if "_" not in name and name == parameter]
     always = [re.escape(name) for name in names if "_" in name]
     if plain:

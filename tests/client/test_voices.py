@@ -163,6 +163,13 @@ def test_a_value_is_named_by_what_the_reader_has_typed() -> None:
     assert shell.startswith("--speed is 9,")
 
 
+def test_the_configuration_of_a_motion_is_named_as_the_reader_has_it() -> None:
+    data = {"reason": "invalid_params", "parameter": "config", "field": "force_n"}
+    wire = {"code": -32602, "message": "config: force_n is 99, it must be 0.5 to 30", "data": data}
+    python = from_error_object(wire, "motion.open", in_python).message
+    assert python == "motion_config: force_n is 99, it must be 0.5 to 30"
+
+
 def test_a_word_of_the_sentence_stays_one() -> None:
     text = "teleop.start: host is missing: a slave connects to its host, with reflect_n"
     words = in_shell(text, "teleop.start", "host")
