@@ -53,14 +53,8 @@ NETWORKS = (
     Network("up to 100 ms late, reordered", jitter_s=JITTER_S),
     Network("both", loss=0.3, jitter_s=JITTER_S),
 )
-HEADER = (
-    f"{'network':<30}{'follower':<20}{'lag ms':>7}{'rms mm':>8}{'worst mm':>9}{'step mm':>9}"
-    f"{'lead mm':>9}{'peak N·m':>10}"
-)
-AFTER_HEADER = (
-    f"{'':<30}{'follower':<20}{'drift mm':>9}{'back ms':>9}{'step mm':>9}{'lead mm':>9}"
-    f"{'mm/s':>7}{'peak N·m':>10}"
-)
+TITLES = ("lag ms", "rms mm", "worst mm", "step mm", "lead mm", "peak N·m")
+AFTER_TITLES = ("drift mm", "back ms", "step mm", "lead mm", "fastest mm/s", "peak N·m")
 
 
 class LossyLeader(ScriptedLeader):
@@ -123,23 +117,23 @@ def follow(way: Way, network: Network, duration_s: float) -> list[Moment]:
     return moments
 
 
-def worst(moments: Sequence[Moment]) -> str:
+def worst(moments: Sequence[Moment]) -> tuple[str, str]:
     step_mm = max(abs(b.wanted_mm - a.wanted_mm) for a, b in pairwise(moments))
     lead_mm = max(abs(moment.wanted_mm - moment.jaws_mm) for moment in moments)
-    return f"{step_mm:>9.2f}{lead_mm:>9.2f}"
+    return f"{step_mm:.2f}", f"{lead_mm:.2f}"
 
 
 def tracking(way: Way, network: Network, travel_mm: float) -> str:
+    """Return a row of the first table: how closely the jaws follow over a bad network."""
     moments = [m for m in follow(way, network, RUN_S) if m.at_s > SETTLE_S + 3.0]
     row = judge(SWING, travel_mm, [(m.at_s, m.jaws_mm) for m in moments], 0.0)
     peak_nm = max(moment.torque_nm for moment in moments)
-    return (
-        f"{row.lag_ms:>7.1f}{row.rms_mm:>8.2f}{row.worst_mm:>9.2f}{worst(moments)}{peak_nm:>10.2f}"
-    )
+    figures = (f"{row.lag_ms:.1f}", f"{row.rms_mm:.2f}", f"{row.worst_mm:.2f}")
+    return line(network.name, way.name, *figures, *worst(moments), f"{peak_nm:.2f}")
 
 
 def after_cut(way: Way, travel_mm: float) -> str:
-    """Tell how the jaws stood while the cable was cut, and how they came back."""
+    """Return a row of the second: how the jaws stood while the cable was cut, and came back."""
     network = Network("", cut_s=CUT_S)
     moments = follow(way, network, CUT_S[1] + 5.0)
     cut_s, mended_s = (SETTLE_S + at_s for at_s in CUT_S)
@@ -149,23 +143,29 @@ def after_cut(way: Way, travel_mm: float) -> str:
     back_s = (far[-1] if far else mended_s) - mended_s
     fastest = max(abs(b.jaws_mm - a.jaws_mm) / PERIOD_S for a, b in pairwise(later))
     peak_nm = max(moment.torque_nm for moment in later)
-    return (
-        f"{max(held) - min(held):>9.2f}{back_s * 1e3:>9.0f}{worst(later)}{fastest:>7.0f}"
-        f"{peak_nm:>10.2f}"
-    )
+    drift_mm = max(held) - min(held)
+    figures = (f"{drift_mm:.2f}", f"{back_s * 1e3:.0f}", *worst(later), f"{fastest:.0f}")
+    return line(way.name, *figures, f"{peak_nm:.2f}")
+
+
+def line(*cells: str) -> str:
+    """Return a row of a table, as docs/teleoperation.md has it."""
+    return f"| {' | '.join(cells)} |"
 
 
 def main() -> None:
     travel_mm = Rig("normal", 60.0).geometry.travel_mm
     ways = [way for way in WAYS if way.dq_max_rad_s > 0.0]
-    print(HEADER)
+    print(line("network", "follower", *TITLES))
+    print(line(*["---"] * 8))
     for network in NETWORKS:
         for way in ways:
-            figures = tracking(way, network, travel_mm)
-            print(f"{network.name:<30}{way.name:<20}{figures}", flush=True)
-    print(f"\na cable cut for {CUT_S[1] - CUT_S[0]:g} s, and the 5 s after that\n{AFTER_HEADER}")
+            print(tracking(way, network, travel_mm), flush=True)
+    print(f"\na cable cut for {CUT_S[1] - CUT_S[0]:g} s, and the 5 s after that\n")
+    print(line("follower", *AFTER_TITLES))
+    print(line(*["---"] * 7))
     for way in ways:
-        print(f"{'':<30}{way.name:<20}{after_cut(way, travel_mm)}", flush=True)
+        print(after_cut(way, travel_mm), flush=True)
 
 
 if __name__ == "__main__":

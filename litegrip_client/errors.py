@@ -14,6 +14,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
 
+    from litegrip_client.voices import Voice
+
 INTERNAL_EXIT_CODE = 70
 """For what has no better exit code: EX_SOFTWARE of sysexits.h."""
 
@@ -58,7 +60,12 @@ class LiteGripError(Exception):
         return owner if isinstance(owner, dict) else None
 
     def __str__(self) -> str:
-        return f"{self.message}\n{self.hint}" if self.hint else self.message
+        from litegrip_client.voices import is_said  # noqa: PLC0415 - only errors need it
+
+        hint = self.hint
+        return (
+            self.message if not hint or is_said(self.message, hint) else f"{self.message}\n{hint}"
+        )
 
 
 class ProtocolError(LiteGripError):
@@ -129,8 +136,12 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
 }
 
 
-def from_error_object(error: Any) -> LiteGripError:
-    """Make the exception for the error object of an answer.
+def from_error_object(
+    error: Any, method: str | None = None, voice: Voice | None = None
+) -> LiteGripError:
+    """Make the exception for the error object of an answer to `method`.
+
+    Its message and hint are put into the words of a `voice`, that of Python unless given.
 
     A reason that this version does not know, from a newer daemon, becomes the exception of its
     code, and `LiteGripError` when the code is unknown as well.
@@ -138,14 +149,21 @@ def from_error_object(error: Any) -> LiteGripError:
     if not isinstance(error, dict):
         return ProtocolError(f"the daemon sent an error that is no object: {error!r:.80}")
     data = error.get("data")
-    data = data if isinstance(data, dict) else {}
+    data = dict(data) if isinstance(data, dict) else {}
+    if voice is None:
+        from litegrip_client.voices import in_python  # noqa: PLC0415 - only errors need it
+
+        voice = in_python
+    parameter = data.get("parameter") or data.get("field")
+    if isinstance(data.get("hint"), str):
+        data["hint"] = voice(data["hint"], method, parameter)
     reason, code = data.get("reason"), error.get("code")
     row = REASONS.get(reason) if isinstance(reason, str) else None
     if row is None and isinstance(code, int):
         row = REASONS.get(CODES.get(code, ""))
     kind = _CLASSES.get(row[0], LiteGripError) if row is not None else LiteGripError
     return kind(
-        str(error.get("message", "the daemon gave no message")),
+        voice(str(error.get("message", "the daemon gave no message")), method, parameter),
         reason=reason if isinstance(reason, str) else None,
         code=code if isinstance(code, int) else None,
         data=data,

@@ -20,6 +20,7 @@ if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the
     from typing import Any, TypeAlias
 
     from litegrip_client.feeds import Feed
+    from litegrip_client.voices import Voice
 
 PROTOCOL = 1
 DEFAULT_TIMEOUT_S = 5.0
@@ -39,7 +40,8 @@ class Exchange:
 
     It is None when that is not known, and so is `client`, the daemon's number for the connection;
     and `stop_socket`, where it takes stops before everything else. `has_clock` tells whether this
-    machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a forwarded socket.
+    machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a forwarded socket. `voice`
+    puts the daemon's errors into the reader's words; None means those of Python.
     """
 
     def __init__(self, path: str, timeout_s: float) -> None:
@@ -50,6 +52,7 @@ class Exchange:
         self.client: int | None = None
         self.stop_socket: str | None = None
         self.has_clock = True
+        self.voice: Voice | None = None
         self._router = Router(self._end_orphan)
         self._ids = itertools.count(1)
 
@@ -145,15 +148,15 @@ class Exchange:
 
     def _result(self, answer: Message, method: str) -> dict[str, Any]:
         if "error" in answer:
-            raise self._error(answer["error"])
+            raise self._error(answer["error"], method)
         result = answer.get("result")
         if not isinstance(result, dict):
             raise ProtocolError(f"the daemon answered {method} with no object: {result!r:.80}")
         self.note_stops(result)
         return result
 
-    def _error(self, error_object: Any) -> LiteGripError:
-        error = from_error_object(error_object)
+    def _error(self, error_object: Any, method: str) -> LiteGripError:
+        error = from_error_object(error_object, method, self.voice)
         if isinstance(error, StoppedError):
             # Who is told of a stop knows of it: what it sends next is meant to come after,
             # and `sent_s` alone guards it until an answer tells the new number.
@@ -166,7 +169,7 @@ class Exchange:
         if refusal is None:
             return None
         data = {"reason": refusal.get("reason"), **refusal.get("data", {})}
-        return self._error({**refusal, "data": data})
+        return self._error({**refusal, "data": data}, "stream.set")
 
     # Subscriptions
 
@@ -178,6 +181,7 @@ class Exchange:
             feed.begin(result)
             self._router.listeners[feed.key] = ref(feed)
 
+        feed.voice = self.voice
         call = self.prepare(feed.method, feed.params)
         call.on_result = begin
         call.keep = True  # for `_abandon_subscribing`

@@ -3,6 +3,8 @@
 The samples of the state have a module of their own.
 """
 
+from __future__ import annotations
+
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
@@ -12,6 +14,7 @@ from typing import Any, Generic, TypeVar
 from litegrip_client.calls import Message
 from litegrip_client.errors import CommandError, ConnectError
 from litegrip_client.router import Key, unsubscribing
+from litegrip_client.voices import Voice, in_python
 
 _Item = TypeVar("_Item")
 
@@ -34,13 +37,13 @@ class Event:
     data: Mapping[str, Any]
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> "Event":
-        """Read the wire's form; raises `KeyError` for what it lacks."""
+    def from_wire(cls, data: Mapping[str, Any], voice: Voice = in_python) -> Event:
+        """Read the wire's form, in the words of a voice; raises `KeyError` for what it lacks."""
         return cls(
             seq=data["seq"],
             monotonic_s=data["monotonic_s"],
             kind=data["kind"],
-            message=data["message"],
+            message=voice(data["message"], None, None),
             data=data.get("data") or {},
         )
 
@@ -49,12 +52,15 @@ class Feed(Generic[_Item]):
     """The inbox of one subscription, and how to ask for it.
 
     `identity` is the daemon's number for it, -1 before it has one. `silence_s` is the longest
-    time that may pass between two items. `what` is the name of an item.
+    time that may pass between two items. `what` is the name of an item, and
+    `voice` the connection's.
     """
 
     notification: str
     method: str
     what: str
+
+    voice: Voice | None = None
 
     def __init__(self, params: dict[str, Any], silence_s: float, most_items: int | None) -> None:
         self.params = params
@@ -109,13 +115,13 @@ class EventFeed(Feed[Event]):
     def begin(self, result: Message) -> None:
         """Take the subscription's number and what happened recently."""
         if self.identity < 0:
-            self.recent = tuple(Event.from_wire(one) for one in result["events"])
+            self.recent = tuple(self._event(one) for one in result["events"])
             self._newest_seq = max((one.seq for one in self.recent), default=-1)
             self.identity = result["subscription"]
 
     def deliver(self, message: Message) -> None:
         """Take one event."""
-        event = Event.from_wire(message)
+        event = self._event(message)
         if event.seq <= self._newest_seq or self._overrun:
             return
         if len(self.inbox) < _INBOX_EVENTS:
@@ -125,6 +131,9 @@ class EventFeed(Feed[Event]):
             text = f"this program did not read its events: {len(self.inbox)} are waiting"
             self.inbox.append(ConnectError(text, reason="backlog_full"))
         self._newest_seq = event.seq
+
+    def _event(self, data: Message) -> Event:
+        return Event.from_wire(data, self.voice or in_python)
 
     def take(self) -> Event | None:
         """Take the oldest event; raises `ConnectError` when too many were not read."""

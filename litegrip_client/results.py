@@ -42,7 +42,12 @@ class EnableResult:
     def from_wire(cls, data: Mapping[str, Any]) -> "EnableResult":
         """Read the wire's form; raises `ProtocolError`."""
         values = _with_state(data, ("ok", "tries"), "enable result")
-        return cls(**values, reason=data.get("reason"), message=data.get("message"))
+        message = data.get("message")
+        if message is not None:
+            from litegrip_client.voices import in_python  # noqa: PLC0415 - seldom needed
+
+            message = in_python(str(message))
+        return cls(**values, reason=data.get("reason"), message=message)
 
 
 @dataclass(frozen=True, slots=True)

@@ -56,8 +56,9 @@ class StateFeed(Feed[_Item]):
         """Raise `CommandError` for what cannot be a rate, fields, or the size of a batch."""
         hz, batch = number("hz", hz), integer("batch", batch)
         params: dict[str, Any] = {"hz": hz}
-        if fields is not None:
-            params["fields"] = names("fields", fields)
+        self._fields = None if fields is None else names("fields", fields)
+        if self._fields is not None:
+            params["fields"] = self._fields
         self._adds_stamp = False
         if batch != 1:
             self.notification = "state.batch"
@@ -74,10 +75,16 @@ class StateFeed(Feed[_Item]):
         self._lost = 0
 
     def begin(self, result: Message) -> None:
-        """Take the subscription's number and the present state, which is the first sample."""
+        """Take the subscription's number and the present state, which is the first sample.
+
+        The answer holds all of the state: it tells of stops, too, whatever fields are asked for.
+        """
         if self.identity < 0:
             state = result["state"]
-            self.inbox.append(StateSample(None, 0, state.get("monotonic_s"), state))
+            stamp_s = state.get("monotonic_s")
+            if self._fields:  # none at all mean all of them
+                state = {name: state[name] for name in self._fields if name in state}
+            self.inbox.append(StateSample(None, 0, stamp_s, state))
             self.identity = result["subscription"]
 
     def deliver(self, message: Message) -> None:

@@ -141,7 +141,11 @@ class Gripper(GripperActions):
 
     async def health(self) -> dict[str, Any]:
         """Return the daemon's figures of its own: its verdict, the bus, the ticks, the clients."""
-        return await self._link.wire.call("health")
+        from litegrip_client.voices import in_python  # noqa: PLC0415 - see above
+
+        figures = await self._link.wire.call("health")
+        reasons = figures.get("reasons", ())
+        return {**figures, "reasons": [in_python(str(reason)) for reason in reasons]}
 
     async def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""

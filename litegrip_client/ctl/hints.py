@@ -1,11 +1,10 @@
-"""What to do about an error, in the words of this program; the daemon's are those of the protocol.
+"""What to do about an error, where this program knows more of it than the daemon says.
 
 It must not know single commands' options.
 """
 
 from __future__ import annotations
 
-import re
 from argparse import Namespace
 
 from litegrip_client.discovery import is_socket_given, running_channels
@@ -18,7 +17,6 @@ _HINTS = {
     "stopped": "when it is safe again: litegripctl clear",
     "sent_before_stop": "when it is safe again: litegripctl clear, then once more",
     "not_enabled": "first: litegripctl enable",
-    "not_calibrated": CHOOSE_MOUNT,
     "busy": "see: litegripctl jobs",
     "teleop_busy": "end it: litegripctl teleop stop",
     "teleop_not_ready": "see: litegripctl state; calibrate it, then: litegripctl enable",
@@ -29,38 +27,9 @@ _HINTS = {
     "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
 }
 
-_COMMANDS = {
-    "calibration.load": "litegripctl calibration load",
-    "calibration.manual": "litegripctl calibration manual",
-    "calibration.zero with a mount": "litegripctl zero --mount",
-    "config.get": "litegripctl config",
-    "daemon.restart": "litegripctl restart",
-    "job.cancel": "litegripctl cancel JOB",
-    "job.list": "litegripctl jobs",
-    "job.wait": "see: litegripctl jobs",
-    "lease.acquire with wait_s": "see: litegripctl lease",
-    "lease.take": "litegripctl lease take REASON",
-    "motion.grasp": "litegripctl grasp",
-    "motion.move": "litegripctl move",
-    "motor.clear_fault": "litegripctl clear-fault",
-    "motor.disable": "litegripctl disable",
-    "motor.enable": "litegripctl enable",
-    "stop.clear": "litegripctl clear",
-    "teleop.start": "litegripctl teleop",
-    "teleop.stop": "litegripctl teleop stop",
-    "trajectory.list": "litegripctl trajectories",
-    "trajectory.play": "litegripctl play",
-    "trajectory.record_start": "litegripctl record NAME",
-    "trajectory.record_stop": "by the program that records",
-}
-"""What the daemon's messages name as a remedy: the command that does the same."""
 
-_METHOD = re.compile(rf"(?<![\w.])(?:{'|'.join(map(re.escape, _COMMANDS))})(?![\w.]\w)")
-
-
-def in_commands(text: str) -> str:
-    """Put commands in the place of the protocol's methods, for a person at a shell."""
-    return _METHOD.sub(lambda found: _COMMANDS[found[0]], text)
+_OTHERWISE = {"not_calibrated": CHOOSE_MOUNT}
+"""Where the error has no hint of its own: only it knows whether a template would do."""
 
 
 def hint_for(error: LiteGripError, options: Namespace) -> str:
@@ -71,9 +40,9 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         # default's socket is there, it is known to be meant, and the error says what is wrong.
         if running and options.channel not in running:
             return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
-    own = _HINTS.get(error.reason or "") or error.hint
+    own = _HINTS.get(error.reason or "") or error.hint or _OTHERWISE.get(error.reason or "")
     if own:
-        return in_commands(own)
+        return own
     if error.reason == "internal_error":
         return f"see the daemon's log: journalctl {_log_of(options)}"
     if error.retryable:

@@ -8,7 +8,7 @@ from argparse import Namespace
 from litegrip_client.ctl.commands import find, needs_daemon
 from litegrip_client.ctl.hints import hint_for
 from litegrip_client.ctl.options import UsageError, parse
-from litegrip_client.ctl.output import Output
+from litegrip_client.ctl.output import Output, OutputLostError
 from litegrip_client.ctl.run import INTERRUPTED, OK, WRONG_USAGE, Run
 from litegrip_client.ctl.way import Way, way_of
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
@@ -16,12 +16,16 @@ from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, e
 COMPLETE = "__complete"
 """What a shell's completion calls this program with, before the words so far."""
 
+OUTPUT_LOST = 74
+"""EX_IOERR of sysexits.h: what was to be said cannot be written."""
+
 PIPE_CLOSED = 141
 """As the shell reports a program that SIGPIPE (13) ended: 128 + 13."""
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run `litegripctl`; return its exit code."""
+    _open_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without "°" is no reason to fail
@@ -39,6 +43,10 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:
         _abandon_output()
         return PIPE_CLOSED
+    except OutputLostError as lost:
+        _abandon_output()
+        Output(as_json=False).note(f"standard output cannot be written: {lost}")
+        return OUTPUT_LOST
     return code
 
 
@@ -84,6 +92,17 @@ def _refuse(wrong: UsageError, output: Output) -> int:
     hint = f"see: {wrong.program} --help"
     output.error(CommandError(wrong.message, reason="wrong_usage"), hint)
     return WRONG_USAGE
+
+
+def _open_closed_streams() -> None:
+    """Let what a caller has closed (`>&-`) lead nowhere: else a socket would take its number."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)
+            if nowhere != number:
+                os.dup2(nowhere, number)
+                os.close(nowhere)
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115 - for good
 
 
 def _abandon_output() -> None:

@@ -9,12 +9,16 @@ import json
 import sys
 from collections.abc import Mapping
 
-from litegrip_client.ctl.hints import in_commands
 from litegrip_client.errors import LiteGripError
+from litegrip_client.voices import is_said
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
+
+
+class OutputLostError(Exception):
+    """Standard output takes nothing more: a full disk, for one. The message says why."""
 
 
 class Output:
@@ -29,26 +33,23 @@ class Output:
     def result(self, data: Mapping[str, Any], text: str) -> None:
         """Print a result: as it came, or as `text`."""
         self.end_line()
-        print(json.dumps(data, ensure_ascii=False) if self.as_json else text, flush=True)
+        _write(f"{json.dumps(data, ensure_ascii=False) if self.as_json else text}\n")
 
     def line(self, text: str) -> None:
         """Write `text` over the line before, if that was written by this, too."""
-        sys.stdout.write(f"\r{text}\x1b[K")
-        sys.stdout.flush()
+        _write(f"\r{text}\x1b[K")
         self._open_line = True
 
     def erase_line(self) -> None:
         """Take away the line that `line` wrote."""
         if self._open_line:
-            sys.stdout.write("\r\x1b[K")
-            sys.stdout.flush()
+            _write("\r\x1b[K")
             self._open_line = False
 
     def end_line(self) -> None:
         """Keep the line that `line` wrote, and go on below it."""
         if self._open_line:
-            sys.stdout.write("\n")
-            sys.stdout.flush()
+            _write("\n")
             self._open_line = False
 
     def error(self, error: LiteGripError, hint: str) -> None:
@@ -58,22 +59,27 @@ class Output:
             data = {"reason": error.reason, **error.data}
             if hint:
                 data.setdefault("hint", hint)
-            print(
-                json.dumps(
-                    {"error": {"code": error.code, "message": error.message, "data": data}},
-                    ensure_ascii=False,
-                ),
-                flush=True,
-            )
+            told = {"code": error.code, "message": error.message, "data": data}
+            _write(f"{json.dumps({'error': told}, ensure_ascii=False)}\n")
         else:
-            message = in_commands(error.message)
-            self.note(message)
-            if hint and not message.endswith(hint):  # many a message ends in its remedy
+            self.note(error.message)
+            if hint and not is_said(error.message, hint):  # many a message has its remedy
                 print(f"  {one_line(hint)}", file=sys.stderr)
 
     def note(self, text: str) -> None:
         """Tell a person something that is no result."""
         print(f"litegripctl: {one_line(text)}", file=sys.stderr)
+
+
+def _write(text: str) -> None:
+    """Write to standard output; raises `OutputLostError`, and `BrokenPipeError` as it is."""
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputLostError(error.strerror or str(error)) from error
 
 
 def one_line(text: str) -> str:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from litegrip_client.ctl.hints import in_commands
+from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -17,6 +17,8 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 Data: TypeAlias = "Mapping[str, Any]"
 
 _LABEL_WIDTH = 12
+_MEASURED = {"opening", "position", "command", "velocity", "torque", "temperature", "status"}
+"""Rows that say nothing of a motor that has never answered."""
 
 
 def figure(value: object, form: str, unit: str) -> str:
@@ -31,7 +33,22 @@ def plain(text: object) -> str:
 
 
 def state_rows(data: Data) -> list[tuple[str, str]]:
-    """Show a state as labels and texts; the texts may hold anything."""
+    """Show a state as labels and texts; the texts may hold anything.
+
+    What is measured is left out while the motor has never answered.
+    """
+    rows = _rows(data)
+    if is_unheard(data):
+        rows = [(label, text) for label, text in rows if label not in _MEASURED]
+    return rows
+
+
+def is_unheard(data: Data) -> bool:
+    """Whether the motor has never answered, so that no figure is known, not even an old one."""
+    return "feedback_s" in data and data["feedback_s"] is None and data.get("age_s") is None
+
+
+def _rows(data: Data) -> list[tuple[str, str]]:
     rows = [
         ("mode", f"{data.get('mode')} (motor {data.get('motor')}, bus {data.get('bus')})"),
         ("opening", f"{figure(data.get('opening_mm'), '.2f', 'mm')}, {_openness(data)} open"),
@@ -59,7 +76,9 @@ def state_rows(data: Data) -> list[tuple[str, str]]:
 def state(data: Data) -> str:
     """Show a state in aligned lines."""
     lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in state_rows(data)]
-    if data.get("stale"):
+    if is_unheard(data):
+        lines.insert(0, "the motor has not answered yet: nothing is known of it")
+    elif data.get("stale"):
         lines.insert(0, f"{age(data)}: these are the last known figures")
     return "\n".join(lines)
 
@@ -79,7 +98,7 @@ def state_line(data: Data) -> str:
         parts.append(f"job {job.get('job')} {job.get('kind')}{phase}")
     if data.get("stop"):
         parts.append(f"STOP {data['stop'].get('level')}")
-    if data.get("stale"):
+    if data.get("stale") or is_unheard(data):
         parts.append(age(data))
     return plain("  ".join(parts))
 
@@ -87,6 +106,8 @@ def state_line(data: Data) -> str:
 def age(data: Data) -> str:
     """Show how old a state's feedback is, in capitals when it is too old."""
     seconds = data.get("age_s")
+    if is_unheard(data):
+        return "no answer yet"
     if data.get("stale"):
         return f"STALE, {figure(seconds, '.1f', 's')} old" if seconds is not None else "STALE"
     return figure(seconds, ".3f", "s")
@@ -152,7 +173,7 @@ def health(data: Data) -> str:
     """Show the daemon's verdict and its reasons, and then the figures."""
     figures = {name: value for name, value in data.items() if name not in ("verdict", "reasons")}
     lines = [f"verdict: {plain(data.get('verdict'))}"]
-    lines += [f"- {plain(in_commands(str(reason)))}" for reason in data.get("reasons", ())]
+    lines += [f"- {plain(in_shell(str(reason)))}" for reason in data.get("reasons", ())]
     return "\n".join([*lines, "", tree(figures)] if figures else lines)
 
 

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from litegrip_client.ctl.hints import in_commands
 from litegrip_client.ctl.render import plain
 from litegrip_client.doctor.findings import Finding
+from litegrip_client.voices import in_shell
 
 _LEVEL_WIDTH = 9
 _NAME_WIDTH = 14
@@ -37,7 +37,7 @@ def _lines(name: str, finding: Finding) -> list[str]:
 
 def _told(text: str) -> str:
     """Show a text that may be the daemon's, which names methods."""
-    return plain(in_commands(text))
+    return plain(in_shell(text))
 
 
 def _counted(count: int, level: str) -> str:

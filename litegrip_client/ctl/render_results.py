@@ -9,6 +9,7 @@ from collections.abc import Iterable
 
 from litegrip_client.ctl.hints import CHOOSE_MOUNT
 from litegrip_client.ctl.render import Data, figure, plain
+from litegrip_client.voices import in_shell
 
 TEMPLATES = ("normal", "reverse")
 
@@ -66,7 +67,7 @@ def measured(name: str, data: Data) -> str:
     """Show what was measured between the stops, and whether it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
-        text += f": {plain(data['message'])}"
+        text += f": {plain(in_shell(str(data['message'])))}"
     if data.get("closed_rad") is not None and data.get("open_rad") is not None:
         text += f"\n{travel(data)}"
     if data.get("path") is not None:

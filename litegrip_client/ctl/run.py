@@ -5,6 +5,8 @@ It must not know single commands.
 
 from __future__ import annotations
 
+import shlex
+import sys
 from argparse import Namespace
 from collections.abc import Callable
 
@@ -51,6 +53,11 @@ class Run:
         """Say that it cannot be used like this, and what to do; returns the exit code."""
         self.output.error(CommandError(text, reason="wrong_usage"), hint)
         return WRONG_USAGE
+
+
+def installing(*libraries: str) -> str:
+    """Return the command that installs libraries where this program looks for them."""
+    return f"{shlex.quote(sys.executable)} -m pip install {' '.join(libraries)}"
 
 
 Command: TypeAlias = Callable[[Run], int]

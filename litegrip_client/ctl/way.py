@@ -11,6 +11,7 @@ from pathlib import Path
 from litegrip_client.connection import Connection
 from litegrip_client.discovery import connect, socket_paths
 from litegrip_client.errors import CommandError
+from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -37,6 +38,7 @@ class Way:
     def connect(self) -> Connection:
         """Connect, and make sure that it is the daemon that is meant; raises `LiteGripError`."""
         connection = self._connected()
+        connection.voice = in_shell
         try:
             self._check(connection.greet("litegripctl"), connection.path)
         except BaseException:

@@ -41,6 +41,12 @@ _OPENING = (
 _OPENING_ELSE = "mend what its driver says, or correct [bus] in the configuration and restart"
 
 _SETTINGS = f"type can bitrate {BITRATE} restart-ms 100"
+_IF_REFUSED = (
+    'if it answers "Device doesn\'t support restart from Bus Off", leave restart-ms 100 out;'
+    ' if "No such file or directory", unplug the adapter and plug it in again'
+)
+"""What some gs_usb clones make of these settings, and of an adapter that lost its USB endpoints."""
+
 _WIRING = (
     "look at the wiring (CAN-H, CAN-L, 120 ohms at both ends), the motor's 24 V, and the bit rate"
 )
@@ -73,7 +79,8 @@ def link(facts: Facts) -> Finding | None:
     virtual = ", virtual: without bit rate and error counters" if _is_virtual(found) else ""
     if not found.is_up:
         settings = "" if virtual else f" {_SETTINGS}"
-        return error(f"{name} is down{virtual}", f"sudo ip link set {name} up{settings}")
+        advice = None if virtual else _IF_REFUSED
+        return error(f"{name} is down{virtual}", f"sudo ip link set {name} up{settings}", advice)
     return ok(f"{name} is up{virtual}")
 
 
@@ -83,11 +90,11 @@ def bit_rate(facts: Facts) -> Finding | None:
     if found is None:
         return _configured_bit_rate(facts)
     if found.bitrate is None:
-        return error("no bit rate is set", _anew(facts, _SETTINGS))
+        return error("no bit rate is set", _anew(facts, _SETTINGS), _IF_REFUSED)
     text = f"{found.bitrate / 1e6:g} Mbit/s"
     if found.bitrate == BITRATE:
         return ok(text)
-    return error(f"{text}, but the motor speaks at 1 Mbit/s", _anew(facts, _SETTINGS))
+    return error(f"{text}, but the motor speaks at 1 Mbit/s", _anew(facts, _SETTINGS), _IF_REFUSED)
 
 
 def sample_point(facts: Facts) -> Finding | None:
@@ -113,6 +120,7 @@ def restart(facts: Facts) -> Finding | None:
     return warning(
         "restart-ms is not set: after bus-off the bus stays off",
         _anew(facts, "type can restart-ms 100" if found.bitrate else _SETTINGS),
+        "an adapter that refuses that has no such restart: after bus-off set it down and up",
     )
 
 
@@ -145,10 +153,10 @@ def bus_state(facts: Facts) -> Finding | None:
         return ok(text)
     if found.state == "ERROR-WARNING":
         return warning(text, advice=_WIRING)
-    command = None
     if found.state == "BUS-OFF" and not found.restart_ms:
         command = f"sudo ip link set {found.name} type can restart"
-    return error(text, command, _WIRING)
+        return error(text, command, f"{_WIRING}; if it refuses the restart, set it down and up")
+    return error(text, None, _WIRING)
 
 
 def errors(facts: Facts) -> Finding | None:

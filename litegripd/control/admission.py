@@ -20,7 +20,9 @@ ENDING = Refusal("shutting_down", "the daemon is about to end")
 NO_FEEDBACK = Refusal("motor_silent", "no feedback has come yet: try again")
 
 NOT_ENABLED = Refusal(
-    "not_enabled", "the motor is not enabled: enable it first", {"hint": "motor.enable"}
+    "not_enabled",
+    "the motor is not enabled: enable it first (motor.enable)",
+    {"hint": "motor.enable"},
 )
 
 FAULTLESS = Refusal(
@@ -31,12 +33,14 @@ NOT_CALIBRATED = Refusal(
     "not_calibrated",
     "no calibration is loaded, so the closing direction would be a guess: configure"
     ' mount = "normal" or "reverse", or a calibration file, in [gripper]',
+    {"hint": "choose a mount: calibration.load with template, then calibration.zero"},
 )
 
 ZERO_MOVED = Refusal(
     "not_calibrated",
     "the motor's zero was moved, so the calibration fits no longer: calibrate anew"
     " (calibration.zero with a mount, or by hand)",
+    {"hint": "calibration.zero with a mount"},
 )
 
 

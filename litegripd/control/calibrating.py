@@ -136,5 +136,7 @@ class Calibrating:
 
 
 _NOT_BY_HAND = Refusal(
-    "not_calibrated", "no calibration by hand is under way: begin one (calibration.manual)"
+    "not_calibrated",
+    "no calibration by hand is under way: begin one (calibration.manual)",
+    {"hint": "calibration.manual"},
 )

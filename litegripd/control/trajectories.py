@@ -204,9 +204,12 @@ def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Re
     if capture.error is not None and not allow_partial:
         text = (
             f"the recording was broken off after {capture.samples} samples: {capture.error};"
-            " allow_partial takes what there is"
+            " trajectory.record_stop with allow_partial takes what there is"
         )
         return Refusal("recording_failed", text, data)
     if capture.samples == 0 and not allow_empty:
-        return Refusal("recording_failed", "the recording has no samples (allow_empty)", data)
+        text = (
+            "the recording has no samples (trajectory.record_stop with allow_empty takes it, too)"
+        )
+        return Refusal("recording_failed", text, data)
     return None

@@ -18,11 +18,12 @@ BusState: TypeAlias = Literal[
 BUS_REMEDIES: Mapping[BusState, str] = MappingProxyType(
     {
         "link_down": "bring the link up: ip link set CHANNEL up type can bitrate 1000000"
-        " restart-ms 100",
+        " restart-ms 100 (without restart-ms for an adapter that refuses it)",
         "adapter_gone": "plug the adapter in, or correct its name ('ip link' lists interfaces): it"
         " is opened as soon as it is there",
         "bus_off": "check wiring, termination and bit rate; with restart-ms set, the controller"
-        " comes back by itself, else: ip link set CHANNEL type can restart",
+        " comes back by itself, else: ip link set CHANNEL type can restart, or, where the adapter"
+        " refuses that, down and up",
         "bus_stalled": "nobody on the bus acknowledges a frame: check the cable and the motor's"
         " power",
         "motor_silent": "check the motor's 24 V supply, the CAN wiring and its id",

@@ -159,4 +159,6 @@ _LARGEST = 10**9  # a larger integer is nonsense in every field, and may be too 
 def _is_about(value: object, period_s: float) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
+    if isinstance(value, int) and abs(value) > _LARGEST:
+        return False
     return abs(value - period_s) <= 1e-9

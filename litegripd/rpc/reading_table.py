@@ -29,7 +29,7 @@ READING: tuple[Method, ...] = (
     Method(
         "state.subscribe",
         "Send the state again and again, as state.sample or state.batch notifications.",
-        "The number of the subscription and the present state.",
+        "The number of the subscription and the present state, with all its fields.",
         (
             Param(
                 "hz",

@@ -70,16 +70,18 @@ class Param:
         """Describe the values by JSON Schema."""
         schema: dict[str, object] = {"type": _JSON_TYPES.get(self.kind, self.kind)}
         if self.kind == "strings":
-            schema["items"] = {"type": "string"}
-            if self.choices:
-                schema["items"] = {"type": "string", "enum": list(self.choices)}
-        elif self.choices:
-            schema["enum"] = list(self.choices)
+            schema["items"] = {"type": "string", **self._text_limits()}
+        elif self.kind == "string":
+            schema |= self._text_limits()
         if self.minimum is not None:
             schema["minimum"] = self.minimum
         if self.maximum is not None:
             schema["maximum"] = self.maximum
         return schema
+
+    def _text_limits(self) -> dict[str, object]:
+        """Describe which texts are taken; JSON Schema counts characters, too."""
+        return {"enum": list(self.choices)} if self.choices else {"maxLength": self.longest}
 
     def _has_type(self, value: object) -> bool:
         if self.kind == "boolean":

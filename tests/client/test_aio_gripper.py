@@ -419,7 +419,12 @@ def test_a_stop_overtakes_a_motion(daemon: FakeDaemon) -> None:
     ("read", "method", "answer", "expected"),
     [
         (lambda g: g.mount(), "state.get", STATE, "reverse"),
-        (lambda g: g.health(), "health", {"verdict": "ok"}, {"verdict": "ok"}),
+        (
+            lambda g: g.health(),
+            "health",
+            {"verdict": "ok", "reasons": ["motor.enable"]},
+            {"verdict": "ok", "reasons": ["gripper.enable()"]},
+        ),
         (lambda g: g.info(), "info.get", {"version": "1"}, {"version": "1"}),
         (lambda g: g.jobs(), "job.list", {"jobs": []}, []),
         (lambda g: g.read_param(21), "motor.read_register", {"value": 12.5}, 12.5),

@@ -59,8 +59,9 @@ def test_the_present_state_comes_first_and_no_sample_twice(daemon: FakeDaemon) -
 def test_fields_are_dictionaries_and_calls_between_them_lose_none(daemon: FakeDaemon) -> None:
     async def main() -> None:
         async with LiteGrip(socket_path=daemon.path) as gripper:
-            seen = []
+            seen: list[int] = []
             async for one in gripper.states(50, ["seq"]):
+                assert seen or list(one) == ["seq"]
                 assert (await gripper.get_state()).mode == "holding"
                 seen.append(one["seq"])
                 if one["seq"] == 3:
@@ -108,7 +109,7 @@ def test_closing_ends_the_iteration_of_another_task(daemon: FakeDaemon) -> None:
     async def main() -> None:
         async with LiteGrip(socket_path=daemon.path) as gripper:
             states = gripper.states()
-            seen = []
+            seen: list[int] = []
 
             async def read() -> None:
                 async for state in states:

@@ -54,9 +54,9 @@ def test_fields_are_those_asked_for_and_no_other(daemon: FakeDaemon, fields: lis
         LiteGrip(socket_path=daemon.path) as gripper,
         gripper.states(200, fields, BATCH) as states,
     ):
-        got = [next(states) for _ in range(13)][1:]
-    assert [list(one) for one in got] == [fields] * 12
-    assert [one["seq"] for one in got] == list(range(1, 13))
+        got = [next(states) for _ in range(13)]
+    assert [list(one) for one in got] == [fields] * 13
+    assert [one["seq"] for one in got] == [STATE["seq"], *range(1, 13)]
 
 
 def test_tasks_get_the_same(daemon: FakeDaemon) -> None:
@@ -80,7 +80,7 @@ def test_a_sample_of_a_batch_is_told_as_any_other(
 ) -> None:
     with connection.subscribe_state(200, ["seq"], BATCH) as samples:
         got = [next(samples) for _ in range(13)]
-    assert got[0] == StateSample(None, 0, 100.0, STATE)
+    assert got[0] == StateSample(None, 0, 100.0, {"seq": 7})
     assert got[1:] == [StateSample(n, 0, n / 10, {"seq": n}) for n in range(1, 13)]
 
 

@@ -133,3 +133,9 @@ def test_the_program_answers_the_scripts(capsys: pytest.CaptureFixture[str]) -> 
     assert capsys.readouterr().out == "-\nrelax\t\n"
     assert main(["__complete"]) == 0
     assert capsys.readouterr().out.startswith("-\nstate\tshow the state once\n")
+
+
+def test_a_name_that_is_no_line_is_left_out() -> None:
+    for name in ("pick", "pi\nck", "pi\tck"):
+        write(name, lgt([(0.0, 0.5)]))
+    assert words("trajectories", "put", "pi") == ["pick"]

@@ -1,6 +1,7 @@
 """The completion scripts in real shells; each is left out where its shell is not installed."""
 
 import os
+import select
 import shlex
 import shutil
 import subprocess
@@ -11,7 +12,7 @@ import pytest
 
 from litegrip_client.ctl.completion.scripts import SCRIPTS
 from tests.client.ctl_terminal import ROOT
-from tests.client.fake_daemon import DEADLINE_S
+from tests.client.fake_daemon import DEADLINE_S, FakeDaemon
 
 CASES = [
     ("litegripctl tele", {"teleop"}),
@@ -109,3 +110,96 @@ def test_zsh(folder: Path, line: str, found: set[str]) -> None:
     run(folder, zsh, "--no-rcs", "-c", ZSH, "zsh", line)
     rows = completed.read_text(encoding="utf-8").splitlines()
     assert {row.replace("\\", "") for row in rows if row} == found
+
+
+UGLY = "$(touch ran)`touch ran`;touch ran|'\\\"<&a b"
+"""A trajectory's name may hold all of this."""
+
+READY = "echo 'completion is'' ready'\n"
+SHELLS = {
+    "bash": (["--norc", "--noprofile", "-i"], f". ../script; {READY}"),
+    "zsh": (
+        ["--no-rcs", "-i"],
+        f"autoload -Uz compinit; compinit -u -d $PWD/../dump; . ../script; {READY}",
+    ),
+    "fish": (["--no-config", "-i"], f"source ../script; {READY}"),
+}
+CALLED = """case "$1" in __complete) ;; *)
+for word; do printf '%s\\n' "$word"; done >../called; echo "is ""called"; exit 0;; esac
+"""
+
+
+class Typing:
+    """A shell on a terminal, which is typed at."""
+
+    def __init__(self, folder: Path, shell: str) -> None:
+        (folder.parent / "script").write_text(SCRIPTS[shell], encoding="utf-8")
+        program = folder.parent / "bin" / "litegripctl"
+        text = program.read_text(encoding="utf-8").replace("\n", f"\n{CALLED}", 1)
+        program.write_text(text, encoding="utf-8")
+        arguments, self._begin = SHELLS[shell]
+        self._shown = ""
+        self._terminal, inner = os.openpty()
+        self._process = subprocess.Popen(
+            ["setsid", "--ctty", needs(shell), *arguments],
+            cwd=folder,
+            env={**os.environ, "TERM": "xterm", "HOME": str(folder.parent)},
+            stdin=inner,
+            stdout=inner,
+            stderr=inner,
+        )
+        os.close(inner)
+
+    def __enter__(self) -> "Typing":
+        self.type(self._begin, "completion is ready")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._process.kill()
+        self._process.wait(DEADLINE_S)
+        os.close(self._terminal)
+
+    def type(self, text: str, answer: str) -> None:
+        """Type a text, and wait until an answer to it is shown."""
+        os.write(self._terminal, text.encode())
+        while answer not in self._shown:
+            assert select.select([self._terminal], [], [], DEADLINE_S)[0], self._shown
+            self._shown += os.read(self._terminal, 4096).decode(errors="replace")
+        self._shown = self._shown.partition(answer)[2]
+
+
+@pytest.mark.parametrize("shell", SHELLS)
+@pytest.mark.parametrize(
+    "line", ["play ", "play \\$", "play --speed 2 ", "trajectories delete ", "plot \\$"]
+)
+def test_a_name_is_one_word_and_runs_nothing(
+    folder: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, shell: str, line: str
+) -> None:
+    needs(shell)
+    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
+    daemon.handlers["trajectory.list"] = lambda request: {"trajectories": [{"name": UGLY}]}
+    with Typing(folder, shell) as typing:
+        typing.type(f"litegripctl {line}\t\n", "is called")
+    called = (folder.parent / "called").read_text(encoding="utf-8").splitlines()
+    if (shell, line) == ("bash", "plot \\$"):
+        assert called == ["plot", "$"]  # bash itself would not quote it right
+    else:
+        assert called == [*line.split()[: line.count(" ")], UGLY]
+    assert not (folder / "ran").exists()
+
+
+@pytest.mark.parametrize("line", ["plot a", "play a", "trajectories delete a\\ b"])
+@pytest.mark.parametrize("shell", SHELLS)
+def test_a_name_with_spaces_is_one_word(
+    folder: Path, daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch, shell: str, line: str
+) -> None:
+    needs(shell)
+    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
+    (folder / "a file.json").unlink()
+    name = "a b;touch ran"
+    daemon.handlers["trajectory.list"] = lambda request: {"trajectories": [{"name": name}]}
+    with Typing(folder, shell) as typing:
+        typing.type(f"litegripctl {line}\t\n", "is called")
+    called = (folder.parent / "called").read_text(encoding="utf-8").splitlines()
+    assert called[-1] == name
+    assert not (folder / "ran").exists()

@@ -229,6 +229,25 @@ def test_a_stale_state_says_so_first_and_unknown_figures_are_no_numbers(
     ]
 
 
+def test_of_a_motor_that_has_never_answered_no_figure_is_shown(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    silent = dict.fromkeys(name for name, value in STATE.items() if isinstance(value, float))
+    unheard = {**STATE, **silent, "mode": "offline", "motor": "silent", "status": None}
+    unheard |= {"stale": True, "feedback_s": None, "age_s": None}
+    daemon.handlers["state.get"] = lambda request: unheard
+    lines = ctl("state")[1].splitlines()
+    assert lines == [
+        "the motor has not answered yet: nothing is known of it",
+        "mode         offline (motor silent, bus up)",
+        "calibrated   yes, mount reverse",
+        "age          no answer yet",
+    ]
+    watched(daemon)
+    daemon.handlers["state.subscribe"] = lambda request: {"subscription": 1, "state": unheard}
+    assert ctl("watch", "--count", "1")[1].endswith("no answer yet\n")
+
+
 @pytest.mark.parametrize(
     ("clamp_n", "told", "shown"),
     [

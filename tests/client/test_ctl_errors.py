@@ -7,16 +7,13 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.ctl import hints
 from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
 from litegripd.motor.faults import implausible_refusal
-from litegripd.rpc.methods import METHODS
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
 
 IN_ITS_OWN_WORDS = {
-    "not_calibrated",
     "stopped",
     "sent_before_stop",
     "not_enabled",
@@ -52,11 +49,6 @@ def test_every_error_ends_with_its_exit_code(daemon: FakeDaemon, ctl: Ctl, kind:
     [
         ("stopped", -32021, "litegripctl clear"),
         ("busy", -32020, "litegripctl jobs"),
-        (
-            "not_calibrated",
-            -32010,
-            "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero",
-        ),
         ("motor_silent", -32032, "try again"),
         ("internal_error", -32603, "journalctl -t litegripd"),
     ],
@@ -140,14 +132,11 @@ def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(
 def test_remedies_are_commands_and_not_the_protocols_methods(
     daemon: FakeDaemon, ctl: Ctl, told: str, shown: str
 ) -> None:
-    daemon.handlers["state.get"] = lambda request: request.fail("x", -1, told, hint=f"now {told}")
-    assert ctl("state")[2] == f"litegripctl: {shown}\n  now {shown}\n"
-    assert json.loads(ctl("--json", "state")[1])["error"]["message"] == told
-
-
-def test_all_that_stands_for_a_command_is_a_method() -> None:
-    methods = {name.partition(" ")[0] for name in hints._COMMANDS}
-    assert methods <= {method.name for method in METHODS}
+    daemon.handlers["state.get"] = lambda request: request.fail("x", -1, "no", hint=told)
+    assert ctl("state")[2] == f"litegripctl: no\n  {shown}\n"
+    daemon.handlers["state.get"] = lambda request: request.fail("x", -1, told, hint="do so")
+    assert ctl("state")[2] == f"litegripctl: {shown}\n  do so\n"
+    assert json.loads(ctl("--json", "state")[1])["error"]["message"] == shown
 
 
 def test_json_has_the_hint_too(ctl: Ctl) -> None:

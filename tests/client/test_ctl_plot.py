@@ -146,4 +146,4 @@ def test_a_picture_without_the_library_says_what_to_install(
     assert main([*NOWHERE, "plot", "--local", "pick"]) == 4
     error = capsys.readouterr().err
     assert "plot needs the library matplotlib" in error
-    assert "pip install 'litegripd[plot]'" in error
+    assert "-m pip install matplotlib mcap" in error

@@ -47,6 +47,42 @@ def test_a_motion_on_a_terminal_shows_a_bar_and_then_the_result(daemon: FakeDaem
     assert shown.endswith("\r\x1b[Kopen: pressed, at 35.25 mm\n")
 
 
+@pytest.mark.parametrize("line", ["state", "--json state", "watch --count 2"])
+def test_a_full_disk_is_said_in_one_line(daemon: FakeDaemon, line: str) -> None:
+    samples(daemon, 5)
+    with Path("/dev/full").open("wb") as full:
+        process = start("--socket", daemon.path, *line.split(), stdout=full, stderr=subprocess.PIPE)
+        _, told = process.communicate(timeout=DEADLINE_S)
+    text = "litegripctl: standard output cannot be written: No space left on device\n"
+    assert (process.returncode, told.decode()) == (74, text)
+
+
+@pytest.mark.parametrize(
+    ("line", "closed", "code", "out", "err"),
+    [
+        ("state", ">&-", 0, False, ""),
+        ("watch --count 2", ">&-", 0, False, ""),
+        ("cancel 3", ">&-", 4, False, "litegripctl: no"),
+        ("cancel 3", "2>&-", 4, False, ""),
+        ("state", "2>&- <&-", 0, True, ""),
+        ("fly", "2>&-", 2, False, ""),
+    ],
+)
+def test_streams_that_are_closed_are_no_traceback(
+    daemon: FakeDaemon, line: str, closed: str, code: int, out: bool, err: str
+) -> None:
+    samples(daemon, 5)
+    daemon.handlers["job.cancel"] = lambda request: request.fail("unknown_job", -32012, "no")
+    shell = ["sh", "-c", f'exec "$@" {closed}', "sh", *COMMAND, "--socket", daemon.path]
+    done = subprocess.run(
+        [*shell, *line.split()], cwd=ROOT, capture_output=True, timeout=DEADLINE_S, check=False
+    )
+    assert done.returncode == code
+    assert bool(done.stdout) is out
+    assert done.stderr.decode().startswith(err)
+    assert b"Traceback" not in done.stdout + done.stderr
+
+
 def test_a_pipe_that_closes_is_no_noise(daemon: FakeDaemon) -> None:
     samples(daemon, 100)
     process = start(
@@ -186,7 +222,7 @@ def test_the_help_lists_every_exit_code(capsys: pytest.CaptureFixture[str]) -> N
     assert caught.value.code == 0
     listed = capsys.readouterr().out.partition("exit codes:")[2].split("\n")
     codes = {int(line.split()[0]) for line in listed if line[2:3].isdigit()}
-    assert codes == {0, 1, 2, 130, 141} | {kind.exit_code for kind in ERROR_TABLE}
+    assert codes == {0, 1, 2, 74, 130, 141} | {kind.exit_code for kind in ERROR_TABLE}
 
 
 def listed(help_text: str) -> list[str]:

@@ -162,4 +162,4 @@ def test_without_the_libraries_it_says_what_to_install(
     text = f"plot needs the library {missing}, which is not installed"
     assert json.loads(_shown)["error"]["message"] == text
     code, _shown, error = ctl("plot", str(tmp_path / "x.mcap"))
-    assert error == f"litegripctl: {text}\n  pip install 'litegripd[plot]'\n"
+    assert error == f"litegripctl: {text}\n  {sys.executable} -m pip install matplotlib mcap\n"

@@ -165,12 +165,12 @@ def test_a_signal_handler_may_stop_while_its_thread_waits(
 
 
 def test_reading(daemon: FakeDaemon, gripper: LiteGrip) -> None:
-    daemon.handlers["health"] = lambda request: {"verdict": "ok"}
+    daemon.handlers["health"] = lambda request: {"verdict": "ok", "reasons": []}
     daemon.handlers["info.get"] = lambda request: {"version": "1"}
     daemon.handlers["job.list"] = lambda request: {"jobs": [job(1)]}
     assert gripper.get_state().status == "enabled"
     assert (gripper.mount, gripper.channel) == ("reverse", "can0")
-    assert gripper.health() == {"verdict": "ok"}
+    assert gripper.health() == {"verdict": "ok", "reasons": []}
     assert gripper.info() == {"version": "1"}
     assert gripper.jobs() == [job(1)]
 
@@ -181,7 +181,7 @@ def test_states_are_whole_or_only_the_fields(daemon: FakeDaemon, gripper: LiteGr
     with gripper.states(100) as states:
         assert next(states).opening_mm == 35.25
     with gripper.states(100, ["mode"]) as fields:
-        assert next(fields) == STATE
+        assert next(fields) == {"mode": "holding"}
 
 
 def test_the_socket_of_the_environment_is_used(

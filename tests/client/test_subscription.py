@@ -39,7 +39,7 @@ def test_the_present_state_comes_first_and_no_sample_twice(
 ) -> None:
     with connection.subscribe_state(50, ["seq"]) as samples:
         got = [next(samples) for _ in range(4)]
-    assert got[0] == StateSample(None, 0, 100.0, STATE)
+    assert got[0] == StateSample(None, 0, 100.0, {"seq": 7})
     assert [one.seq for one in got[1:]] == [1, 2, 3]
     assert got[3] == StateSample(3, 0, 0.3, {"seq": 3})
     assert daemon.requests[0].params == {"hz": 50.0, "fields": ["seq"]}

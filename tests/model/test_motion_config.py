@@ -116,6 +116,8 @@ def test_every_field_has_a_range_and_only_those() -> None:
         ({"force_n": math.nan}, "force_n", "0.5 to 30"),
         ({"frame_interval": 0.01}, "frame_interval", "read-only"),
         ({"frame_interval": "0.005"}, "frame_interval", "read-only"),
+        ({"frame_interval": 10**400}, "frame_interval", "read-only"),
+        ({"frame_interval": -(10**400)}, "frame_interval", "read-only"),
         ({"stop_lead_mm": 2.0, "max_lead_mm": 1.0}, "stop_lead_mm", "at most max_lead_mm"),
         ({"calib_kp": 100.1}, "calib_kp", "2 to 100"),
     ],

@@ -50,6 +50,12 @@ def test_the_schemas_tell_the_same_limits_as_the_checks() -> None:
             items = schema.get("items", schema)
             assert isinstance(items, dict)
             assert tuple(items.get("enum", ())) == param.choices
+            is_free = param.kind in ("string", "strings") and not param.choices
+            assert items.get("maxLength") == (param.longest if is_free else None)
+            if is_free:
+                for length in (param.longest, param.longest + 1):
+                    value = "a" * length if param.kind == "string" else ["a" * length]
+                    assert (param.problem(value) is None) is (length == param.longest)
 
 
 def test_every_reason_is_documented_once_with_its_code() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import Output
-from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Run
+from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Run, installing
 from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
@@ -99,7 +99,7 @@ def metrics(run: Run) -> int:
         raise CommandError(
             f"metrics needs the library prometheus_client: {error}",
             reason="library_missing",
-            data={"hint": "pip install 'litegripd[metrics]'"},
+            data={"hint": installing("prometheus_client")},
         ) from error
     health, hello = run.connection.call("health"), run.connection.call("hello")
     text = exposition.text(health, channel=hello["channel"], version=hello["version"])

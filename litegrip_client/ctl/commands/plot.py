@@ -15,7 +15,7 @@ from litegrip_client.ctl.block_chart import block_chart
 from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.render_trajectories import grip_line
-from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.ctl.run import OK, Command, Run, installing
 from litegrip_client.errors import CommandError
 from litegrip_client.trajectory import MAGIC, Trajectory
 
@@ -23,7 +23,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
 
-_INSTALL = "pip install 'litegripd[plot]'"
+_LIBRARIES = ("matplotlib", "mcap")
 _WIDEST = 100
 _LABELS = 10
 
@@ -133,7 +133,7 @@ def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
         raise CommandError(
             f"plot needs the library {error.name}, which is not installed",
             reason="library_missing",
-            data={"hint": _INSTALL},
+            data={"hint": installing(*_LIBRARIES)},
         ) from error
     return png(draw(read(options.file), options.last))
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 
 from litegrip_client.ctl import render
-from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.ctl.run import OK, Command, Run, installing
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -16,8 +16,6 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
     from litegrip_client.ctl.watching import Scene
 
 Show: TypeAlias = "Callable[[Iterable[Scene], str], None]"
-
-_INSTALL = "pip install 'litegripd[watch]'"
 
 
 def watch(run: Run) -> int:
@@ -45,7 +43,7 @@ def _live_view(run: Run) -> Show | None:
     try:
         from litegrip_client.ctl.live.screen import show  # noqa: PLC0415 - needs the extra
     except ModuleNotFoundError as error:
-        text = f"lines only: the live view needs the library {error.name}: {_INSTALL}"
+        text = f"lines only: the live view needs the library {error.name}: {installing('rich')}"
         run.output.note(text)
         return None
     return show

@@ -27,5 +27,10 @@ def complete(words: Sequence[str]) -> list[str]:
     wanted = line.wanted(current)
     found = [*wanted.words, *words_of(wanted.sources, line.given)]
     rows = [(wanted.front + word, text) for word, text in found]
-    lines = [f"{word}\t{text}" for word, text in rows if word.startswith(current)]
+    lines = [f"{word}\t{text}" for word, text in rows if _fits(word, current)]
     return [FILES if FILES in wanted.sources else _NO_FILES, *lines]
+
+
+def _fits(word: str, current: str) -> bool:
+    """Whether a word may take the place of `current`; a file's name may hold ends of lines, too."""
+    return word.startswith(current) and word.isprintable()

@@ -8,18 +8,28 @@ from __future__ import annotations
 _BASH = r"""# Completion of litegripctl in bash. For now:  eval "$(litegripctl completion bash)"
 # For good: write this to ~/.local/share/bash-completion/completions/litegripctl
 _litegripctl() {
-    local line=${COMP_LINE:0:COMP_POINT} current cut files word
+    local line=${COMP_LINE:0:COMP_POINT} current tail cut files word
     local -a words
-    read -ra words <<<"$line"
-    [[ $line == *[[:space:]] ]] && words+=("")
+    # Without -r, for what stands behind a backslash is meant as it is.
+    read -a words <<<"$line"
+    [[ $line == *[!\\][[:space:]] ]] && words+=("")
     current=${words[${#words[@]} - 1]}
-    cut=${current%"$2"} # bash cuts words at "=", ":" and "@", and takes what comes behind
+    IFS= read tail <<<"$2"
+    cut=${current%"$tail"} # bash cuts words at "=", ":" and "@", and takes what comes behind
     COMPREPLY=()
     {
         read -r files
         while IFS=$'\t' read -r word _; do
             word=${word#"$cut"}
-            [[ $word ]] && COMPREPLY+=("$word")
+            [[ $word ]] || continue
+            # Unquoted, a name could run as a command. Where paths may stand, bash quotes by itself,
+            # but for "$" and "`", whose names are left out.
+            if [[ $files == files ]]; then
+                [[ $word == *[\$\`]* ]] || COMPREPLY+=("$word")
+            else
+                printf -v word %q "$word"
+                COMPREPLY+=("$word")
+            fi
         done
     } < <("${1/#\~/$HOME}" __complete "${words[@]:1}" 2>/dev/null)
     if [[ $files == files ]]; then
@@ -43,7 +53,7 @@ _litegripctl() {
     {
         read -r files
         while IFS=$'\t' read -r word text; do
-            word="${word//:/\\:}${text:+:$text}"
+            word="${${word//\\/\\\\}//:/\\:}${text:+:$text}"
             if [[ ${word%%:*} == *= ]]; then unfinished+=("$word"); else found+=("$word"); fi
         done
     } < <("${words[1]/#\~/$HOME}" __complete "${(@Q)words[2,CURRENT]}" 2>/dev/null)
@@ -61,7 +71,7 @@ _FISH = r"""# Completion of litegripctl in fish. For now:  litegripctl completio
 # For good: write this to ~/.config/fish/completions/litegripctl.fish
 function __litegripctl_words
     set -l before (commandline -opc)
-    set -l current (commandline -ct)
+    set -l current (string unescape -- (commandline -ct))
     set -l found ($before[1] __complete $before[2..-1] "$current" 2>/dev/null)
     if test "$found[1]" = files
         __fish_complete_path "$current"

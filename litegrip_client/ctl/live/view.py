@@ -9,6 +9,7 @@ from rich.text import Text
 
 from litegrip_client.ctl import render
 from litegrip_client.ctl.watching import Scene
+from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -27,7 +28,7 @@ def picture(scene: Scene, name: str) -> RenderableType:
     parts += [Text(), _company(scene)]
     if scene.health is not None:
         parts += [
-            Text(f"- {render.plain(reason)}", "yellow")
+            Text(f"- {render.plain(in_shell(str(reason)))}", "yellow")
             for reason in scene.health.get("reasons", ())
         ]
     return Group(*parts, Text(), *_events(scene))

@@ -19,6 +19,7 @@ EXIT_CODES: tuple[tuple[int, str], ...] = (
     (8, "the motion was cancelled"),
     (9, "this user's role does not allow it"),
     (70, "a defect, or another version of the daemon"),
+    (74, "the output cannot be written: the disk is full, say"),
     (130, "interrupted by Ctrl-C"),
     (141, "whoever read the output has gone"),
 )

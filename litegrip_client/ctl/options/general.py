@@ -11,8 +11,7 @@ no motion runs."""
 _WATCH = """\
 Show the state again and again, until Ctrl-C. In a terminal this is a live view
 of the whole gripper, which waits for a daemon that goes; it needs the library
-rich: pip install 'litegripd[watch]'. Elsewhere, and with --plain, a line for
-each state.
+rich: pip install rich. Elsewhere, and with --plain, a line for each state.
 """
 _DUMP = """\
 Have the daemon write its flight recorder: the last minute, tick by tick, with
@@ -25,7 +24,7 @@ _PLOT = """\
 Draw a dump of the flight recorder: opening, torque, temperatures and lateness
 over time, with what happened; or a trajectory. What is no file here, and has
 neither a path nor an ending, is a trajectory that the daemon keeps. Pictures
-need matplotlib and mcap: pip install 'litegripd[plot]'
+need matplotlib and mcap: pip install matplotlib mcap
 """
 _COMPLETION = """\
 Print the script by which a shell completes commands, options and their values:

@@ -82,7 +82,7 @@ def grips_refusal(force: Force, loading: Loading) -> Refusal | None:
     """Say why there are no grips to repeat, where they are wanted."""
     if force == "path" or loading.grips:
         return None
-    hint = "without force replay it goes along the path alone"
+    hint = "only its path can be replayed"
     if loading.grip_problem is not None:
         text = f"the grips of this trajectory cannot be used: {loading.grip_problem}; {hint}"
         return Refusal("trajectory_unreadable", text)

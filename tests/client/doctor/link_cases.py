@@ -6,6 +6,8 @@ from litegrip_client.doctor.facts import Device, Facts
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import daemon, facts, link, system, with_daemon
 
+REFUSED = "leave restart-ms 100 out"
+NO_RESTART = "refuses that has no such restart"
 UP = "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100"
 ANEW = f"sudo ip link set can0 down && {UP}"
 SERIAL = Device("/dev/ttyACM0", True, True, True, "dialout")
@@ -38,8 +40,8 @@ LINK_CASES = [
     Case(
         "link", facts("vcan", bus_channel="vcan0"), "ok", "vcan0 is up, virtual: without bit rate"
     ),
-    Case("link", facts("down"), "error", "can0 is down", UP),
-    Case("link", facts("unset"), "error", "can0 is down", UP),
+    Case("link", facts("down"), "error", "can0 is down", UP, advises=REFUSED),
+    Case("link", facts("unset"), "error", "can0 is down", UP, advises=REFUSED),
     Case(
         "link",
         facts("vcan_down", bus_channel="vcan0"),
@@ -144,6 +146,7 @@ LINK_CASES = [
         "error",
         "0.5 Mbit/s, but the motor speaks at 1 Mbit/s",
         ANEW,
+        advises=REFUSED,
     ),
     Case(
         "bit-rate",
@@ -151,8 +154,16 @@ LINK_CASES = [
         "error",
         "0.5 Mbit/s",
         f"litegripctl -c can0 disable && {ANEW}",
+        advises=REFUSED,
     ),
-    Case("bit-rate", facts("unset"), "error", "no bit rate is set", UP),
+    Case(
+        "bit-rate",
+        facts("unset"),
+        "error",
+        "no bit rate is set",
+        UP,
+        advises="leave restart-ms 100 out",
+    ),
     Case("bit-rate", facts("vcan"), None),
     Case("bit-rate", facts(system=system(link=ONLY_FILES)), None),
     Case("bit-rate", serial(SERIAL), "ok", "1 Mbit/s, by the configuration"),
@@ -181,8 +192,16 @@ LINK_CASES = [
         "warning",
         "restart-ms is not set: after bus-off the bus stays off",
         "sudo ip link set can0 down && sudo ip link set can0 up type can restart-ms 100",
+        advises=NO_RESTART,
     ),
-    Case("restart", facts("unset"), "warning", "restart-ms is not set", UP),
+    Case(
+        "restart",
+        facts("unset"),
+        "warning",
+        "restart-ms is not set",
+        UP,
+        advises=NO_RESTART,
+    ),
     Case("restart", facts("vcan"), None),
     Case("queue", facts(), "ok", "10 frames, 50 ms of commands at 200 Hz"),
     Case("queue", with_daemon(hello_limits__rate_hz=100), "ok", "10 frames, 100 ms of commands"),

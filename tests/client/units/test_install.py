@@ -92,7 +92,15 @@ def test_an_older_unit_is_replaced_but_no_configuration(tmp_path: Path) -> None:
 def test_udev_brings_exactly_the_named_interfaces_up(tmp_path: Path) -> None:
     put(tmp_path, "can0", "arm_can1")
     assert 'KERNEL=="can0|arm_can1"' in (tmp_path / RULES).read_text()
-    assert "bitrate 1000000 restart-ms 100" in (tmp_path / RULES).read_text()
+
+
+def test_an_adapter_that_refuses_to_restart_by_itself_comes_up_all_the_same(tmp_path: Path) -> None:
+    put(tmp_path, "can0")
+    assert re.findall(r'RUN\+="/sbin/ip link set %k ([^"]*)"', (tmp_path / RULES).read_text()) == [
+        "type can bitrate 1000000",
+        "type can restart-ms 100",
+        "up",
+    ]
 
 
 def test_interfaces_of_an_earlier_call_stay(tmp_path: Path) -> None:
