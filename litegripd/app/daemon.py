@@ -73,6 +73,7 @@ class Daemon:
         self._stop_listener = StopListener(self._urgent, self._places.stops, self._stop)
         self._server = Server(self._reactor, self._places.requests, self._service)
         self._server.let_in(False)
+        self._machine.engine.stop_latch.on_stop = self._server.note_stop
         self._reactor.backlog = self._server
         self._supervision = Supervision(
             self._machine,

@@ -25,6 +25,7 @@ class Handlers:
         owner: Owner,
         params: Mapping[str, Any],
         now_s: float,
+        *,
         received_s: float,
     ) -> Answer:
         """Carry out a request whose parameters have been checked."""

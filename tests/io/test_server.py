@@ -119,10 +119,12 @@ def test_who_comes_while_a_flood_is_served_waits_for_a_few_of_its_lines_only(
     loop.until(lambda: loop.server.clients == 2)
     served, handle = loop.service.served, loop.service.handle
 
-    def handle_and_be_asked(session: Session, text: bytes, now_s: float) -> None:
+    def handle_and_be_asked(
+        session: Session, text: bytes, now_s: float, received_s: float | None
+    ) -> None:
         if len(served) == 10:
             newcomer.send(line("echo", 2))
-        handle(session, text, now_s)
+        handle(session, text, now_s, received_s)
 
     monkeypatch.setattr(loop.service, "handle", handle_and_be_asked)
     flooder.send(line("echo", 1) * 150)
@@ -189,12 +191,12 @@ def test_a_half_closed_subscriber_stays(loop: Loop) -> None:
     loop.until(lambda: loop.server.clients == 0)
 
 
-def test_what_was_sent_just_before_the_end_of_a_client_is_served(loop: Loop) -> None:
+def test_a_stop_that_was_sent_just_before_the_end_of_a_client_is_served(loop: Loop) -> None:
     client = loop.connect()
-    client.send(line("echo", 1, stop=True))
+    client.send(line("stop", 1))
     client.close()
     loop.until(lambda: bool(loop.service.ended))
-    assert loop.service.lines == [line("echo", 1, stop=True)[:-1]]
+    assert loop.service.lines == [line("stop", 1)[:-1]]
     assert loop.server.clients == 0
 
 
