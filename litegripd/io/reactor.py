@@ -136,7 +136,7 @@ class Reactor:
     def _run_period(self, timer: PeriodicTimer) -> None:
         """Wait for a tick while serving requests, then do the tick."""
         latest_s = self._latest_s(timer.next_due_s - GUARD_S)
-        if self._serve_until(latest_s, timer.fileno()):
+        if self._serve_until(latest_s, timer.fileno(), is_late=latest_s > timer.next_due_s):
             self.budget_exhausted += 1
         fired = timer.wait()
         now_s = time.monotonic()
@@ -168,10 +168,11 @@ class Reactor:
             return now_s + self.period_s * REQUEST_SHARE
         return latest_s
 
-    def _serve_until(self, latest_s: float, timer_fd: int) -> bool:
+    def _serve_until(self, latest_s: float, timer_fd: int, *, is_late: bool) -> bool:
         """Serve until the timer fires or the share is used up; tell whether it was used up.
 
         Those who have used little time are served beyond that, as long as there is spare time.
+        With `is_late` what waits is served until `latest_s` although the timer has fired.
         """
         left_s = self.period_s * REQUEST_SHARE
         spare_s = self.period_s * SPARE_SHARE
@@ -194,7 +195,8 @@ class Reactor:
                 spare_s -= ended_s - started_s
             else:
                 left_s = max(left_s - (ended_s - started_s), 0.0)
-            if is_due or ended_s >= latest_s:
+            is_over = is_due and not (is_late and self._is_pending(is_spare))
+            if is_over or ended_s >= latest_s:
                 break
         return left_s <= 0.0
 

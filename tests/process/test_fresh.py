@@ -143,7 +143,7 @@ def test_a_clear_and_a_motion_that_were_sent_before_a_stop_never_undo_it(
                 lines = [json.dumps({"jsonrpc": "2.0", **one}).encode() for one in requests]
                 client.socket.sendall(b"\n".join(lines) + b"\n")
                 stopper.stdin.write("\n")
-                answers = {}
+                answers: dict[object, dict[str, object]] = {}
                 while len(answers) < len(requests):
                     message = client.read()
                     answers[message["id"]] = message
