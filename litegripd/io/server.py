@@ -34,10 +34,20 @@ _COST_SHARE_AT_MOST = 0.4  # of a period; less than the share that all requests 
 
 
 class Server:
-    """Accepts clients on a bound socket and passes their lines to `service`."""
+    """Accepts clients on a bound socket and passes their lines to `service`.
 
-    def __init__(self, reactor: Reactor, listener: socket.socket, service: Service) -> None:
+    `room` is for how many there are descriptors, where that is less than `MAX_CONNECTIONS`.
+    """
+
+    def __init__(
+        self,
+        reactor: Reactor,
+        listener: socket.socket,
+        service: Service,
+        room: int = MAX_CONNECTIONS,
+    ) -> None:
         self.requests = 0
+        self._room = room
         self.refused_connections = 0
         self._reactor = reactor
         self._listener = listener
@@ -274,8 +284,9 @@ class Server:
             self._watches[session.identity] = watch
 
     def _refusal(self, peer: Peer) -> Refusal | None:
-        if len(self._connections) >= MAX_CONNECTIONS:
-            limit, whose = MAX_CONNECTIONS, "in all"
+        most = min(MAX_CONNECTIONS, self._room)
+        if len(self._connections) >= most:
+            limit, whose = most, "in all"
         elif self._per_uid[peer.uid] >= MAX_CONNECTIONS_PER_UID:
             limit, whose = MAX_CONNECTIONS_PER_UID, f"for user {peer.uid}"
         else:

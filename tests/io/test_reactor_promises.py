@@ -67,14 +67,14 @@ class Epoll:
     def __init__(self, world: "Virtual") -> None:
         self._world = world
         self.polls: list[float] = []
+        self.watched: set[int] = set()
 
-    def register(self, _fd: int, _mask: int = 0) -> None:
-        pass
+    def register(self, fd: int, _mask: int = 0) -> None:
+        assert fd not in self.watched
+        self.watched.add(fd)
 
-    modify = register
-
-    def unregister(self, _fd: int) -> None:
-        pass
+    def unregister(self, fd: int) -> None:
+        self.watched.remove(fd)
 
     def close(self) -> None:
         pass
@@ -134,11 +134,13 @@ class Collector:
 
     def __init__(self) -> None:
         self.collected_s: list[float] = []
+        self.calls: list[str] = []
 
     def freeze(self) -> None:
-        pass
+        self.calls.append("freeze")
 
-    thaw = freeze
+    def thaw(self) -> None:
+        self.calls.append("thaw")
 
     def collect(self, now_s: float) -> None:
         self.collected_s.append(now_s)
@@ -210,6 +212,21 @@ def test_a_tick_that_is_late_is_told_by_how_much(world: Virtual) -> None:
     assert world.reactor.tick_cost.worst_s == pytest.approx(1.4 * PERIOD_S)
     assert (world.reactor.ticks, world.reactor.lost_ticks) == (3, 0)
     assert world.reactor.next_tick_s == pytest.approx(first_s + 3 * PERIOD_S)
+
+
+def test_a_late_tick_counts_for_a_while(world: Virtual) -> None:
+    world.at_tick = lambda: world.clock.pass_s(1.4 * PERIOD_S) if len(world.ticks_s) == 2 else None
+    world.run(20)
+    assert world.reactor.late_s == 0.0
+    assert world.reactor.recent_lateness.p99_s() == pytest.approx(0.4 * PERIOD_S)
+
+
+def test_what_is_forgotten_is_not_watched_any_more(world: Virtual) -> None:
+    world.reactor.remove(HANDLED_FD)
+    assert world.epoll.watched == set()
+    world.reactor.remove(HANDLED_FD)
+    world.run(1)
+    assert world.epoll.watched == set()  # neither is the timer
 
 
 def test_ticks_that_are_lost_are_counted(world: Virtual) -> None:
@@ -341,6 +358,7 @@ def test_garbage_is_collected_only_with_half_a_period_left(world: Virtual) -> No
     world.at_tick = lambda: world.clock.pass_s(next(costs) * PERIOD_S)
     world.run(4)
     assert [at_s > world.ticks_s[1] for at_s in world.collector.collected_s] == [False, True]
+    assert world.collector.calls == ["freeze", "thaw"]
 
 
 def test_a_tick_that_fails_is_counted_and_timed_all_the_same(world: Virtual) -> None:

@@ -1,5 +1,6 @@
 """The Unix socket: lines, bounds, fairness and the ends of connections, over real sockets."""
 
+import contextlib
 import json
 import logging
 import os
@@ -137,6 +138,7 @@ def test_a_client_that_does_not_read_is_closed_with_the_reason_and_others_are_se
     loop: Loop,
 ) -> None:
     deaf, other = loop.connect(), loop.connect()
+    loop.until(lambda: loop.server.clients == 2)
     size = MAX_UNSENT_BYTES // 4
     deaf.send(b"".join(line("big", n, size=size) for n in range(12)))
     other.send(line("echo", 1))
@@ -146,6 +148,21 @@ def test_a_client_that_does_not_read_is_closed_with_the_reason_and_others_are_se
     assert last["error"]["data"]["limit"] == MAX_UNSENT_BYTES
     assert loop.service.ended == [loop.service.sessions[0]]
     assert loop.read(other, 1)[0]["id"] == 1
+
+
+def test_what_a_client_that_is_closed_was_sent_are_whole_lines(loop: Loop) -> None:
+    deaf = loop.connect()
+    size = MAX_UNSENT_BYTES // 4
+    deaf.send(b"".join(line("big", n, size=size) for n in range(12)))
+    loop.until(lambda: loop.server.clients == 0 and bool(loop.service.ended))
+    received = bytearray()
+    with contextlib.suppress(ConnectionResetError):
+        while chunk := deaf.recv(1 << 20):
+            received += chunk
+    *answers, last = [json.loads(text) for text in received.splitlines()]
+    assert [answer["id"] for answer in answers] == list(range(len(answers)))
+    assert {len(answer["result"]) for answer in answers} == {size}
+    assert last["error"]["data"]["reason"] == "backlog_full"
 
 
 def test_a_slow_reader_is_congested_until_it_has_read(loop: Loop) -> None:
