@@ -4,6 +4,7 @@ import contextlib
 import json
 import os
 import signal
+import socket
 import statistics
 import subprocess
 import sys
@@ -108,7 +109,8 @@ def flood(running: DaemonProcess, *uids: int, connections: int = 62) -> Iterator
 
 
 def ready_at(client: Client, opening: float) -> None:
-    client.until(lambda state: bool(state["motor"] in ("disabled", "enabled")))
+    known = ("disabled", "enabled", "fault")
+    client.until(lambda state: bool(state["calibrated"] and state["motor"] in known))
     if client.result("state.get")["stop"] is not None:
         client.result("stop.clear")
     assert client.despite_silence("motor.enable")["ok"]
@@ -151,6 +153,25 @@ def test_a_clear_and_a_motion_that_were_sent_before_a_stop_never_undo_it(
                 assert watcher.result("state.get")["stop"] is not None, answers["clear"]
             watcher.until(lambda state: state["mode"] == "holding")
             ready_at(watcher, NEAR_MM)
+
+
+def test_what_lay_unread_in_the_kernel_when_a_stop_came_does_not_undo_it(
+    running: DaemonProcess,
+) -> None:
+    with running.connect() as client, running.connect() as watcher:
+        client.result("state.get")
+        running.process.send_signal(signal.SIGSTOP)
+        try:
+            numbers = [client.send(method) for method in ("stop.clear", "motor.enable")]
+            with socket.socket(socket.AF_UNIX) as stopper:
+                stopper.connect(str(stop_path(running)))
+                stopper.sendall(b"hold\n")
+        finally:
+            running.process.send_signal(signal.SIGCONT)
+        reasons = [client.answer(number)["error"]["data"]["reason"] for number in numbers]
+        assert reasons == ["sent_before_stop"] * 2
+        assert watcher.result("state.get")["stop"] is not None
+        client.result("stop.clear")
 
 
 @pytest.mark.parametrize("ids", [9, 1], ids=["without ids", "half of them with ids"])
