@@ -64,7 +64,9 @@ class StateService:
     def opened(self, peer: Peer, _now_s: float) -> Session:
         return Session(id(peer), peer)
 
-    def handle(self, session: Session, line: bytes, _now_s: float) -> None:
+    def handle(
+        self, session: Session, line: bytes, _now_s: float, _received_s: float | None = None
+    ) -> None:
         session.write(result_line(parse(line).identity, self.state))
 
     @property

@@ -179,13 +179,23 @@ user who may not write there.
 - Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a
   motion that was sent before a stop never runs after it, and a `stop.clear` never clears it. Both
   are refused (`sent_before_stop`): look at the state, and send them again. Without the two
-  parameters a request counts as sent when it is read.
+  parameters a request counts as sent when it was received; what still lay unread in the kernel when
+  a stop came was sent before it. A `stop.clear` behind the client's own stop does clear that.
+- A set-point counts for `valid_s` from `sent_s` on, else from when it was received; when its turn
+  comes later than that, it is refused (`set_point_expired`). Of a connection's set-points without
+  an `id` that wait to be read, only the newest is carried out; what comes behind them is not late.
+- What is still to be read when a client's process or its connection ends is dropped, except stops.
+  A client that only ends its sending side, as `socat` does, is served to the end.
+- Users (by uid) take turns, and then each user's connections: a flood of many connections delays
+  the requests of another user by a few requests only.
+- A request that asks for a `stop` stops in any case, even where it is refused for how it is spelt.
 - `hello` names in `stop_socket` a socket that is served before everything else. Any line there is a
   stop: a level's name, a request `stop` of at most {MAX_STOP_LINE_BYTES} bytes, else a `hold`. The
   answer has the latched `level` and the `generation`.
 - A stop makes an event when it is latched or raised. Every other one takes effect, too, but is only
   counted, in the state's `stop` as `repeats`, which the event `stop_cleared` tells.
-- A client that lets too much wait to be read is closed, with the reason `backlog_full`.
+- A client that lets too much wait to be read is closed, with the reason `backlog_full`: behind the
+  whole lines that were sent to it.
 - A connection that the daemon closes gets a last line first, an error whose `id` is null.
 
 ## Methods

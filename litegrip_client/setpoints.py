@@ -22,7 +22,8 @@ class SetpointStream:
     hold where they are. Each object is for one thread.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
-    without. What the daemon refuses of those is raised by one of the next calls.
+    without. What the daemon refuses of those is raised by one of the next calls, but for one that
+    came too late: the jaws hold until the next one.
     """
 
     def __init__(self, stream: core.SetpointStream) -> None:

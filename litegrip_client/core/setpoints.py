@@ -23,6 +23,8 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
     from litegrip_client.core.wire import Wire
 
 _FRAME_VALID_S = 0.2
+_EXPIRED = "set_point_expired"
+"""A target that came too late, on a busy machine say: the next one takes its place."""
 _CONTACT_TORQUE_NM = 1.0
 """What the jaws press with at most, following set-points, when nothing else is asked for."""
 
@@ -34,7 +36,8 @@ class SetpointStream:
     hold where they are. Each object is for one task.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
-    without. What the daemon refuses of those is raised by one of the next calls.
+    without. What the daemon refuses of those is raised by one of the next calls, but for one that
+    came too late: the jaws hold until the next one.
     """
 
     def __init__(
@@ -84,7 +87,9 @@ class SetpointStream:
             refusal = await wire.take_refusal()
             if refusal is not None:
                 self._wire = self._job = None
+            if refusal is not None and refusal.reason != _EXPIRED:
                 raise refusal
+        if wire is self._wire and paused_s < self._valid_s / 2.0:
             await wire.notify_guarded("stream.set", params)
         else:
             # Also after half of the validity: the job that it began may have ended on its way.

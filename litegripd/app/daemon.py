@@ -19,10 +19,11 @@ from litegripd.app.starting import load_at_start
 from litegripd.app.succession import Succession
 from litegripd.app.supervision import Supervision
 from litegripd.io.child import Child
+from litegripd.io.descriptors import clients_within_limit
 from litegripd.io.helper import Helper
 from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire, give_up_priority
-from litegripd.io.server import Server
+from litegripd.io.server import MAX_CONNECTIONS, Server
 from litegripd.io.signals import Signals
 from litegripd.io.stop_listener import StopListener
 from litegripd.io.teleop_links import TeleopLinks
@@ -42,13 +43,15 @@ these are not there."""
 class Daemon:
     """One channel's daemon; `run` returns after SIGTERM or SIGINT, SIGUSR1 stops the gripper.
 
-    Raises `InUseError` when the channel or the socket belongs to another process.
+    Raises `InUseError` when the channel or the socket belongs to another process, and
+    `TooFewDescriptorsError` where it may not open enough files to hear stops in any case.
     """
 
     def __init__(
         self, config: Config, arguments: Sequence[str] = (), legacy: Legacy | None = None
     ) -> None:
         period_s = 1.0 / config.control.rate_hz
+        room = clients_within_limit(MAX_CONNECTIONS)
         self._config = config
         self._places = occupy_places(config) if legacy is None else legacy.places
         unit = Unit(
@@ -71,8 +74,9 @@ class Daemon:
         self._reactor = Reactor(period_s, self._tick)
         self._urgent = Urgent(period_s)
         self._stop_listener = StopListener(self._urgent, self._places.stops, self._stop)
-        self._server = Server(self._reactor, self._places.requests, self._service)
+        self._server = Server(self._reactor, self._places.requests, self._service, room)
         self._server.let_in(False)
+        self._machine.engine.stop_latch.on_stop = self._server.note_stop
         self._reactor.backlog = self._server
         self._supervision = Supervision(
             self._machine,

@@ -103,7 +103,12 @@ _ENGINE = Carried(
     ),  # the others: `export_jobs`
     lease=_LEASE,
     stop_latch=Carried(
-        StopLatch, latched=Stop | None, generation=int, repeats=int, _latest_s=float
+        StopLatch,
+        left=("on_stop", "_latest_client", "_latest_of_others_s"),  # connections do not go along
+        latched=Stop | None,
+        generation=int,
+        repeats=int,
+        _latest_s=float,
     ),
     calibrated=Carried(
         CalibrationInUse,

@@ -221,11 +221,11 @@ class Motions:
         target: Target,
         owner: Owner,
         *,
-        valid_s: float,
+        valid_until_s: float,
         speed_mm_s: float | None,
         torque_nm: float,
     ) -> Job | Refusal:
-        """Take a set-point of a stream; the first one begins it."""
+        """Take a set-point that counts until a time of CLOCK_MONOTONIC; the first one begins it."""
         engine = self._engine
         running, action = engine.jobs.running, engine.action
         goes_on = running is not None and running.owner.client == owner.client
@@ -240,7 +240,9 @@ class Motions:
         )
         if refusal is not None:
             return refusal
-        point = SetPoint(target.position_rad(geometry), valid_s, geometry.to_rad(speed), torque_nm)
+        point = SetPoint(
+            target.position_rad(geometry), valid_until_s, geometry.to_rad(speed), torque_nm
+        )
         action.set(point)
         return running or engine.begin("stream", action, owner, detached=False)
 

@@ -1,15 +1,21 @@
 """One client's socket: splits what comes into lines, sends what is queued, within bounds."""
 
+import fcntl
 import logging
+import math
 import re
 import select
 import socket
+import struct
+import termios
 import time
 from typing import Protocol
 
 from litegripd.io.reactor import Reactor
 from litegripd.model.errors import Refusal
 from litegripd.rpc.session import Session
+from litegripd.rpc.set_point_line import is_set_point, newest_set_point
+from litegripd.rpc.stop_line import stops_in
 from litegripd.rpc.wire import MAX_LINE_BYTES, error_line
 
 _log = logging.getLogger(__name__)
@@ -17,6 +23,12 @@ _log = logging.getLogger(__name__)
 MAX_UNSENT_BYTES = 262_144
 _LISTEN = select.EPOLLIN | select.EPOLLRDHUP
 _NOT_BLANK = re.compile(rb"\S")
+_INT = struct.Struct("i")
+_NEWLINE = ord("\n")
+_LAST_BYTES = 65_536
+_LAST_READS = 64  # more than any socket's buffer holds
+_OVERTAKEN_AT_ONCE = 64
+"""So many set-points that a newer one has overtaken are left out in one turn."""
 
 _TOO_LONG = Refusal(
     "line_too_long",
@@ -33,8 +45,11 @@ _BACKLOG_FULL = Refusal(
 class Owner(Protocol):
     """The server, as a connection needs it."""
 
-    def take_turn(self, connection: "Connection") -> None:
-        """Serve the connection's lines in its turn."""
+    def take_turn(self, connection: "Connection") -> bool:
+        """Let the connection wait for its turn to read and be served; False if it does already."""
+
+    def serve_last(self, connection: "Connection", line: bytes) -> None:
+        """Serve a line that must not be lost, now."""
 
     def drop(self, connection: "Connection") -> None:
         """Close the connection for good."""
@@ -46,10 +61,11 @@ class Owner(Protocol):
 class Connection:
     """A client that has been let in.
 
-    `line` is the next one that waits for its turn, None where there is none, `received_s` the time
-    (CLOCK_MONOTONIC) at which its end came. A client that closes only its sending side, as `socat`
-    does at the end of its input, still gets the answers that it waits for; a last line without its
-    newline counts as one.
+    `line` is the next one to be served, None where there is none, `received_s` the time
+    (CLOCK_MONOTONIC) by which its end had come, `waits_since_s` when it was noticed that something
+    had. A client that closes only its sending side, as `socat` does at the end of its input, still
+    gets the answers that it waits for; a last line without its newline counts as one. What is left
+    unread of a client that is gone is dropped, but for stops.
     """
 
     def __init__(
@@ -58,25 +74,62 @@ class Connection:
         self.session = session
         self.line: bytes | None = None
         self.received_s = 0.0
+        self.waits_since_s = 0.0
+        self._noticed_s: float | None = None
         self._reactor = reactor
         self._socket = connected
         self._owner = owner
         self._received = b""
+        self._begin = 0  # of `line`
         self._taken = 0
+        self._newest = -1  # where the newest set-point begins
+        self._came_s = 0.0
+        self._unread = 0  # bytes that are known to lie in the kernel, and by when they did
+        self._unread_s = 0.0
         self._unsent = bytearray()
+        self._sent_whole = True
         self._half_closed = False
+        self._heard = True  # whether the loop watches for more to read
 
     def on_event(self, mask: int) -> None:
-        """Read, write or close as the kernel tells."""
-        if mask & select.EPOLLERR:
+        """Wait for a turn to read, write, or close, as the kernel tells."""
+        if mask & (select.EPOLLERR | select.EPOLLHUP):
+            self.forget_unread()
             self._owner.drop(self)
             return
         if mask & select.EPOLLOUT:
             self.flush()
-        if self.line is None and not self._half_closed:
+        if mask & _LISTEN and not self._half_closed:
+            if self._owner.take_turn(self):
+                self._noticed_s = time.monotonic()
+            else:  # told twice: it is heard again when its turn has come
+                self._hear(False)
+
+    @property
+    def has_more(self) -> bool:
+        """Whether there is something to be served, or read, in another turn."""
+        return self.line is not None or self._unread > 0
+
+    def prepare(self) -> bool:
+        """Read where that is due; return whether `line` is to be served now.
+
+        A set-point is not served while a newer one of this connection may have come.
+        """
+        if self.line is None:
             self._read()
-        if mask & select.EPOLLHUP and self.line is None:
-            self._owner.drop(self)  # gone for good; what it sent before, a stop say, is done
+        elif self._may_be_overtaken(self.line):
+            self._read_beyond(self.line, self.received_s)
+        for _ in range(_OVERTAKEN_AT_ONCE):
+            if self.line is None:
+                return False
+            if self._begin >= self._newest or not is_set_point(self.line):
+                return not self._may_be_overtaken(self.line)
+            self.advance()
+        return False
+
+    def hear_again(self) -> None:
+        """Be told by the loop of what comes from now on."""
+        self._hear(True)
 
     def advance(self) -> None:
         """Go on to the next line of what has been received; blank ones do not count."""
@@ -87,13 +140,48 @@ class Connection:
             end = len(self._received)
         self.line = None if end < 0 else self._received[begin:end]
         if end < 0:
-            self._received, self._taken = self._received[begin:], 0
+            self._received, self._begin, self._taken, self._newest = (
+                self._received[begin:],
+                0,
+                0,
+                -1,
+            )
         else:
-            self._taken = end + 1
+            self._begin, self._taken, self.received_s = begin, end + 1, self._came_s
         if len(self._received if self.line is None else self.line) > MAX_LINE_BYTES:
             self._refuse(_TOO_LONG, bytes(self._unsent) + b"".join(self.session.outgoing))
         else:
             self._drop_if_done()
+
+    def note_stop(self, stopped_s: float) -> None:
+        """Count what lies unread in the kernel as received before a stop of `stopped_s`."""
+        if not self._unread:
+            self._note_unread(math.nextafter(stopped_s, -math.inf))
+
+    def forget_unread(self) -> None:
+        """Drop all whole lines that its client has sent until now, but serve the stops among them.
+
+        For a client that is gone: what it wanted it wants no more.
+        """
+        if self.line is not None:
+            self._received = self._received[self._begin :]
+        elif self._taken:
+            self._received = self._received[self._taken :]
+        for _ in range(_LAST_READS):
+            try:
+                chunk = self._socket.recv(_LAST_BYTES)
+            except OSError:  # there is no more, or it is gone
+                break
+            if not chunk:
+                self._half_closed = True
+                break
+            self._received += chunk
+        whole, self._received = self._received, b""
+        if not self._half_closed:  # a forked heir may end the last line
+            whole, _, self._received = whole.rpartition(b"\n")
+        self.line, self._begin, self._taken, self._newest, self._unread = None, 0, 0, -1, 0
+        for line in stops_in(whole):
+            self._owner.serve_last(self, line)
 
     def flush(self) -> None:
         """Send as much as the client takes now; close a client that lets too much wait."""
@@ -112,11 +200,14 @@ class Connection:
         except OSError:
             self._owner.drop(self)  # the client is gone
             return
+        if sent:
+            self._sent_whole = self._unsent[sent - 1] == _NEWLINE
         del self._unsent[:sent]
         self.session.counters.bytes_out += sent
         self.session.congested = bool(self._unsent)
         if len(self._unsent) > MAX_UNSENT_BYTES:
-            self._refuse(_BACKLOG_FULL, b"\n")  # ends the line that was cut off
+            cut_off = 0 if self._sent_whole else self._unsent.find(b"\n") + 1
+            self._refuse(_BACKLOG_FULL, bytes(self._unsent[:cut_off]))
             return
         if self.session.congested != was_congested:
             self._watch()
@@ -127,23 +218,59 @@ class Connection:
         self._reactor.remove(self._socket.fileno())
         self._socket.close()
 
+    def _may_be_overtaken(self, line: bytes) -> bool:
+        """Whether `line` is a set-point, the last of what is read, and more is to be read."""
+        is_last = self._unread > 0 and self._received.find(b"\n", self._taken) < 0
+        has_room = len(self._received) - self._begin <= MAX_LINE_BYTES
+        return is_last and has_room and is_set_point(line)
+
+    def _read_beyond(self, line: bytes, received_s: float) -> None:
+        """Read what comes behind a set-point; it stays as old as it was."""
+        self._received = self._received[self._begin :]
+        self._taken = 0
+        self._read()
+        if self.line == line:
+            self.received_s = received_s
+
     def _read(self) -> None:
+        if not self._half_closed:
+            self._receive()
+        self.advance()
+
+    def _receive(self) -> None:
+        known = self._unread
+        most = min(known or MAX_LINE_BYTES + 1, MAX_LINE_BYTES + 1)
         try:
-            received = self._socket.recv(MAX_LINE_BYTES + 1)
+            received = self._socket.recv(most)
         except BlockingIOError:
+            self._unread = 0
             return
         except OSError:
-            self._owner.drop(self)
-            return
-        self._received += received
-        self.received_s = time.monotonic()  # of all its lines: there is no reading while one waits
+            received = b""
+        now_s = time.monotonic()
+        self.waits_since_s = now_s if self._noticed_s is None else self._noticed_s
+        self._noticed_s = None
+        self._came_s = self._unread_s if known else now_s
+        self._unread = max(known - len(received), 0) if received else 0
+        if not known and len(received) == most:
+            self._note_unread(now_s)
         self.session.counters.bytes_in += len(received)
         if not received:
             self._half_closed = True
             self._watch()
-        self.advance()
-        if self.line is not None:
-            self._owner.take_turn(self)
+        self._received += received
+        self._newest = newest_set_point(self._received, self._taken)
+
+    def _note_unread(self, by_s: float) -> None:
+        """Note that all that lies unread in the kernel has come by a time."""
+        answer = fcntl.ioctl(self._socket.fileno(), termios.FIONREAD, bytes(_INT.size))
+        (self._unread,) = _INT.unpack(answer)
+        self._unread_s = by_s
+
+    def _hear(self, hears: bool) -> None:
+        if hears != self._heard:
+            self._heard = hears
+            self._watch()
 
     def _drop_if_done(self) -> None:
         """Close a half-closed connection once nothing is left to be done or told."""
@@ -165,7 +292,7 @@ class Connection:
         self._owner.drop(self)
 
     def _watch(self) -> None:
-        mask = 0 if self._half_closed else _LISTEN
+        mask = _LISTEN if self._heard and not self._half_closed else 0
         if self.session.congested:
             mask |= select.EPOLLOUT
         self._reactor.modify(self._socket.fileno(), mask)

@@ -19,6 +19,8 @@ from litegripd.io.timerfd import PeriodicTimer
 _log = logging.getLogger(__name__)
 
 REQUEST_SHARE = 0.5  # of each period
+SPARE_SHARE = 0.25
+"""Of each period: so much longer light requests are served once a flood has used up its share."""
 GUARD_S = 150e-6  # no request starts closer than this to the next tick
 _EVENTS_PER_POLL = 16
 RECENT_S = 30.0
@@ -44,6 +46,13 @@ class Backlog(Protocol):
 
     def serve(self, until_s: float) -> None:
         """Answer some of it by `until_s`; it is called again while there is time."""
+
+    @property
+    def pending_light(self) -> bool:
+        """Whether anything is left of who has used little time."""
+
+    def serve_light(self, until_s: float) -> None:
+        """Answer some of that by `until_s`, though the share of all requests is used up."""
 
 
 class Reactor:
@@ -127,7 +136,7 @@ class Reactor:
     def _run_period(self, timer: PeriodicTimer) -> None:
         """Wait for a tick while serving requests, then do the tick."""
         latest_s = self._latest_s(timer.next_due_s - GUARD_S)
-        if self._serve_until(latest_s, timer.fileno()):
+        if self._serve_until(latest_s, timer.fileno(), is_late=latest_s > timer.next_due_s):
             self.budget_exhausted += 1
         fired = timer.wait()
         now_s = time.monotonic()
@@ -159,14 +168,19 @@ class Reactor:
             return now_s + self.period_s * REQUEST_SHARE
         return latest_s
 
-    def _serve_until(self, latest_s: float, timer_fd: int) -> bool:
-        """Serve until the timer fires or the share is used up; tell whether it was used up."""
+    def _serve_until(self, latest_s: float, timer_fd: int, *, is_late: bool) -> bool:
+        """Serve until the timer fires or the share is used up; tell whether it was used up.
+
+        Those who have used little time are served beyond that, as long as there is spare time.
+        With `is_late` what waits is served until `latest_s` although the timer has fired.
+        """
         left_s = self.period_s * REQUEST_SHARE
-        while self._running:
-            pending = self.backlog is not None and self.backlog.pending
-            events = self._epoll.poll(0 if pending else -1, _EVENTS_PER_POLL)
+        spare_s = self.period_s * SPARE_SHARE
+        while self._running and left_s + spare_s > 0.0:
+            is_spare = left_s <= 0.0
+            events = self._epoll.poll(0 if self._is_pending(is_spare) else -1, _EVENTS_PER_POLL)
             started_s = time.monotonic()
-            until_s = min(started_s + left_s, latest_s)
+            until_s = min(started_s + (spare_s if is_spare else left_s), latest_s)
             is_due = False
             for fd, mask in events:
                 if fd == timer_fd:
@@ -175,22 +189,30 @@ class Reactor:
                 if time.monotonic() >= until_s:
                     break
                 self._dispatch(fd, mask)
-            self._serve_backlog(until_s)
+            self._serve_backlog(until_s, is_spare)
             ended_s = time.monotonic()
-            if is_due:
-                return False
-            left_s -= ended_s - started_s
-            if left_s <= 0.0:
-                return True
-            if ended_s >= latest_s:
-                return False
-        return False
+            if is_spare:
+                spare_s -= ended_s - started_s
+            else:
+                left_s = max(left_s - (ended_s - started_s), 0.0)
+            is_over = is_due and not (is_late and self._is_pending(is_spare))
+            if is_over or ended_s >= latest_s:
+                break
+        return left_s <= 0.0
 
-    def _serve_backlog(self, until_s: float) -> None:
+    def _is_pending(self, is_spare: bool) -> bool:
+        if self.backlog is None:
+            return False
+        return self.backlog.pending_light if is_spare else self.backlog.pending
+
+    def _serve_backlog(self, until_s: float, is_spare: bool) -> None:
         if self.backlog is None:
             return
         try:
-            self.backlog.serve(until_s)
+            if is_spare:
+                self.backlog.serve_light(until_s)
+            else:
+                self.backlog.serve(until_s)
         except Exception:  # noqa: BLE001 - the loop outlives any defect above it
             self.backlog_errors += 1
             if self.backlog_errors == 1:

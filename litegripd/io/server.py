@@ -1,8 +1,8 @@
 """The Unix socket at which clients speak JSON-RPC: bytes in and out, fairly, without waiting.
 
-It knows lines and bounds, not methods: every line goes to the `Service`. One line of each
-connection is served per turn; a connection whose lines are still waiting is not read further,
-so that a flood waits in the kernel.
+It knows lines and bounds, not methods: every line goes to the `Service`. Users take turns, and then
+each user's connections; a turn is for one line. A connection whose lines are still waiting is not
+read further, so that a flood waits in the kernel; only a newer set-point overtakes older ones.
 """
 
 import logging
@@ -16,8 +16,9 @@ from litegripd.io.listener import LISTEN_BACKLOG
 from litegripd.io.peer import peer_of
 from litegripd.io.process_watch import ProcessWatch
 from litegripd.io.reactor import Reactor
+from litegripd.io.turns import Turns
 from litegripd.model.errors import Refusal
-from litegripd.rpc.session import Peer, Service, Session
+from litegripd.rpc.session import Peer, Service
 from litegripd.rpc.wire import error_line
 
 _log = logging.getLogger(__name__)
@@ -25,17 +26,28 @@ _log = logging.getLogger(__name__)
 MAX_CONNECTIONS = 256
 MAX_CONNECTIONS_PER_UID = 64
 
-_STEPS_AT_ONCE = 16  # lines, samples and flushes
+_NOBODY = -1  # as a user: samples are charged to nobody
+_STEPS_AT_ONCE = 4  # lines, samples and flushes
 _COST_PER_LINE_S = 60e-6
 _COST_PER_BYTE_S = 65e-9  # parsing 64 KiB takes about 4 ms
 _COST_SHARE_AT_MOST = 0.4  # of a period; less than the share that all requests have of it
 
 
 class Server:
-    """Accepts clients on a bound socket and passes their lines to `service`."""
+    """Accepts clients on a bound socket and passes their lines to `service`.
 
-    def __init__(self, reactor: Reactor, listener: socket.socket, service: Service) -> None:
+    `room` is for how many there are descriptors, where that is less than `MAX_CONNECTIONS`.
+    """
+
+    def __init__(
+        self,
+        reactor: Reactor,
+        listener: socket.socket,
+        service: Service,
+        room: int = MAX_CONNECTIONS,
+    ) -> None:
         self.requests = 0
+        self._room = room
         self.refused_connections = 0
         self._reactor = reactor
         self._listener = listener
@@ -43,7 +55,8 @@ class Server:
         self._connections: dict[int, Connection] = {}
         self._per_uid: Counter[int] = Counter()
         self._watches: dict[int, ProcessWatch] = {}
-        self._turns: deque[Connection] = deque()
+        self._turns = Turns(reactor.period_s)
+        self._ticks = reactor.ticks
         self._dirty: deque[Connection] = deque()
         self._samples_turn = False
         listener.setblocking(False)
@@ -61,6 +74,11 @@ class Server:
         return bool(self._turns or self._dirty) or self._service.pending
 
     @property
+    def pending_light(self) -> bool:
+        """Whether a line of a user waits who has used little time of late, or what it is told."""
+        return bool(self._dirty) or self._turns.has_light
+
+    @property
     def is_open(self) -> bool:
         """Whether new clients are heard."""
         return self._reactor.serves(self._listener.fileno())
@@ -71,28 +89,66 @@ class Server:
         return bool(self._turns)
 
     def serve(self, until_s: float) -> None:
-        """Send what waits and serve one line of each connection in turn, while there is time.
+        """Send what waits and serve lines in turn, while there is time.
 
         Samples and lines take turns, so that neither can starve the other. A long line that
         would end in the next tick waits for the begin of a period. After a few steps it returns:
         the loop has to see who else has sent something, or a newcomer would have to wait until
         a flood has used up the whole share.
         """
+        self._serve(until_s, light_only=False)
+
+    def serve_light(self, until_s: float) -> None:
+        """Serve lines of those who have used little time of late, and send what waits."""
+        self._serve(until_s, light_only=True)
+
+    def _serve(self, until_s: float, *, light_only: bool) -> None:
+        if self._ticks != self._reactor.ticks:
+            self._turns.next_period(self._reactor.ticks - self._ticks)
+            self._ticks = self._reactor.ticks
         now_s = time.monotonic()
         for _ in range(_STEPS_AT_ONCE):
             if now_s >= until_s:
                 return
-            if self._dirty:
-                self._dirty.popleft().flush()
-            elif self._service.pending and (self._samples_turn or not self._turns):
-                self._samples_turn = False
-                self._service.send_one()
-            elif self._turns and now_s + self._cost_s(self._turns[0]) <= until_s:
-                self._samples_turn = True
-                self._serve_line(self._turns.popleft(), now_s)
-            else:
+            uid = self._step(now_s, until_s, light_only)
+            if uid is None:
                 return
-            now_s = time.monotonic()
+            began_s, now_s = now_s, time.monotonic()
+            self._turns.charge(uid, now_s - began_s)
+
+    def _step(self, now_s: float, until_s: float, light_only: bool) -> int | None:
+        """Do what is next; return the user for whom, None where there is nothing to do in time."""
+        if self._dirty:
+            connection = self._dirty.popleft()
+            connection.flush()
+            return connection.session.peer.uid
+        is_samples_turn = self._samples_turn or not self._turns
+        if not light_only and self._service.pending and is_samples_turn:
+            self._samples_turn = False
+            self._service.send_one()
+            return _NOBODY
+        for connection in self._turns.heads(light_only=light_only):
+            if self._take_turn(connection, now_s, until_s):
+                self._samples_turn = True
+                return connection.session.peer.uid
+        return None
+
+    def _take_turn(self, connection: Connection, now_s: float, until_s: float) -> bool:
+        """Read, and serve a line; return False, with nothing done, where that would take long."""
+        is_ready = connection.prepare()
+        if is_ready and now_s + self._cost_s(connection) > until_s:
+            return False
+        try:
+            if is_ready:
+                self._serve_line(connection, now_s)
+        finally:
+            if connection in self._turns:  # else it was dropped
+                if connection.has_more:
+                    self._turns.postpone(connection)
+                else:
+                    self._turns.remove(connection)
+                    connection.hear_again()
+        return True
 
     def flush(self) -> None:
         """Send all that waits to be sent, as far as the clients take it."""
@@ -109,13 +165,11 @@ class Server:
         session = connection.session
         waiting = session.unanswered
         try:
-            self._service.handle(session, line, now_s)
+            self._service.handle(session, line, now_s, connection.received_s)
             if session.unanswered <= waiting:
-                session.counters.note_latency(time.monotonic() - connection.received_s)
+                session.counters.note_latency(time.monotonic() - connection.waits_since_s)
         finally:
             connection.advance()
-            if connection.line is not None:
-                self._turns.append(connection)
 
     def _cost_s(self, connection: Connection) -> float:
         """Estimate what the connection's line takes; a fresh period has room for any."""
@@ -140,9 +194,9 @@ class Server:
             return
         self._per_uid[connection.session.peer.uid] -= 1
         connection.line = None
-        for queue in (self._turns, self._dirty):
-            if connection in queue:
-                queue.remove(connection)
+        self._turns.remove(connection)
+        if connection in self._dirty:
+            self._dirty.remove(connection)
         connection.close()
         connection.session.on_write = None
         watch = self._watches.pop(connection.session.identity, None)
@@ -168,9 +222,23 @@ class Server:
         for connection in list(self._connections.values()):
             self.drop(connection)
 
-    def take_turn(self, connection: Connection) -> None:
-        """Put a connection that has lines into the row, once."""
-        self._turns.append(connection)
+    def note_stop(self, stopped_s: float) -> None:
+        """Count all that clients have sent until now as received before a stop of `stopped_s`."""
+        for connection in self._connections.values():
+            connection.note_stop(stopped_s)
+
+    def take_turn(self, connection: Connection) -> bool:
+        """Let a connection wait for its turn to read and be served; False if it does already."""
+        if connection in self._turns:
+            return False
+        self._turns.add(connection)
+        return True
+
+    def serve_last(self, connection: Connection, line: bytes) -> None:
+        """Serve a line that a client has left behind."""
+        self.requests += 1
+        now_s = time.monotonic()
+        self._service.handle(connection.session, line, now_s, now_s)
 
     def is_idle(self, connection: Connection) -> bool:
         """Whether a client that sends nothing more has nothing more to receive."""
@@ -193,16 +261,19 @@ class Server:
         session.on_write = lambda: self._dirty.append(connection)
         self._connections[session.identity] = connection
         self._per_uid[peer.uid] += 1
-        self._watch_process(session)
+        self._watch_process(connection)
         try:
             self._reactor.add(accepted.fileno(), connection, select.EPOLLIN | select.EPOLLRDHUP)
         except OSError as error:  # the user's epoll watches are used up
             _log.error("a client cannot be served: %s", error)
             self.drop(connection)
 
-    def _watch_process(self, session: Session) -> None:
+    def _watch_process(self, connection: Connection) -> None:
+        session = connection.session
+
         def ended() -> None:
             self._watches.pop(session.identity, None)
+            connection.forget_unread()
             self._service.process_ended(session, time.monotonic())
 
         try:
@@ -213,8 +284,9 @@ class Server:
             self._watches[session.identity] = watch
 
     def _refusal(self, peer: Peer) -> Refusal | None:
-        if len(self._connections) >= MAX_CONNECTIONS:
-            limit, whose = MAX_CONNECTIONS, "in all"
+        most = min(MAX_CONNECTIONS, self._room)
+        if len(self._connections) >= most:
+            limit, whose = most, "in all"
         elif self._per_uid[peer.uid] >= MAX_CONNECTIONS_PER_UID:
             limit, whose = MAX_CONNECTIONS_PER_UID, f"for user {peer.uid}"
         else:

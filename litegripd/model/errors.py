@@ -196,6 +196,14 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "A trajectory is being recorded or replayed.",
     ),
     ErrorKind(
+        "set_point_expired",
+        -32040,
+        "CommandError",
+        4,
+        False,
+        "A set-point was older than it counts for when its turn came.",
+    ),
+    ErrorKind(
         "teleop_busy",
         -32050,
         "TeleopBusyError",

@@ -17,12 +17,13 @@ def is_detached(params: Mapping[str, Any]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Call:
-    """One request whose parameters have been checked."""
+    """One request whose parameters have been checked; `received_s` is when its line came."""
 
     session: Session
     owner: Owner
     params: Mapping[str, Any]
     now_s: float
+    received_s: float
 
     @property
     def detached(self) -> bool:

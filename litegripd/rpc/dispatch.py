@@ -31,6 +31,8 @@ class Dispatch:
         owner: Owner,
         params: Mapping[str, Any],
         now_s: float,
+        *,
+        received_s: float,
     ) -> Answer:
         """Carry out a request that has been checked and is allowed."""
         key = params.get("key")
@@ -40,7 +42,9 @@ class Dispatch:
             return _repeated(known, kind, str(key))
 
         def begin() -> Answer:
-            return self._handlers.call(method.name, session, owner, params, now_s)
+            return self._handlers.call(
+                method.name, session, owner, params, now_s, received_s=received_s
+            )
 
         running, if_busy = self._engine.jobs.running, params.get("if_busy", "reject")
         if running is not None and if_busy == "replace" and _is_own(running, owner):

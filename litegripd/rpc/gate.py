@@ -20,11 +20,17 @@ class Gate:
         self._tokens = tokens
 
     def admit(
-        self, session: Session, request: Request, method: Method, now_s: float
+        self,
+        session: Session,
+        request: Request,
+        method: Method,
+        now_s: float,
+        received_s: float,
     ) -> Owner | Refusal:
         """Return on whose behalf a request is to be carried out, or why it is not."""
         self._engine.lease.renew(session.identity, now_s)
-        refusal = _malformed(session, request, method) or self._void(request, method)
+        refusal = _malformed(session, request, method)
+        refusal = refusal or self._void(session, request, method, received_s)
         if refusal is not None:
             return refusal
         peer, token = session.peer, request.params.get("lease")
@@ -34,13 +40,17 @@ class Gate:
         owner = Owner(session.identity, peer.pid, peer.uid, session.name, grant)
         return self._forbidden(session, method, owner) or owner
 
-    def _void(self, request: Request, method: Method) -> Refusal | None:
-        """Say that a request was sent before the latest stop, if so."""
+    def _void(
+        self, session: Session, request: Request, method: Method, received_s: float
+    ) -> Refusal | None:
+        """Return a refusal if a request was sent, or received, before the latest stop."""
         if not method.stop_voids:
             return None
         params = request.params
         latch = self._engine.stop_latch
-        return latch.refusal_of_sent(params.get("stop_generation"), params.get("sent_s"))
+        return latch.refusal_of_sent(
+            params.get("stop_generation"), params.get("sent_s"), received_s, session.identity
+        )
 
     def _forbidden(self, session: Session, method: Method, owner: Owner) -> Refusal | None:
         """Say what the daemon's end, the sender's role or somebody's lease forbids."""

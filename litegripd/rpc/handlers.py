@@ -25,6 +25,8 @@ class Handlers:
         owner: Owner,
         params: Mapping[str, Any],
         now_s: float,
+        *,
+        received_s: float,
     ) -> Answer:
         """Carry out a request whose parameters have been checked."""
-        return self._functions[method](Call(session, owner, params, now_s))
+        return self._functions[method](Call(session, owner, params, now_s, received_s))

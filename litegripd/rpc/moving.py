@@ -122,10 +122,14 @@ class Moving:
         target = _target("stream.set", call.params)
         if isinstance(target, Refusal):
             return target
+        valid_s = call.params.get("valid_s", DEFAULT_VALID_S)
+        since_s = min(call.params.get("sent_s", call.received_s), call.received_s)
+        if call.now_s >= since_s + valid_s:
+            return _expired(call.now_s - since_s, valid_s)
         job = self._motions.stream(
             target,
             call.owner,
-            valid_s=call.params.get("valid_s", DEFAULT_VALID_S),
+            valid_until_s=since_s + valid_s,
             speed_mm_s=call.params.get("speed_mm_s"),
             torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
         )
@@ -168,6 +172,15 @@ def _target(method: str, params: Mapping[str, Any]) -> Target | Refusal:
         text = f"{method} takes exactly one of {', '.join(QUANTITIES)}"
         return Refusal("invalid_params", text, {"parameter": (given or QUANTITIES)[0]})
     return Target(given[0], float(params[given[0]]))
+
+
+def _expired(age_s: float, valid_s: float) -> Refusal:
+    return Refusal(
+        "set_point_expired",
+        f"the set-point is {age_s:.3f} s old and counts for {valid_s:g} s: the jaws do not follow"
+        " it; send newer ones, or a larger valid_s",
+        {"age_s": round(age_s, 6), "limit": valid_s},
+    )
 
 
 def _grasp_refusal(params: Mapping[str, Any]) -> Refusal | None:

@@ -101,7 +101,8 @@ _SET_FORCE = Method(
 _STREAM = Method(
     "stream.set",
     "Go towards a set-point; the latest wins. It may be sent without an id, up to 200 times a"
-    " second. When none comes in time, the jaws hold where they are.",
+    " second. When none comes in time, the jaws hold where they are. It counts from sent_s, else"
+    " from when it was received.",
     "The number of the stream's job.",
     (
         *target_params(),

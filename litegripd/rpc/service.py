@@ -31,6 +31,7 @@ from litegripd.rpc.reporter import Reporter
 from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
 from litegripd.rpc.session import Peer, Role, Session
 from litegripd.rpc.settings import Settings
+from litegripd.rpc.stop_line import asked_stop
 from litegripd.rpc.subscriptions import Subscriptions
 from litegripd.rpc.teleoperating import Teleoperating
 from litegripd.rpc.trajectories import TrajectoryMethods
@@ -125,16 +126,24 @@ class RpcService:
         """Whether nothing will be sent to `session` that it has not asked for anew."""
         return not session.unanswered and not session.subscriptions
 
-    def handle(self, session: Session, line: bytes, now_s: float) -> None:
-        """Answer one line, at once or when the motion that it asked for has ended."""
+    def handle(
+        self, session: Session, line: bytes, now_s: float, received_s: float | None = None
+    ) -> None:
+        """Answer one line, at once or when the motion that it asked for has ended.
+
+        `received_s` is when the line came; by default that is now. What came before a stop does not
+        run after it.
+        """
         self._now_s = now_s
+        came_s = now_s if received_s is None else min(received_s, now_s)
         session.counters.requests += 1
         request = parse(line)
         try:
             if isinstance(request, BadRequest):
-                self._refuse(session, request.identity, request.refusal)
+                refusal = self._stop_all_the_same(session, line, request.refusal, now_s)
+                self._refuse(session, request.identity, refusal)
             else:
-                self._call(session, request, now_s)
+                self._call(session, request, line, now_s, came_s)
         except Exception as error:  # noqa: BLE001 - no request ends the daemon
             self._refuse(session, request.identity, defect("the request", error))
         self._collect_events(now_s)
@@ -183,19 +192,22 @@ class RpcService:
 
     # Inside ---------------------------------------------------------------------------------------
 
-    def _call(self, session: Session, request: Request, now_s: float) -> None:
+    def _call(
+        self, session: Session, request: Request, line: bytes, now_s: float, received_s: float
+    ) -> None:
         method = BY_NAME.get(request.method)
         if method is None:
             text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
             self._refuse(session, request.identity, Refusal("unknown_method", text))
             return
-        owner = self._gate.admit(session, request, method, now_s)
+        owner = self._gate.admit(session, request, method, now_s, received_s)
         if isinstance(owner, Refusal):
-            if method.name == "stop":  # whoever asks for a stop gets one, however it is spelt
-                owner = self._stop_all_the_same(session, owner, now_s)
+            owner = self._stop_all_the_same(session, line, owner, now_s)
             self._turn_down(session, request, method, owner)
             return
-        answer = self._dispatch.carry_out(method, session, owner, request.params, now_s)
+        answer = self._dispatch.carry_out(
+            method, session, owner, request.params, now_s, received_s=received_s
+        )
         if method.may_notify and request.identity is None:
             refusal = answer if isinstance(answer, Refusal) else None
             self._turn_down(session, request, method, refusal)
@@ -229,12 +241,20 @@ class RpcService:
         else:
             session.write(result_line(request.identity, encode({"job": job.number})))
 
-    def _stop_all_the_same(self, session: Session, refusal: Refusal, now_s: float) -> Refusal:
+    def _stop_all_the_same(
+        self, session: Session, line: bytes, refusal: Refusal, now_s: float
+    ) -> Refusal:
+        """Stop if a line that is refused asks for it, however it is spelt; return the refusal."""
+        asked = asked_stop(line)
+        if asked is None:
+            return refusal
         peer = session.peer
         owner = Owner(session.identity, peer.pid, peer.uid, session.name)
-        self._engine.stop("hold", owner, "a stop request that was not understood", now_s)
+        why = asked.why or "a stop request that was not understood"
+        self._engine.stop(asked.level, owner, why, now_s)
         self.reporter.refresh()
-        return replace(refusal, message=f"{refusal.message}; stopped (hold) all the same")
+        text = f"{refusal.message}; stopped ({asked.level}) all the same"
+        return replace(refusal, message=text)
 
     def _refuse(self, session: Session, identity: RequestId, refusal: Refusal) -> None:
         session.counters.refused += 1

@@ -73,8 +73,10 @@ class Service(Protocol):
     def opened(self, peer: Peer, now_s: float) -> Session:
         """Begin a session for a new connection."""
 
-    def handle(self, session: Session, line: bytes, now_s: float) -> None:
-        """Take one request line, without its newline."""
+    def handle(
+        self, session: Session, line: bytes, now_s: float, received_s: float | None = None
+    ) -> None:
+        """Take one request line, without its newline; `received_s`: when it came, if not now."""
 
     @property
     def pending(self) -> bool:

@@ -156,6 +156,18 @@ def test_a_refusal_of_a_later_one_is_raised_and_the_next_is_answered_again(
     assert jobs == [11, 12]
 
 
+def test_a_target_that_came_too_late_raises_nothing_and_the_next_is_answered(
+    daemon: FakeDaemon, gripper: LiteGrip, clock: Clock
+) -> None:
+    data = {"reason": "set_point_expired", "retryable": False}
+    refuse_notifications(daemon, {"message": "too late", "data": data})
+    with gripper.stream() as stream:
+        ends_s = time.monotonic() + DEADLINE_S
+        while sum(request.identity is not None for request in sent(daemon)) < 3:
+            stream.set_target(10.0)
+            assert time.monotonic() < ends_s
+
+
 def test_after_a_stop_what_is_sent_next_knows_of_it(
     daemon: FakeDaemon, gripper: LiteGrip, clock: Clock
 ) -> None:

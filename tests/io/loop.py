@@ -21,12 +21,15 @@ DEADLINE_S = 20.0
 class EchoService:
     """Answers `echo` with the request's parameters, `later` when `finish` is called.
 
+    What has no id is not answered.
+
     `big` answers with as many bytes as asked for; `fail` raises, which no real service does.
     """
 
     def __init__(self) -> None:
         self.sessions: list[Session] = []
         self.lines: list[bytes] = []
+        self.received_s: list[float] = []
         self.served: list[Session] = []
         self.ended: list[Session] = []
         self.orphans: list[Session] = []
@@ -38,7 +41,10 @@ class EchoService:
         self.sessions.append(Session(len(self.sessions) + 1, peer))
         return self.sessions[-1]
 
-    def handle(self, session: Session, line: bytes, _now_s: float) -> None:
+    def handle(
+        self, session: Session, line: bytes, now_s: float, received_s: float | None = None
+    ) -> None:
+        self.received_s.append(now_s if received_s is None else received_s)
         self.lines.append(line)
         self.served.append(session)
         request = parse(line)
@@ -51,7 +57,7 @@ class EchoService:
             self.waiting.append((session, request.identity))
         elif request.method == "big":
             session.write(result_line(request.identity, encode("x" * request.params["size"])))
-        else:
+        elif request.identity is not None:
             session.write(result_line(request.identity, encode(dict(request.params))))
 
     def finish(self) -> None:

@@ -50,9 +50,9 @@ def test_the_latency_counts_from_the_end_of_the_line_until_it_is_answered(
     passed_s = 0.0
     handle, began_s = loop.service.handle, time.monotonic()
 
-    def slow(session: Session, text: bytes, now_s: float) -> None:
+    def slow(session: Session, text: bytes, now_s: float, received_s: float | None) -> None:
         nonlocal passed_s
-        handle(session, text, now_s)
+        handle(session, text, now_s, received_s)
         passed_s = 5.0
 
     clock = SimpleNamespace(monotonic=lambda: time.monotonic() + passed_s)

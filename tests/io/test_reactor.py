@@ -21,6 +21,7 @@ class Greedy:
 
     def __init__(self) -> None:
         self.pending = True
+        self.pending_light = False
         self.used_s = 0.0
         self.ends: list[float] = []
 
@@ -31,14 +32,19 @@ class Greedy:
         self.ends.append(until_s)
         self.used_s += time.monotonic() - began_s
 
+    def serve_light(self, until_s: float) -> None:
+        assert not self.pending_light, until_s
+
 
 class Failing:
     """A backlog with a defect."""
 
-    pending = True
+    pending = pending_light = True
 
     def serve(self, until_s: float) -> None:
         raise ZeroDivisionError("a defect")
+
+    serve_light = serve
 
 
 class Pipe:

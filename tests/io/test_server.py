@@ -1,5 +1,6 @@
 """The Unix socket: lines, bounds, fairness and the ends of connections, over real sockets."""
 
+import contextlib
 import json
 import logging
 import os
@@ -119,10 +120,12 @@ def test_who_comes_while_a_flood_is_served_waits_for_a_few_of_its_lines_only(
     loop.until(lambda: loop.server.clients == 2)
     served, handle = loop.service.served, loop.service.handle
 
-    def handle_and_be_asked(session: Session, text: bytes, now_s: float) -> None:
+    def handle_and_be_asked(
+        session: Session, text: bytes, now_s: float, received_s: float | None
+    ) -> None:
         if len(served) == 10:
             newcomer.send(line("echo", 2))
-        handle(session, text, now_s)
+        handle(session, text, now_s, received_s)
 
     monkeypatch.setattr(loop.service, "handle", handle_and_be_asked)
     flooder.send(line("echo", 1) * 150)
@@ -135,6 +138,7 @@ def test_a_client_that_does_not_read_is_closed_with_the_reason_and_others_are_se
     loop: Loop,
 ) -> None:
     deaf, other = loop.connect(), loop.connect()
+    loop.until(lambda: loop.server.clients == 2)
     size = MAX_UNSENT_BYTES // 4
     deaf.send(b"".join(line("big", n, size=size) for n in range(12)))
     other.send(line("echo", 1))
@@ -144,6 +148,21 @@ def test_a_client_that_does_not_read_is_closed_with_the_reason_and_others_are_se
     assert last["error"]["data"]["limit"] == MAX_UNSENT_BYTES
     assert loop.service.ended == [loop.service.sessions[0]]
     assert loop.read(other, 1)[0]["id"] == 1
+
+
+def test_what_a_client_that_is_closed_was_sent_are_whole_lines(loop: Loop) -> None:
+    deaf = loop.connect()
+    size = MAX_UNSENT_BYTES // 4
+    deaf.send(b"".join(line("big", n, size=size) for n in range(12)))
+    loop.until(lambda: loop.server.clients == 0 and bool(loop.service.ended))
+    received = bytearray()
+    with contextlib.suppress(ConnectionResetError):
+        while chunk := deaf.recv(1 << 20):
+            received += chunk
+    *answers, last = [json.loads(text) for text in received.splitlines()]
+    assert [answer["id"] for answer in answers] == list(range(len(answers)))
+    assert {len(answer["result"]) for answer in answers} == {size}
+    assert last["error"]["data"]["reason"] == "backlog_full"
 
 
 def test_a_slow_reader_is_congested_until_it_has_read(loop: Loop) -> None:
@@ -189,12 +208,12 @@ def test_a_half_closed_subscriber_stays(loop: Loop) -> None:
     loop.until(lambda: loop.server.clients == 0)
 
 
-def test_what_was_sent_just_before_the_end_of_a_client_is_served(loop: Loop) -> None:
+def test_a_stop_that_was_sent_just_before_the_end_of_a_client_is_served(loop: Loop) -> None:
     client = loop.connect()
-    client.send(line("echo", 1, stop=True))
+    client.send(line("stop", 1))
     client.close()
     loop.until(lambda: bool(loop.service.ended))
-    assert loop.service.lines == [line("echo", 1, stop=True)[:-1]]
+    assert loop.service.lines == [line("stop", 1)[:-1]]
     assert loop.server.clients == 0
 
 

@@ -136,7 +136,8 @@ LINES: dict[bytes, StopLine] = {
     b'{"jsonrpc":"2.0","id":"a","method":"state.get"}': StopLine(
         "hold", '{"jsonrpc":"2.0","id":"a","method":"state.get"}', "a"
     ),
-    b'{"id":5,"method":"stop"}': StopLine("hold", '{"id":5,"method":"stop"}', 5),
+    b'{"id":5,"method":"stop"}': StopLine("hold", None, 5),
+    b'{"id":5,"method":"stop","params":{"level":"disable"}}': StopLine("disable", None, 5),
     b"[" * 1000: StopLine("hold", "[" * 80),
 }
 

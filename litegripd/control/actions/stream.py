@@ -17,10 +17,10 @@ from litegripd.model.results import StreamResult
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """Where the jaws shall be, for how long this counts, and how they go there."""
+    """Where the jaws shall be, until when (CLOCK_MONOTONIC) this counts, how they go there."""
 
     position_rad: float
-    valid_s: float
+    valid_until_s: float
     speed_rad_s: float
     torque_nm: float
 
@@ -32,15 +32,13 @@ class Stream(PlainAction):
         self._gains = gains
         self._period_s = period_s
         self._point: SetPoint | None = None
-        self._is_new = False
-        self._valid_until_s = 0.0
         self._set_points = 0
         self._reference: tuple[float, float] | None = None
         self._rest: Hold | None = None
 
     def set(self, point: SetPoint) -> None:
         """Follow another set-point from the next tick on."""
-        self._point, self._is_new = point, True
+        self._point = point
         self._set_points += 1
 
     def step(self, now_s: float, motor: MotorView) -> Step:
@@ -48,10 +46,7 @@ class Stream(PlainAction):
         feedback, point = motor.feedback, self._point
         if feedback is None or point is None:
             return Step()
-        if self._is_new:
-            self._is_new = False
-            self._valid_until_s = now_s + point.valid_s
-        if now_s >= self._valid_until_s:
+        if now_s >= point.valid_until_s:
             return Step(outcome=StreamResult(self._set_points))
         gains, lead_rad = budgeted(point.torque_nm, point.speed_rad_s, self._gains, self._period_s)
         was_s, was_rad = self._reference or (now_s, feedback.position_rad)
