@@ -24,6 +24,7 @@ from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import Server
 from litegripd.io.signals import Signals
+from litegripd.io.spawner import Spawner
 from litegripd.io.stop_listener import StopListener
 from litegripd.io.teleop_links import TeleopLinks
 from litegripd.io.urgent import Urgent
@@ -57,7 +58,8 @@ class Daemon:
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
         epoch = None if legacy is None else legacy.epoch
-        self._links = TeleopLinks(config.teleop.zenoh_config)
+        self._spawner = Spawner()
+        self._links = TeleopLinks(config.teleop.zenoh_config, self._spawner.start)
         self._facts = DaemonFacts(config, self._machine, self._places.stop_path, epoch)
         self._service = RpcService(
             self._machine.engine,
@@ -82,8 +84,10 @@ class Daemon:
             follows=legacy is not None,
         )
         self._flight, self._memory = make_flight(config, self._machine, self._service)
-        self._helper = Helper(self._watch, self._unwatch, memory_fd=self._memory.fd)
-        self._bus = make_bus(config, period_s)
+        self._helper = Helper(
+            self._watch, self._unwatch, memory_fd=self._memory.fd, start=self._spawner.start
+        )
+        self._bus = make_bus(config, period_s, self._spawner)
         self._log_handler = make_log_handler(
             config.channel, lambda text: self._helper.post("log", {"text": text})
         )
@@ -136,6 +140,7 @@ class Daemon:
             reactor=self._reactor,
             server=self._server,
             service=self._service,
+            spawner=self._spawner,
             helper=self._helper,
             links=self._links,
             bus=self._bus,
@@ -184,6 +189,7 @@ class Daemon:
         frames = self._machine.tick(now_s, received, self._bus.condition)
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s)
+        self._spawner.poll(now_s, self._helper, may_wait=not self._machine.needs_commands)
         self._helper.poll(now_s)
         self._links.poll(now_s)
         if self._parts is not None:
@@ -260,10 +266,12 @@ class Daemon:
             self._bus.close()
             self._helper.close()
             self._links.close()
+            self._spawner.close()
         else:
             self._bus.leave()
             self._helper.let_go()
             self._links.let_go()
+            self._spawner.let_go()
             self._retirement.close()
         self._signals.close()
         self._supervision.close()

@@ -184,6 +184,8 @@ def _process_complaints(parts: Parts) -> list[str]:
     found = [f"not granted: {refused}" for refused in parts.rights.refused]
     if not parts.helper.is_running:
         found.append("the helper process is not running; it is being started again")
+    if not parts.spawner.is_running:
+        found.append("the process that starts the others is gone: none can be started")
     late_s = parts.reactor.recent_lateness.p99_s()
     if late_s is not None and late_s > _LATE_SHARE * parts.reactor.period_s:
         found.append(f"ticks start late: p99 {late_s * 1e6:.0f} µs in the last minute")

@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from litegripd.io.child import MAX_PACKET_BYTES, Child
+from litegripd.io.child import MAX_PACKET_BYTES, Child, Start, start_here
 from litegripd.model.errands import ErrandResult
 
 _log = logging.getLogger(__name__)
@@ -56,6 +56,7 @@ class Helper:
         unwatch: Callable[[Child], None],
         module: str = MODULE,
         memory_fd: int | None = None,
+        start: Start = start_here,
     ) -> None:
         self.deaths = 0
         self.refused = 0
@@ -63,6 +64,7 @@ class Helper:
         self._unwatch = unwatch
         self._module = module
         self._memory_fd = memory_fd
+        self._start_child = start
         self._requests: dict[int, _Request] = {}
         self._next_id = 0
         self._restart_at_s = 0.0
@@ -149,7 +151,7 @@ class Helper:
 
     def _start(self) -> None:
         try:
-            self._child = Child(self._module, memory_fd=self._memory_fd)
+            self._child = self._start_child(self._module, (), self._memory_fd)
         except OSError as error:
             self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
             _log.error("the helper process cannot be started: %s", error)
@@ -180,11 +182,15 @@ class Helper:
         while packet := child.receive():
             self._take(packet)  # what it still finished
         self.deaths += 1
+        pid, failure = child.pid, child.failure
         self._unwatch(child)
         child.close()
         self._child = None
         self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
-        _log.error("the helper process (pid %d) died; it will be started again", child.pid)
+        if failure is None:
+            _log.error("the helper process (pid %d) died; it will be started again", pid)
+        else:
+            _log.error("the helper process cannot be started: %s", failure)
         orphans, self._requests = list(self._requests.values()), {}
         for request in orphans:
             _tell(request, HelperResult(error="the helper process died while it worked on this"))

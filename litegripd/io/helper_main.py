@@ -4,6 +4,7 @@ Run by the daemon. It ends at end-of-file on its socket, that is, with the daemo
 not said goodbye, the flight recorder is written before.
 """
 
+import contextlib
 import json
 import os
 import signal
@@ -19,10 +20,13 @@ from litegripd.io.child import (
     inherited_socket,
     module_command,
     receive_descriptors,
+    spawn,
     use_all_cpus,
 )
 from litegripd.io.helper import GOODBYE
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
+from litegripd.io.spawner import MODULE as SPAWNER
+from litegripd.io.spawner import OPERATION as START_SPAWNER
 from litegripd.io.trajectory_store import TrajectoryStore
 
 Parameters = Mapping[str, object]
@@ -79,9 +83,16 @@ def start_successor(parameters: Parameters) -> dict[str, int]:
     return {"pid": pid}
 
 
+def start_spawner(parameters: Parameters) -> dict[str, int]:
+    """Run a spawner with the one socket of `descriptors`, in place of one that has died."""
+    (inherited,) = cast("list[int]", parameters["descriptors"])
+    return {"pid": spawn(SPAWNER, (), inherited)}
+
+
 OPERATIONS: dict[str, Operation] = {
     "log": write_log,
     "successor.start": start_successor,
+    START_SPAWNER: start_spawner,
     "calibration.load": load_operation,
     "calibration.templates": templates_operation,
     "calibration.save": save_calibration,
@@ -140,6 +151,8 @@ def main() -> None:
     """Run the helper with the daemon's operations."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a successor that fails is reaped at once
     use_all_cpus()
+    with contextlib.suppress(OSError):  # there may be none
+        os.set_inheritable(MEMORY_FD, False)
     if serve(OPERATIONS):
         return
     try:

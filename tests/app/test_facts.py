@@ -36,6 +36,7 @@ def verdict(world: World, *, helper_runs: bool = True) -> tuple[str, list[str]]:
     parts = SimpleNamespace(
         bus=SimpleNamespace(condition=UP),
         rights=SimpleNamespace(refused=[]),
+        spawner=SimpleNamespace(is_running=True),
         helper=SimpleNamespace(is_running=helper_runs),
         links=SimpleNamespace(status=None),
         reactor=reactor,

@@ -16,7 +16,7 @@ from litegripd.app.config import load, override
 from litegripd.app.handover import FORMAT
 from litegripd.app.succession import READY_WITHIN_S, TAKE_WITHIN_S, Succession
 from litegripd.io.bus import FrameBus
-from litegripd.io.child import Child
+from litegripd.io.child import start_here
 from litegripd.io.handover_link import Link, Packet, read_document
 from litegripd.io.helper import Helper, HelperResult
 from litegripd.io.places import Places, occupy
@@ -337,8 +337,10 @@ def test_a_successor_without_predecessor_or_with_a_dead_one_ends() -> None:
     alone = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert alone.returncode == 4
     assert "no predecessor" in alone.stderr
-    child = Child("litegripd.app.main", ("can7", "--successor"))
+    child = start_here("litegripd.app.main", ("can7", "--successor"))
     child.socket.close()
+    assert child.pid is not None
+    assert child.pidfd is not None
     _, status = os.waitpid(child.pid, 0)
     os.close(child.pidfd)
     assert os.waitstatus_to_exitcode(status) == 4

@@ -107,13 +107,14 @@ def client(tmp_path: Path, adapter: SimulatorProcess) -> Iterator[Client]:
 
 
 def pumps_of(daemon_pid: int) -> list[int]:
-    """Find the pumps among the daemon's children."""
+    """Find the pumps among the processes that the daemon has had started."""
     children = Path(f"/proc/{daemon_pid}/task/{daemon_pid}/children")
     found = []
     for pid in children.read_text(encoding="ascii").split():
         with contextlib.suppress(OSError):
             if b"pump_main" in Path(f"/proc/{pid}/cmdline").read_bytes():
                 found.append(int(pid))
+            found += pumps_of(int(pid))
     return found
 
 
