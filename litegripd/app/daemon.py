@@ -36,8 +36,10 @@ from litegripd.rpc.service import RpcService
 _log = logging.getLogger(__name__)
 
 OPEN_WITHIN_S = 0.5
-"""So long the first clients wait for motor and calibration to be found; then they are told that
-these are not there."""
+"""So long the first clients wait for the motor to be found; then they hear that it is silent."""
+
+READ_WITHIN_S = 5.0
+"""So long they wait for the calibration to be read; then they hear that it is still coming."""
 
 
 class Daemon:
@@ -114,14 +116,14 @@ class Daemon:
         self._ending = Ending(self._machine)
         self._greeting = MotorGreeting()
         self._calibration_is_known = False
-        self._opens_at_s: float | None = None
+        self._began_s: float | None = None
         self._retirement: Retirement | None = None
 
     def run(self) -> bool:
         """Run until told to end, and disable the motor; False if it may be energised still."""
         load_at_start(self._machine.engine, self._note_calibration)
         self._begin()
-        self._opens_at_s = time.monotonic() + OPEN_WITHIN_S
+        self._began_s = time.monotonic()
         return self._loop()
 
     def _begin(self) -> None:
@@ -195,8 +197,8 @@ class Daemon:
         if self._parts is not None:
             self._parts.tick(now_s)
         self._greeting.look(self._machine.motor.view().identity)
-        if self._opens_at_s is not None:
-            self._open_when_ready(now_s, self._opens_at_s)
+        if self._began_s is not None:
+            self._open_when_ready(now_s - self._began_s)
         successor = self._succession.step(now_s, self._reactor.next_tick_s)
         if successor is not None:
             self._retirement = Retirement(
@@ -220,10 +222,11 @@ class Daemon:
             log_event(event)
         self._supervision.tick(now_s, failed=failed)
 
-    def _open_when_ready(self, now_s: float, latest_s: float) -> None:
+    def _open_when_ready(self, waited_s: float) -> None:
         """Let clients in once motor and calibration are found, or have not been for a while."""
-        if now_s >= latest_s or (self._calibration_is_known and not self._machine.is_out_of_reach):
-            self._opens_at_s = None
+        is_read = self._calibration_is_known or waited_s >= READ_WITHIN_S
+        if is_read and (waited_s >= OPEN_WITHIN_S or not self._machine.is_out_of_reach):
+            self._began_s = None
             self._open()
             self._supervision.ready()
 

@@ -135,7 +135,11 @@ class DaemonFacts:
                 ' which second_master = "tolerate" lets it do'
             )
         if geometry is None:
-            found.append("no calibration is loaded")
+            is_coming = engine.calibrated.is_coming
+            what = (
+                "the calibration is still being read" if is_coming else "no calibration is loaded"
+            )
+            found.append(what)
         elif is_usable:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]

@@ -33,6 +33,11 @@ NOT_CALIBRATED = Refusal(
     ' mount = "normal" or "reverse", or a calibration file, in [gripper]',
 )
 
+CALIBRATION_COMING = Refusal(
+    "starting",
+    "the daemon has just started and is still reading the calibration: try again in a moment",
+)
+
 ZERO_MOVED = Refusal(
     "not_calibrated",
     "the motor's zero was moved, so the calibration fits no longer: calibrate anew"

@@ -80,6 +80,14 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ),
     ErrorKind("shutting_down", -32004, "ConnectError", 3, True, "The daemon is about to end."),
     ErrorKind(
+        "starting",
+        -32006,
+        "BusyError",
+        6,
+        True,
+        "The daemon has just started and is still reading the calibration.",
+    ),
+    ErrorKind(
         "restart_failed",
         -32005,
         "CommandError",

@@ -117,3 +117,12 @@ def test_a_link_process_that_starts_while_jaws_hold(tmp_path: Path) -> None:
         pid_of(client, "teleop")
         assert_held(client, before)
         client.result("teleop.stop")
+
+
+def test_the_first_client_finds_the_calibration_however_slow_the_helper_starts(
+    tmp_path: Path,
+) -> None:
+    with slow_exec(tmp_path) as machine:
+        machine.delay_s = 0.8
+        with daemon_on(machine, tmp_path) as running, running.connect() as client:
+            assert client.result("calibration.get")["calibrated"]
