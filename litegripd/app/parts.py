@@ -121,7 +121,10 @@ class Parts:
                 "link": None if self.links.status is None else self.links.status.state,
                 "open_to_network": self.links.is_open_to_network,
             },
-            "log": {"dropped": self.log.dropped},
+            "log": {
+                "dropped": self.log.dropped + self.helper.log_lines_lost,
+                "is_stuck": self.helper.log_is_stuck,
+            },
         }
 
 

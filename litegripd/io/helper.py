@@ -25,6 +25,9 @@ _MOST_KEPT = 64
 """So many posts wait for a helper to be started: log lines, that of its own death among them."""
 
 MODULE = "litegripd.io.helper_main"
+LOG_STATE = b"l"
+"""The kind of the packets, which answer no request, that report what becomes of the log."""
+
 GOODBYE = "goodbye"
 """Tells the helper that the daemon ends as it should; one that just vanishes has crashed."""
 
@@ -60,6 +63,8 @@ class Helper:
     ) -> None:
         self.deaths = 0
         self.refused = 0
+        self.log_lines_lost = 0
+        self.log_is_stuck = False
         self._watch = watch
         self._unwatch = unwatch
         self._module = module
@@ -70,6 +75,7 @@ class Helper:
         self._restart_at_s = 0.0
         self._kept: list[bytes] = []
         self._child: Child | None = None
+        self._lost_by_child = 0
 
     @property
     def is_running(self) -> bool:
@@ -163,6 +169,9 @@ class Helper:
 
     def _take(self, packet: bytes) -> None:
         identity = int.from_bytes(packet[:4], "little")
+        if packet[4:5] == LOG_STATE:
+            self._note_log(*json.loads(packet[5:]))
+            return
         request = self._requests.get(identity)
         if request is None:
             return
@@ -178,10 +187,15 @@ class Helper:
         else:
             _tell(request, HelperResult(None, str(value), ()))
 
+    def _note_log(self, lost: int, is_stuck: bool) -> None:
+        self.log_lines_lost += lost - self._lost_by_child
+        self._lost_by_child, self.log_is_stuck = lost, is_stuck
+
     def _bury(self, child: Child) -> None:
         while packet := child.receive():
             self._take(packet)  # what it still finished
         self.deaths += 1
+        self._lost_by_child, self.log_is_stuck = 0, False
         pid, failure = child.pid, child.failure
         self._unwatch(child)
         child.close()

@@ -7,7 +7,9 @@ not said goodbye, the flight recorder is written before.
 import contextlib
 import json
 import os
+import select
 import signal
+import socket
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from typing import cast
@@ -23,10 +25,11 @@ from litegripd.io.child import (
     spawn,
     use_all_cpus,
 )
-from litegripd.io.helper import GOODBYE
+from litegripd.io.helper import GOODBYE, LOG_STATE
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 from litegripd.io.spawner import MODULE as SPAWNER
 from litegripd.io.spawner import OPERATION as START_SPAWNER
+from litegripd.io.standard_error import LineWriter
 from litegripd.io.trajectory_store import TrajectoryStore
 
 Parameters = Mapping[str, object]
@@ -40,11 +43,14 @@ _MAX_ANSWER_BYTES = MAX_PACKET_BYTES - _HEADER_BYTES - 1
 _LONGEST_ERROR = 2000  # characters; each takes at most 12 bytes of JSON
 
 
+_LOG = LineWriter()
+_LOOK_AT_LOG_EVERY_S = 0.25
+_LOG_WITHIN_S = 0.4  # at the end; less than a daemon waits for its helper
+
+
 def write_log(parameters: Parameters) -> None:
-    """Write `text` to standard error, waiting as long as the reader there takes."""
-    left = str(parameters["text"]).encode(errors="backslashreplace")
-    while left:
-        left = left[os.write(sys.stderr.fileno(), left) :]
+    """Have `text` written to standard error; whether somebody reads that, nobody here waits for."""
+    _LOG.write(str(parameters["text"]))
 
 
 def dump_recorder(parameters: Parameters) -> dict[str, object]:
@@ -109,12 +115,15 @@ def serve(operations: Mapping[str, Operation]) -> bool:
     One that has gone does not read any more, but its goodbye may lie behind its last request.
     """
     with inherited_socket() as peer:
+        log = _LogReport(peer)
         while True:
+            log.wait_for_packet()
             packet, descriptors = receive_descriptors(peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
             if not packet:
                 return False
             identity, name, parameters = json.loads(packet)
             if name == GOODBYE:
+                _LOG.finish(_LOG_WITHIN_S)
                 return True
             header = identity.to_bytes(_HEADER_BYTES, "little")
             if descriptors:
@@ -128,6 +137,29 @@ def serve(operations: Mapping[str, Operation]) -> bool:
             finally:
                 for descriptor in descriptors:
                     os.close(descriptor)
+
+
+class _LogReport:
+    """Reports to the daemon what becomes of its log lines, whenever that changes."""
+
+    def __init__(self, peer: socket.socket) -> None:
+        self._peer = peer
+        self._reported = (0, False)
+
+    def wait_for_packet(self) -> None:
+        """Wait for the daemon; look at the log meanwhile as long as lines are on their way."""
+        is_here = False
+        while not is_here:
+            within_s = _LOOK_AT_LOG_EVERY_S if _LOG.is_busy or self._reported[1] else None
+            is_here = bool(select.select((self._peer,), (), (), within_s)[0])
+            self._report()
+
+    def _report(self) -> None:
+        state = (_LOG.lost, _LOG.is_stuck)
+        if state != self._reported:
+            self._reported = state
+            with contextlib.suppress(ConnectionError):  # its end is seen with the next packet
+                self._peer.send(bytes(_HEADER_BYTES) + LOG_STATE + json.dumps(state).encode())
 
 
 def _answers(
@@ -160,7 +192,8 @@ def main() -> None:
         told = f"its last minute is recorded in {written['path']}"
     except (OSError, ValueError) as error:
         told = f"its last minute could not be recorded: {error}"
-    write_log({"text": f"litegripd: the control process is gone; {told}\n"})
+    _LOG.write(f"litegripd: the control process is gone; {told}\n")
+    _LOG.finish(_LOG_WITHIN_S)
 
 
 if __name__ == "__main__":

@@ -37,7 +37,7 @@ def verdict(world: World, *, helper_runs: bool = True) -> tuple[str, list[str]]:
         bus=SimpleNamespace(condition=UP),
         rights=SimpleNamespace(refused=[]),
         spawner=SimpleNamespace(is_running=True),
-        helper=SimpleNamespace(is_running=helper_runs),
+        helper=SimpleNamespace(is_running=helper_runs, log_is_stuck=False),
         links=SimpleNamespace(status=None),
         reactor=reactor,
     )
