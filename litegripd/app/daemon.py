@@ -288,7 +288,9 @@ class Daemon:
         errands = self._machine.engine.errands
         while errands:
             errand = errands.pop(0)
-            self._helper.request(errand.operation, errand.parameters, errand.on_result)
+            self._helper.request(
+                errand.operation, errand.parameters, errand.on_result, uid=errand.uid
+            )
 
     def _note_calibration(self) -> None:
         self._calibration_is_known = True

@@ -188,6 +188,8 @@ def _process_complaints(parts: Parts) -> list[str]:
     found = [f"not granted: {refused}" for refused in parts.rights.refused]
     if not parts.helper.is_running:
         found.append("the helper process is not running; it is being started again")
+    if (uid := parts.helper.lately_refused(time.monotonic())) is not None:
+        found.append(f"the helper process has too much to do: requests of uid {uid} were refused")
     if parts.helper.log_is_stuck:
         found.append("nobody reads standard error: log lines wait, and more of them are lost")
     if not parts.spawner.is_running:

@@ -113,6 +113,7 @@ class Parts:
                 "pid": self.helper.pid,
                 "deaths": self.helper.deaths,
                 "refused": self.helper.refused,
+                "waiting": self.helper.waiting,
             },
             "teleop": {
                 "pid": self.links.pid,

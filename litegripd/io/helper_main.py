@@ -11,7 +11,9 @@ import select
 import signal
 import socket
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import cast
 
 from litegripd.io.calibration_files import load_operation, templates_operation
@@ -25,7 +27,7 @@ from litegripd.io.child import (
     spawn,
     use_all_cpus,
 )
-from litegripd.io.helper import GOODBYE, LOG_STATE
+from litegripd.io.helper import GOODBYE, LOG, LOG_STATE
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 from litegripd.io.spawner import MODULE as SPAWNER
 from litegripd.io.spawner import OPERATION as START_SPAWNER
@@ -45,6 +47,7 @@ _LONGEST_ERROR = 2000  # characters; each takes at most 12 bytes of JSON
 
 _LOG = LineWriter()
 _LOOK_AT_LOG_EVERY_S = 0.25
+_PACKETS_AT_ONCE = 256
 _LOG_WITHIN_S = 0.4  # at the end; less than a daemon waits for its helper
 
 
@@ -96,7 +99,7 @@ def start_spawner(parameters: Parameters) -> dict[str, int]:
 
 
 OPERATIONS: dict[str, Operation] = {
-    "log": write_log,
+    LOG: write_log,
     "successor.start": start_successor,
     START_SPAWNER: start_spawner,
     "calibration.load": load_operation,
@@ -115,44 +118,78 @@ def serve(operations: Mapping[str, Operation]) -> bool:
     One that has gone does not read any more, but its goodbye may lie behind its last request.
     """
     with inherited_socket() as peer:
-        log = _LogReport(peer)
+        intake = _Intake(peer)
         while True:
-            log.wait_for_packet()
-            packet, descriptors = receive_descriptors(peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
-            if not packet:
+            request = intake.next()
+            if request is None:
                 return False
-            identity, name, parameters = json.loads(packet)
-            if name == GOODBYE:
+            if request.name == GOODBYE:
                 _LOG.finish(_LOG_WITHIN_S)
                 return True
-            header = identity.to_bytes(_HEADER_BYTES, "little")
-            if descriptors:
-                parameters["descriptors"] = descriptors
+            header = request.identity.to_bytes(_HEADER_BYTES, "little")
             try:
-                for answer in _answers(operations, name, parameters):
-                    if identity:
+                for answer in _answers(operations, request.name, request.parameters):
+                    if request.identity:
                         peer.send(header + answer)
             except ConnectionError:
                 continue
             finally:
-                for descriptor in descriptors:
+                for descriptor in request.descriptors:
                     os.close(descriptor)
 
 
-class _LogReport:
-    """Reports to the daemon what becomes of its log lines, whenever that changes."""
+@dataclass(frozen=True, slots=True)
+class _Request:
+    identity: int
+    name: str
+    parameters: Parameters
+    descriptors: Sequence[int]
+
+
+class _Intake:
+    """The daemon's requests in their order; its log lines are written as they come.
+
+    Behind what takes long they would fill the socket, and get lost. Reports to the daemon what
+    becomes of them, whenever that changes.
+    """
 
     def __init__(self, peer: socket.socket) -> None:
         self._peer = peer
+        self._waiting: deque[_Request] = deque()
+        self._is_over = False
         self._reported = (0, False)
 
-    def wait_for_packet(self) -> None:
-        """Wait for the daemon; look at the log meanwhile as long as lines are on their way."""
-        is_here = False
-        while not is_here:
-            within_s = _LOOK_AT_LOG_EVERY_S if _LOG.is_busy or self._reported[1] else None
-            is_here = bool(select.select((self._peer,), (), (), within_s)[0])
+    def next(self) -> _Request | None:
+        """Wait for a request and return it, or None at the end."""
+        while True:
+            self._take()
             self._report()
+            if self._waiting:
+                return self._waiting.popleft()
+            if self._is_over:
+                return None
+            # While log lines are on their way it looks at them now and then.
+            within_s = _LOOK_AT_LOG_EVERY_S if _LOG.is_busy or self._reported[1] else None
+            select.select((self._peer,), (), (), within_s)
+
+    def _take(self) -> None:
+        """Take what has come, a bounded number at a time."""
+        for _ in range(_PACKETS_AT_ONCE):
+            if self._is_over or not select.select((self._peer,), (), (), 0)[0]:
+                return
+            packet, descriptors = receive_descriptors(
+                self._peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS
+            )
+            if not packet:
+                self._is_over = True
+                return
+            identity, name, parameters = json.loads(packet)
+            if descriptors:
+                parameters["descriptors"] = descriptors
+            if name == LOG and not identity:
+                write_log(parameters)
+            else:
+                self._waiting.append(_Request(identity, name, parameters, descriptors))
 
     def _report(self) -> None:
         state = (_LOG.lost, _LOG.is_stuck)

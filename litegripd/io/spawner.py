@@ -13,7 +13,8 @@ import select
 from collections.abc import Sequence
 
 from litegripd.io.child import MAX_PACKET_BYTES, Child, receive_descriptors, socket_pair, start_here
-from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.helper import Helper
+from litegripd.io.helper_requests import HelperResult
 
 _log = logging.getLogger(__name__)
 

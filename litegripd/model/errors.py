@@ -88,6 +88,15 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "The daemon has just started and is still reading the calibration.",
     ),
     ErrorKind(
+        "helper_busy",
+        -32007,
+        "BusyError",
+        6,
+        True,
+        "The process that reads and writes files has too much to do for this user, or is being"
+        " started again.",
+    ),
+    ErrorKind(
         "restart_failed",
         -32005,
         "CommandError",

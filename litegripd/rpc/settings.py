@@ -66,8 +66,8 @@ class Settings:
             else content_of(calibration, engine.unit, in_use.gains, engine.motor),
         }
 
-    def _templates(self, _call: Call) -> Answer:
-        return self._errand("calibration.templates", {}, lambda value: {"templates": value})
+    def _templates(self, call: Call) -> Answer:
+        return self._errand(call, "calibration.templates", {}, lambda value: {"templates": value})
 
     def _load(self, call: Call) -> Answer:
         params = call.params
@@ -86,7 +86,7 @@ class Settings:
             }
             authority = self._authority(call)
             return self._errand(
-                "calibration.load", wanted, lambda value: self._adopt_found(value, authority)
+                call, "calibration.load", wanted, lambda value: self._adopt_found(value, authority)
             )
         try:
             calibration = read_content(params["content"])
@@ -127,13 +127,13 @@ class Settings:
         found = {"loaded": True, "factory": value["factory"], "skipped": skipped}
         return refusal or {**self._calibration(), **found}
 
-    def _save(self, _call: Call) -> Answer:
+    def _save(self, call: Call) -> Answer:
         deferred = Deferred()
 
         def saved(result: ErrandResult) -> None:
             deferred.resolve(_outcome("calibration.save", result))
 
-        return self._calibrating.save(saved) or deferred
+        return self._calibrating.save(saved, call.owner.uid) or deferred
 
     def _zero(self, call: Call) -> Answer:
         config = call.config(self._engine.config, self._engine.period_s)
@@ -213,10 +213,12 @@ class Settings:
             deferred.resolve(outcome if isinstance(outcome, Refusal) else self._config())
 
         self._is_saving_config = True
-        engine.errands.append(Errand("motion.save", parameters, saved))
+        engine.errands.append(Errand("motion.save", parameters, saved, call.owner.uid))
         return deferred
 
-    def _errand(self, operation: str, parameters: Mapping[str, Any], then: Any) -> Deferred:
+    def _errand(
+        self, call: Call, operation: str, parameters: Mapping[str, Any], then: Any
+    ) -> Deferred:
         """Have something done by the helper process, and answer with what `then` makes of it."""
         deferred = Deferred()
 
@@ -224,7 +226,7 @@ class Settings:
             outcome = _outcome(operation, result)
             deferred.resolve(outcome if isinstance(outcome, Refusal) else then(outcome))
 
-        self._engine.errands.append(Errand(operation, parameters, done))
+        self._engine.errands.append(Errand(operation, parameters, done, call.owner.uid))
         return deferred
 
 
@@ -254,4 +256,4 @@ def _outcome(operation: str, result: ErrandResult) -> Any:
     """Return what an errand brought, or a refusal that says why it brought nothing."""
     if result.error is None:
         return result.value
-    return Refusal(_FAILURES.get(operation, "not_saved"), result.error)
+    return Refusal(result.reason or _FAILURES.get(operation, "not_saved"), result.error)

@@ -37,7 +37,9 @@ def verdict(world: World, *, helper_runs: bool = True) -> tuple[str, list[str]]:
         bus=SimpleNamespace(condition=UP),
         rights=SimpleNamespace(refused=[]),
         spawner=SimpleNamespace(is_running=True),
-        helper=SimpleNamespace(is_running=helper_runs, log_is_stuck=False),
+        helper=SimpleNamespace(
+            is_running=helper_runs, log_is_stuck=False, lately_refused=lambda _now_s: None
+        ),
         links=SimpleNamespace(status=None),
         reactor=reactor,
     )

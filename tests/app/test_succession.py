@@ -18,7 +18,8 @@ from litegripd.app.succession import READY_WITHIN_S, TAKE_WITHIN_S, Succession
 from litegripd.io.bus import FrameBus
 from litegripd.io.child import start_here
 from litegripd.io.handover_link import Link, Packet, read_document
-from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.helper import Helper
+from litegripd.io.helper_requests import HelperResult
 from litegripd.io.places import Places, occupy
 from litegripd.model.bus import UP, BusCondition
 from litegripd.model.errors import Refusal

@@ -11,7 +11,8 @@ from pathlib import Path
 import pytest
 
 from litegripd.io.child import MAX_PACKET_BYTES, Child, Start, start_here
-from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.helper import Helper
+from litegripd.io.helper_requests import HelperResult
 from litegripd.io.log import LogHandler
 
 DEADLINE_S = 30.0
@@ -142,6 +143,7 @@ def test_the_line_that_tells_of_its_death_is_written_by_the_next_one(
         assert rig.helper.pid is not None
         os.kill(rig.helper.pid, signal.SIGKILL)
         rig.until(lambda: rig.helper.deaths == 1 and rig.helper.is_running)
+        assert rig.ask("double", x=1).error is None  # by now it has begun
     finally:
         logging.getLogger("litegripd").removeHandler(handler)
         rig.helper.close()
