@@ -112,6 +112,11 @@ def _channel(text: str) -> str:
             f"{text!r}: a channel's name has letters, digits, _ . - (at most {_MAX_CHANNEL}, no"
             " leading dot); give a device path as [bus] channel in the configuration"
         )
+    if text.endswith(".stop"):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: a channel's name does not end in .stop: {text}.sock is the stop socket of"
+            f" channel {text.removesuffix('.stop')}"
+        )
     return text
 
 

@@ -84,7 +84,9 @@ def test_the_journal_has_a_configuration_error_as_an_error(
         assert journal.read_text().startswith(f"{in_front}{path}: [control] rate is unknown")
 
 
-@pytest.mark.parametrize("arguments", [(), ("../x",), ("can0", "--config", "/no/such/file.toml")])
+@pytest.mark.parametrize(
+    "arguments", [(), ("../x",), ("can0.stop",), ("can0", "--config", "/no/such/file.toml")]
+)
 def test_wrong_usage_is_told(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     running = DaemonProcess(tmp_path, *arguments)
     assert running.exit_code() == 2
