@@ -21,7 +21,8 @@ from pathlib import Path
 
 from litegripd.io.bus import BusSettings
 from litegripd.io.child import Child
-from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.helper import Helper
+from litegripd.io.helper_requests import HelperResult
 from litegripd.io.pumped_bus import PumpedBus
 from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire

@@ -140,6 +140,7 @@ ROWS: tuple[Row, ...] = (
     _counter("rpc.refused_connections", "rpc_connections_refused", "Connections not let in."),
     _counter("rpc.budget_exhausted", "rpc_budget_exhausted", "Periods that left requests waiting."),
     _counter("rpc.late_shares", "rpc_late_shares", "Ticks that requests ran into."),
+    _counter("spawner.deaths", "spawner_deaths", "Deaths of the process that starts the others."),
     _counter("helper.deaths", "helper_deaths", "Deaths of the helper process."),
     _counter("helper.refused", "helper_requests_refused", "Requests that it did not take."),
     Row("teleop.is_running", "teleop_link_process", "gauge", "Whether the link process runs."),

@@ -25,6 +25,7 @@ from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import MAX_CONNECTIONS, Server
 from litegripd.io.signals import Signals
+from litegripd.io.spawner import Spawner
 from litegripd.io.stop_listener import StopListener
 from litegripd.io.teleop_links import TeleopLinks
 from litegripd.io.urgent import Urgent
@@ -36,8 +37,10 @@ from litegripd.rpc.service import RpcService
 _log = logging.getLogger(__name__)
 
 OPEN_WITHIN_S = 0.5
-"""So long the first clients wait for motor and calibration to be found; then they are told that
-these are not there."""
+"""So long the first clients wait for the motor to be found; then they hear that it is silent."""
+
+READ_WITHIN_S = 5.0
+"""So long they wait for the calibration to be read; then they hear that it is still coming."""
 
 
 class Daemon:
@@ -60,7 +63,8 @@ class Daemon:
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
         epoch = None if legacy is None else legacy.epoch
-        self._links = TeleopLinks(config.teleop.zenoh_config)
+        self._spawner = Spawner()
+        self._links = TeleopLinks(config.teleop.zenoh_config, self._spawner.start)
         self._facts = DaemonFacts(config, self._machine, self._places.stop_path, epoch)
         self._service = RpcService(
             self._machine.engine,
@@ -86,8 +90,10 @@ class Daemon:
             follows=legacy is not None,
         )
         self._flight, self._memory = make_flight(config, self._machine, self._service)
-        self._helper = Helper(self._watch, self._unwatch, memory_fd=self._memory.fd)
-        self._bus = make_bus(config, period_s)
+        self._helper = Helper(
+            self._watch, self._unwatch, memory_fd=self._memory.fd, start=self._spawner.start
+        )
+        self._bus = make_bus(config, period_s, self._spawner)
         self._log_handler = make_log_handler(
             config.channel, lambda text: self._helper.post("log", {"text": text})
         )
@@ -114,14 +120,14 @@ class Daemon:
         self._ending = Ending(self._machine)
         self._greeting = MotorGreeting()
         self._calibration_is_known = False
-        self._opens_at_s: float | None = None
+        self._began_s: float | None = None
         self._retirement: Retirement | None = None
 
     def run(self) -> bool:
         """Run until told to end, and disable the motor; False if it may be energised still."""
         load_at_start(self._machine.engine, self._note_calibration)
         self._begin()
-        self._opens_at_s = time.monotonic() + OPEN_WITHIN_S
+        self._began_s = time.monotonic()
         return self._loop()
 
     def _begin(self) -> None:
@@ -140,6 +146,7 @@ class Daemon:
             reactor=self._reactor,
             server=self._server,
             service=self._service,
+            spawner=self._spawner,
             helper=self._helper,
             links=self._links,
             bus=self._bus,
@@ -188,13 +195,14 @@ class Daemon:
         frames = self._machine.tick(now_s, received, self._bus.condition)
         self._bus.send(frames, now_s)
         self._service.after_tick(now_s)
+        self._spawner.poll(now_s, self._helper, may_wait=not self._machine.needs_commands)
         self._helper.poll(now_s)
         self._links.poll(now_s)
         if self._parts is not None:
             self._parts.tick(now_s)
         self._greeting.look(self._machine.motor.view().identity)
-        if self._opens_at_s is not None:
-            self._open_when_ready(now_s, self._opens_at_s)
+        if self._began_s is not None:
+            self._open_when_ready(now_s - self._began_s)
         successor = self._succession.step(now_s, self._reactor.next_tick_s)
         if successor is not None:
             self._retirement = Retirement(
@@ -218,10 +226,11 @@ class Daemon:
             log_event(event)
         self._supervision.tick(now_s, failed=failed)
 
-    def _open_when_ready(self, now_s: float, latest_s: float) -> None:
+    def _open_when_ready(self, waited_s: float) -> None:
         """Let clients in once motor and calibration are found, or have not been for a while."""
-        if now_s >= latest_s or (self._calibration_is_known and not self._machine.is_out_of_reach):
-            self._opens_at_s = None
+        is_read = self._calibration_is_known or waited_s >= READ_WITHIN_S
+        if is_read and (waited_s >= OPEN_WITHIN_S or not self._machine.is_out_of_reach):
+            self._began_s = None
             self._open()
             self._supervision.ready()
 
@@ -264,10 +273,12 @@ class Daemon:
             self._bus.close()
             self._helper.close()
             self._links.close()
+            self._spawner.close()
         else:
             self._bus.leave()
             self._helper.let_go()
             self._links.let_go()
+            self._spawner.let_go()
             self._retirement.close()
         self._signals.close()
         self._supervision.close()
@@ -281,7 +292,9 @@ class Daemon:
         errands = self._machine.engine.errands
         while errands:
             errand = errands.pop(0)
-            self._helper.request(errand.operation, errand.parameters, errand.on_result)
+            self._helper.request(
+                errand.operation, errand.parameters, errand.on_result, uid=errand.uid
+            )
 
     def _note_calibration(self) -> None:
         self._calibration_is_known = True

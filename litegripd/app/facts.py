@@ -137,7 +137,11 @@ class DaemonFacts:
                 ' which second_master = "tolerate" lets it do'
             )
         if geometry is None:
-            found.append("no calibration is loaded")
+            is_coming = engine.calibrated.is_coming
+            what = (
+                "the calibration is still being read" if is_coming else "no calibration is loaded"
+            )
+            found.append(what)
         elif is_usable:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]
@@ -186,6 +190,12 @@ def _process_complaints(parts: Parts) -> list[str]:
     found = [f"not granted: {refused}" for refused in parts.rights.refused]
     if not parts.helper.is_running:
         found.append("the helper process is not running; it is being started again")
+    if (uid := parts.helper.lately_refused(time.monotonic())) is not None:
+        found.append(f"the helper process has too much to do: requests of uid {uid} were refused")
+    if parts.helper.log_is_stuck:
+        found.append("nobody reads standard error: log lines wait, and more of them are lost")
+    if not parts.spawner.is_running:
+        found.append("the process that starts the others is gone: none can be started")
     late_s = parts.reactor.recent_lateness.p99_s()
     if late_s is not None and late_s > _LATE_SHARE * parts.reactor.period_s:
         found.append(f"ticks start late: p99 {late_s * 1e6:.0f} µs in the last minute")

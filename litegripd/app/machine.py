@@ -71,6 +71,11 @@ class Machine:
         return sent
 
     @property
+    def needs_commands(self) -> bool:
+        """True while a motor may be energised that can be reached: it lets go without commands."""
+        return self.may_be_energised is True and self.engine.bus.is_usable
+
+    @property
     def is_disabled(self) -> bool:
         """Whether the motor has confirmed that it is not energised."""
         return self.motor.view().phase in OFF

@@ -15,6 +15,7 @@ from litegripd.app.succession import SUCCESSOR_OPTION
 from litegripd.app.successor import succeed
 from litegripd.io.listener import InUseError
 from litegripd.io.log import PriorityFormatter, goes_to_journal
+from litegripd.io.standard_error import BoundedHandler
 
 _log = logging.getLogger(__name__)
 
@@ -67,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _log_to_standard_error() -> None:
     """Tell of the start there, until the daemon runs and has a log that never waits."""
-    handler = logging.StreamHandler()
+    handler = BoundedHandler()
     # In the journal each line has the program's name already.
     plain = logging.Formatter("litegripd: %(message)s")
     handler.setFormatter(PriorityFormatter() if goes_to_journal() else plain)
@@ -110,6 +111,11 @@ def _channel(text: str) -> str:
         raise argparse.ArgumentTypeError(
             f"{text!r}: a channel's name has letters, digits, _ . - (at most {_MAX_CHANNEL}, no"
             " leading dot); give a device path as [bus] channel in the configuration"
+        )
+    if text.endswith(".stop"):
+        raise argparse.ArgumentTypeError(
+            f"{text!r}: a channel's name does not end in .stop: {text}.sock is the stop socket of"
+            f" channel {text.removesuffix('.stop')}"
         )
     return text
 

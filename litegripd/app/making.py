@@ -8,6 +8,7 @@ from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
 from litegripd.io.listener import runtime_directory
 from litegripd.io.places import Places, occupy
 from litegripd.io.pumped_bus import PumpedBus
+from litegripd.io.spawner import Spawner
 
 
 def socket_path(config: Config) -> Path:
@@ -23,13 +24,13 @@ def occupy_places(config: Config) -> Places:
     return occupy(bus.interface, bus.channel, socket_path(config), config.rpc.group)
 
 
-def make_bus(config: Config, period_s: float) -> FrameBus:
+def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:
     """Choose how the adapter is driven: in the control thread, or by a process of its own."""
     if config.bus.interface in DIRECT_INTERFACES:
         from litegripd.io.direct_bus import DirectBus  # noqa: PLC0415 - imports python-can
 
         return DirectBus(config.bus)
-    return PumpedBus(config.bus, period_s)
+    return PumpedBus(config.bus, period_s, spawner.start)
 
 
 @dataclass(frozen=True, slots=True)

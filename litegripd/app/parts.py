@@ -15,6 +15,7 @@ from litegripd.io.log import LogHandler
 from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
+from litegripd.io.spawner import Spawner
 from litegripd.io.teleop_links import TeleopLinks
 from litegripd.rpc.service import RpcService
 
@@ -34,6 +35,7 @@ class Parts:
         reactor: Reactor,
         server: Server,
         service: RpcService,
+        spawner: Spawner,
         helper: Helper,
         links: TeleopLinks,
         bus: FrameBus,
@@ -44,6 +46,7 @@ class Parts:
         self.reactor = reactor
         self.server = server
         self.service = service
+        self.spawner = spawner
         self.helper = helper
         self.links = links
         self.bus = bus
@@ -101,10 +104,16 @@ class Parts:
                 "budget_exhausted": reactor.budget_exhausted,
                 "late_shares": reactor.late_shares,
             },
+            "spawner": {
+                "pid": self.spawner.pid,
+                "is_running": self.spawner.is_running,
+                "deaths": self.spawner.deaths,
+            },
             "helper": {
                 "pid": self.helper.pid,
                 "deaths": self.helper.deaths,
                 "refused": self.helper.refused,
+                "waiting": self.helper.waiting,
             },
             "teleop": {
                 "pid": self.links.pid,
@@ -113,7 +122,10 @@ class Parts:
                 "link": None if self.links.status is None else self.links.status.state,
                 "open_to_network": self.links.is_open_to_network,
             },
-            "log": {"dropped": self.log.dropped},
+            "log": {
+                "dropped": self.log.dropped + self.helper.log_lines_lost,
+                "is_stuck": self.helper.log_is_stuck,
+            },
         }
 
 

@@ -18,10 +18,16 @@ _log = logging.getLogger(__name__)
 def load_at_start(engine: Engine, on_calibration: Callable[[], None]) -> None:
     """Ask for both; `on_calibration` is called when it is known what there is of them."""
     unit = engine.unit
+    engine.calibrated.expect()
 
     def use_calibration(result: ErrandResult) -> None:
         on_calibration()
-        _use_calibration(engine, result)
+        if engine.calibrated.is_coming:
+            _use_calibration(engine, result)
+        else:
+            _log.info(
+                "a client has loaded a calibration meanwhile; the one at the start is not used"
+            )
 
     wanted = {"channel": unit.channel, "mount": unit.mount, "configured": True}
     engine.errands.append(
@@ -42,6 +48,7 @@ def _use_calibration(engine: Engine, result: ErrandResult) -> None:
     if found is None:
         channel = engine.unit.channel
         _log.warning("no calibration for channel %s: motions are refused", channel)
+        engine.use_calibration(None)
         return
     engine.use_calibration(from_plain(found), file=result.value["path"])
 

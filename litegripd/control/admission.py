@@ -36,6 +36,11 @@ NOT_CALIBRATED = Refusal(
     {"hint": "choose a mount: calibration.load with template, then calibration.zero"},
 )
 
+CALIBRATION_COMING = Refusal(
+    "starting",
+    "the daemon has just started and is still reading the calibration: try again in a moment",
+)
+
 ZERO_MOVED = Refusal(
     "not_calibrated",
     "the motor's zero was moved, so the calibration fits no longer: calibrate anew"

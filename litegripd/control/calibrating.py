@@ -4,6 +4,7 @@ Never while a motion runs: under the running motion the travel would change its 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 from litegripd.control.actions.by_hand import CalibrateByHand, Side
@@ -103,7 +104,7 @@ class Calibrating:
             self._engine.use_calibration(calibration, file=file)
         return refusal
 
-    def save(self, on_saved: OnSaved) -> Refusal | None:
+    def save(self, on_saved: OnSaved, uid: int | None = None) -> Refusal | None:
         """Have the calibration in use written to the daemon's own file."""
         engine = self._engine
         calibration = engine.calibrated.calibration
@@ -119,7 +120,7 @@ class Calibrating:
                 )
             on_saved(result)
 
-        engine.errands.append(save_errand(engine.unit, content, saved))
+        engine.errands.append(replace(save_errand(engine.unit, content, saved), uid=uid))
         return None
 
     def _unready(self) -> Refusal | None:

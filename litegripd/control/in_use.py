@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from litegripd.control.admission import NOT_CALIBRATED, ZERO_MOVED
+from litegripd.control.admission import CALIBRATION_COMING, NOT_CALIBRATED, ZERO_MOVED
 from litegripd.control.gains import DEFAULT_GAINS, gains_of
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
@@ -26,6 +26,15 @@ class CalibrationInUse:
         """The calibrated travel, None while uncalibrated."""
         calibration = self.calibration
         return calibration.geometry if calibration and calibration.calibrated else None
+
+    @property
+    def is_coming(self) -> bool:
+        """True from the start until it is known whether there is a calibration."""
+        return self.calibration is None and self.problem.reason == CALIBRATION_COMING.reason
+
+    def expect(self) -> None:
+        """Say that one is being read, until `use`."""
+        self.problem = CALIBRATION_COMING
 
     def use(
         self, calibration: Calibration | None, problem: Refusal | None, file: str | None

@@ -19,7 +19,7 @@ _MOST_UNANSWERED = 3
 def outcome_of(result: ErrandResult, failed: str) -> Mapping[str, Any] | Refusal:
     """Return what an errand brought; a failure that nobody expected has the reason `failed`."""
     if result.error is not None or not isinstance(result.value, Mapping):
-        return Refusal(failed, str(result.error))
+        return Refusal(result.reason or failed, str(result.error))
     refused = result.value.get("refused")
     if refused is not None:
         return Refusal(refused["reason"], refused["message"])

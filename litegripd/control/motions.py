@@ -11,7 +11,6 @@ from litegripd.control.actions.stream import SetPoint, Stream
 from litegripd.control.admission import (
     FAULTLESS,
     NO_FEEDBACK,
-    NOT_CALIBRATED,
     Target,
     busy_refusal,
     conflict_refusal,
@@ -231,7 +230,9 @@ class Motions:
         goes_on = running is not None and running.owner.client == owner.client
         if not (goes_on and isinstance(action, Stream)):
             running, action = None, Stream(engine.gains, engine.period_s)
-        geometry = self._ready() if running is None else engine.geometry or NOT_CALIBRATED
+        geometry = (
+            self._ready() if running is None else engine.geometry or engine.calibrated.problem
+        )
         if isinstance(geometry, Refusal):
             return geometry
         speed = engine.config.speed_mm_s if speed_mm_s is None else speed_mm_s

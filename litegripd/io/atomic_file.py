@@ -9,6 +9,7 @@ import errno
 import os
 import re
 import secrets
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -121,7 +122,10 @@ def read(path: Path, most_bytes: int) -> str:
     Raises `FileNotFoundError` where there is none, `FileError` for one that cannot be used.
     """
     try:
-        with path.open("rb") as file:
+        # No waiting for another end, where there is a FIFO instead of a file.
+        with open(path, "rb", opener=_open_at_once) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise FileError(f"{path}: not a regular file")
             content = file.read(most_bytes + 1)
     except (FileNotFoundError, NotADirectoryError):
         raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(path)) from None
@@ -133,6 +137,10 @@ def read(path: Path, most_bytes: int) -> str:
         return content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise FileError(f"{path}: not UTF-8") from error
+
+
+def _open_at_once(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NONBLOCK)
 
 
 def _write_whole(path: Path, content: bytes, file_system: FileSystem) -> None:

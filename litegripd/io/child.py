@@ -12,7 +12,7 @@ import socket
 import struct
 import sys
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 CHILD_FD = 3
 MEMORY_FD = 4
@@ -38,49 +38,45 @@ def module_command(module: str, arguments: Sequence[str] = ()) -> list[str]:
 
 
 class Child:
-    """One running child process: a non-blocking socket to it and a pidfd that tells its end."""
+    """A child process: a non-blocking socket to it, and a pidfd that is readable at its end.
+
+    Both ends of the pair exist before the process does: what is sent meanwhile waits for it. Until
+    `settle`, which is called whenever the process is looked at, has learned of the start, `pid` is
+    None. `failure` says why the process could not be started; then it counts as ended.
+    """
 
     def __init__(
-        self, module: str, arguments: Sequence[str] = (), memory_fd: int | None = None
+        self,
+        connected: socket.socket,
+        pid: int | None = None,
+        pidfd: int | None = None,
+        settle: Callable[[float], None] = lambda _within_s: None,
     ) -> None:
-        """Run `module` with its arguments; raises `OSError` when that is impossible."""
-        ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        ours.setblocking(False)
-        ours.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
-        theirs.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
-        self.socket = ours
-        inherited: list[tuple[int, int, int]] = [
-            (os.POSIX_SPAWN_DUP2, theirs.fileno(), CHILD_FD),
-        ]
-        if memory_fd is not None:
-            inherited.append((os.POSIX_SPAWN_DUP2, memory_fd, MEMORY_FD))
-        try:
-            self.pid = os.posix_spawn(
-                sys.executable,
-                module_command(module, arguments),
-                os.environ,
-                file_actions=inherited,
-                setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children
-                # For the daemon alone, though sent to all of its processes: a stop, its end, in
-                # which the pump still has to disable the motor, and what a manager's watchdog
-                # sends, after which the helper still has to write what happened.
-                setsigmask=(signal.SIGUSR1, signal.SIGTERM, signal.SIGABRT),
-                setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM),
-            )
-        except OSError:
-            ours.close()
-            raise
-        finally:
-            theirs.close()
-        self.pidfd = os.pidfd_open(self.pid)
-
-    @classmethod
-    def of(cls, pid: int, connected: socket.socket, pidfd: int) -> "Child":
-        """Return a child that another process of the daemon has started and handed over."""
-        child = cls.__new__(cls)
         connected.setblocking(False)
-        child.socket, child.pid, child.pidfd = connected, pid, pidfd
-        return child
+        self.socket = connected
+        self.failure: str | None = None
+        self._pid = pid
+        self._pidfd = pidfd
+        self._settle = settle
+
+    @property
+    def pid(self) -> int | None:
+        """The process id, None before the process is known to have started."""
+        self._look()
+        return self._pid
+
+    @property
+    def pidfd(self) -> int | None:
+        """The pidfd, None before the process is known to have started."""
+        self._look()
+        return self._pidfd
+
+    def started(self, pid: int, pidfd: int) -> None:
+        """Take note of the process; its pidfd is closed at once where nobody waits for it."""
+        if self.socket.fileno() < 0:
+            os.close(pidfd)
+        else:
+            self._pid, self._pidfd = pid, pidfd
 
     def send(self, packet: bytes, descriptors: Sequence[int] = ()) -> bool:
         """Send without waiting; False when it is too long or nobody takes it now."""
@@ -104,27 +100,92 @@ class Child:
 
     @property
     def has_ended(self) -> bool:
-        """Whether the process has ended (without waiting)."""
-        return bool(select.select((self.pidfd,), (), (), 0)[0])
+        """True once the process has ended, or could not be started (without waiting)."""
+        pidfd = self.pidfd
+        if pidfd is None:
+            return self.failure is not None
+        return bool(select.select((pidfd,), (), (), 0)[0])
 
     def close(self, grace_s: float = 0.0) -> None:
-        """Close the pair, end the process and reap it; waits for its end.
+        """Close the pair and end the process; waits for its end, and reaps it if it is our own.
 
-        It has `grace_s` to finish what it was sent and to end by itself. One that was handed over
-        is reaped by whoever got it when its parent ended.
+        It has `grace_s` to finish what it was sent and to end by itself. One that has not started
+        within that time ends by itself when it does.
         """
+        self._look(grace_s)
         self.socket.close()
-        if not select.select((self.pidfd,), (), (), grace_s)[0]:
-            signal.pidfd_send_signal(self.pidfd, signal.SIGKILL)
-            select.select((self.pidfd,), (), ())
-        with contextlib.suppress(ChildProcessError):
-            os.waitpid(self.pid, 0)
-        os.close(self.pidfd)
+        pidfd, self._pidfd = self._pidfd, None
+        if pidfd is None or self._pid is None:
+            return
+        if not select.select((pidfd,), (), (), grace_s)[0]:
+            with contextlib.suppress(ProcessLookupError):  # it has been reaped already
+                signal.pidfd_send_signal(pidfd, signal.SIGKILL)
+            select.select((pidfd,), (), ())
+        with contextlib.suppress(ChildProcessError):  # its parent is another process
+            os.waitpid(self._pid, 0)
+        os.close(pidfd)
 
     def let_go(self) -> None:
         """Close our end and leave the process to the one that has got its own."""
         self.socket.close()
-        os.close(self.pidfd)
+        pidfd, self._pidfd = self._pidfd, None
+        if pidfd is not None:
+            os.close(pidfd)
+
+    def _look(self, within_s: float = 0.0) -> None:
+        if self._pidfd is None and self.failure is None:
+            self._settle(within_s)
+
+
+Start: TypeAlias = Callable[[str, Sequence[str], "int | None"], Child]
+"""Starts a module with arguments and, for some, a shared memory; raises `OSError`."""
+
+
+def socket_pair() -> tuple[socket.socket, socket.socket]:
+    """Return the daemon's end, which does not block, and the end that a child inherits."""
+    ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    ours.setblocking(False)
+    for end in (ours, theirs):
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _BUFFER_BYTES)
+    return ours, theirs
+
+
+def start_here(module: str, arguments: Sequence[str] = (), memory_fd: int | None = None) -> Child:
+    """Run `module` as a child of this process; raises `OSError` when that is impossible.
+
+    Waits until the new process runs its program, which can take long on a busy machine: not for
+    the control thread while a motor is energised. There it is `Spawner.start`.
+    """
+    ours, theirs = socket_pair()
+    try:
+        pid = spawn(module, arguments, theirs.fileno(), memory_fd)
+    except OSError:
+        ours.close()
+        raise
+    finally:
+        theirs.close()
+    return Child(ours, pid, os.pidfd_open(pid))
+
+
+def spawn(
+    module: str, arguments: Sequence[str], connected_fd: int, memory_fd: int | None = None
+) -> int:
+    """Run `module` with its descriptors in place; return its pid, raise what `posix_spawn` does."""
+    inherited: list[tuple[int, int, int]] = [(os.POSIX_SPAWN_DUP2, connected_fd, CHILD_FD)]
+    if memory_fd is not None:
+        inherited.append((os.POSIX_SPAWN_DUP2, memory_fd, MEMORY_FD))
+    return os.posix_spawn(
+        sys.executable,
+        module_command(module, arguments),
+        os.environ,
+        file_actions=inherited,
+        setpgroup=0,  # a Ctrl-C in the terminal is for the daemon, which ends its children
+        # For the daemon alone, though sent to all of its processes: a stop, its end, in
+        # which the pump still has to disable the motor, and what a manager's watchdog
+        # sends, after which the helper still has to write what happened.
+        setsigmask=(signal.SIGUSR1, signal.SIGTERM, signal.SIGABRT),
+        setsigdef=(signal.SIGPIPE, signal.SIGINT, signal.SIGTERM),
+    )
 
 
 def receive_descriptors(

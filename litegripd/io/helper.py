@@ -8,10 +8,9 @@ import json
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 
-from litegripd.io.child import MAX_PACKET_BYTES, Child
-from litegripd.model.errands import ErrandResult
+from litegripd.io.child import MAX_PACKET_BYTES, Child, Start, start_here
+from litegripd.io.helper_requests import HelperRequest, HelperRequests, HelperResult
 
 _log = logging.getLogger(__name__)
 
@@ -20,26 +19,19 @@ END_WITHIN_S = 0.5
 FINISH_WITHIN_S = 2.5
 """So long the end waits for a helper that has something to finish, the dump of a fault for one."""
 
+REFUSED_LATELY_S = 10.0
+
 _PACKETS_PER_EVENT = 8
 _MOST_KEPT = 64
 """So many posts wait for a helper to be started: log lines, that of its own death among them."""
 
 MODULE = "litegripd.io.helper_main"
+LOG_STATE = b"l"
+"""The kind of the packets, which answer no request, that report what becomes of the log."""
+
+LOG = "log"
 GOODBYE = "goodbye"
 """Tells the helper that the daemon ends as it should; one that just vanishes has crashed."""
-
-
-@dataclass(frozen=True, slots=True)
-class HelperResult(ErrandResult):
-    """What became of one request; what came in pieces is in `pieces`."""
-
-    pieces: tuple[bytes, ...] = ()
-
-
-@dataclass(slots=True)
-class _Request:
-    on_result: Callable[[HelperResult], None]
-    pieces: list[bytes] = field(default_factory=list)
 
 
 class Helper:
@@ -48,6 +40,8 @@ class Helper:
     `watch(child)` and `unwatch(child)` register its descriptors with the event loop, which then
     calls `on_event`; `poll(now_s)`, once per tick, starts the helper where there is none. Every
     helper gets the shared memory `memory_fd`.
+
+    Users' requests take turns by user and leave a few at a time; the daemon's own leave at once.
     """
 
     def __init__(
@@ -56,18 +50,25 @@ class Helper:
         unwatch: Callable[[Child], None],
         module: str = MODULE,
         memory_fd: int | None = None,
+        start: Start = start_here,
     ) -> None:
         self.deaths = 0
         self.refused = 0
+        self.log_lines_lost = 0
+        self.log_is_stuck = False
         self._watch = watch
         self._unwatch = unwatch
         self._module = module
         self._memory_fd = memory_fd
-        self._requests: dict[int, _Request] = {}
+        self._start_child = start
+        self._requests = HelperRequests()
+        self._refused_uid: int | None = None
+        self._refused_s = float("-inf")
         self._next_id = 0
         self._restart_at_s = 0.0
         self._kept: list[bytes] = []
         self._child: Child | None = None
+        self._lost_by_child = 0
 
     @property
     def is_running(self) -> bool:
@@ -82,7 +83,16 @@ class Helper:
     @property
     def is_busy(self) -> bool:
         """Whether a request has not been answered yet."""
-        return bool(self._requests)
+        return len(self._requests) > 0
+
+    @property
+    def waiting(self) -> int:
+        """How many requests have not been sent to the helper yet."""
+        return self._requests.waiting
+
+    def lately_refused(self, now_s: float) -> int | None:
+        """Return the user who was refused for too many requests in the last while, or None."""
+        return self._refused_uid if now_s - self._refused_s < REFUSED_LATELY_S else None
 
     def request(
         self,
@@ -90,18 +100,32 @@ class Helper:
         parameters: Mapping[str, object],
         on_result: Callable[[HelperResult], None],
         descriptors: Sequence[int] = (),
+        uid: int | None = None,
     ) -> None:
         """Ask for `operation`; `on_result` is called once, from the event loop.
 
-        The operation gets copies of `descriptors`.
+        The operation gets copies of `descriptors`. With `uid` it is the request of that user,
+        bounded and in turn; without, the daemon's own.
         """
         self._next_id += 1
         packet = json.dumps([self._next_id, operation, parameters]).encode()
-        if self._child is None or not self._child.send(packet, descriptors):
-            self.refused += 1
-            on_result(HelperResult(error="the helper process is not running or overloaded"))
-            return
-        self._requests[self._next_id] = _Request(on_result)
+        request = HelperRequest(self._next_id, packet, on_result, uid)
+        if len(packet) > MAX_PACKET_BYTES:
+            self._refuse(request, f"the request has {len(packet)} bytes, too many for one packet")
+        elif self._child is None:
+            text = "the helper process is not running; it is being started again: try again"
+            self._refuse(request, text, "helper_busy")
+        elif descriptors:
+            if self._child.send(packet, descriptors):
+                self._requests.note_sent(request)
+            else:
+                self._refuse(request, "the helper process is overloaded: try again", "helper_busy")
+        elif (refusal := self._requests.refusal(uid)) is not None:
+            self._refused_uid, self._refused_s = uid, time.monotonic()
+            self._refuse(request, refusal, "helper_busy")
+        else:
+            self._requests.add(request)
+            self._send_waiting()
 
     def post(self, operation: str, parameters: Mapping[str, object]) -> bool:
         """Send a request that wants no answer, now or to the next helper; tell whether it could."""
@@ -127,16 +151,18 @@ class Helper:
             self._take(packet)
 
     def poll(self, now_s: float) -> None:
-        """Start the helper, or start it again once its time has come."""
+        """Start the helper, or start it again once its time has come; send what waits."""
         if self._child is None and now_s >= self._restart_at_s:
             self._start()
+        elif self._requests.waiting:
+            self._send_waiting()
 
     def close(self) -> None:
         """End the helper process once it has done what it was sent, or after a while."""
         if self._child is not None:
             self.post(GOODBYE, {})
             self._unwatch(self._child)
-            self._child.close(FINISH_WITHIN_S if self._requests else END_WITHIN_S)
+            self._child.close(FINISH_WITHIN_S if self.is_busy else END_WITHIN_S)
             self._child = None
 
     def let_go(self) -> None:
@@ -149,7 +175,7 @@ class Helper:
 
     def _start(self) -> None:
         try:
-            self._child = Child(self._module, memory_fd=self._memory_fd)
+            self._child = self._start_child(self._module, (), self._memory_fd)
         except OSError as error:
             self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
             _log.error("the helper process cannot be started: %s", error)
@@ -158,39 +184,60 @@ class Helper:
         kept, self._kept = self._kept, []
         for packet in kept:
             self._child.send(packet)
+        self._send_waiting()
+
+    def _refuse(self, request: HelperRequest, error: str, reason: str | None = None) -> None:
+        self.refused += 1
+        request.on_result(HelperResult(error=error, reason=reason))
+
+    def _send_waiting(self) -> None:
+        if self._child is not None:
+            self._requests.send(self._child.send)
 
     def _take(self, packet: bytes) -> None:
         identity = int.from_bytes(packet[:4], "little")
-        request = self._requests.get(identity)
+        if packet[4:5] == LOG_STATE:
+            self._note_log(*json.loads(packet[5:]))
+            return
+        request = self._requests.at_helper(identity)
         if request is None:
             return
         kind = packet[4:5]
         if kind == b"p":
             request.pieces.append(packet[5:])
             return
-        del self._requests[identity]
+        self._requests.answered(request)
+        self._send_waiting()
         value = json.loads(packet[5:])
         pieces = tuple(request.pieces)
         if kind == b"r":
-            _tell(request, HelperResult(value, None, pieces))
+            _tell(request, HelperResult(value, pieces=pieces))
         else:
-            _tell(request, HelperResult(None, str(value), ()))
+            _tell(request, HelperResult(error=str(value)))
+
+    def _note_log(self, lost: int, is_stuck: bool) -> None:
+        self.log_lines_lost += lost - self._lost_by_child
+        self._lost_by_child, self.log_is_stuck = lost, is_stuck
 
     def _bury(self, child: Child) -> None:
         while packet := child.receive():
             self._take(packet)  # what it still finished
         self.deaths += 1
+        self._lost_by_child, self.log_is_stuck = 0, False
+        pid, failure = child.pid, child.failure
         self._unwatch(child)
         child.close()
         self._child = None
         self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
-        _log.error("the helper process (pid %d) died; it will be started again", child.pid)
-        orphans, self._requests = list(self._requests.values()), {}
-        for request in orphans:
+        if failure is None:
+            _log.error("the helper process (pid %d) died; it will be started again", pid)
+        else:
+            _log.error("the helper process cannot be started: %s", failure)
+        for request in self._requests.take_sent():
             _tell(request, HelperResult(error="the helper process died while it worked on this"))
 
 
-def _tell(request: _Request, result: HelperResult) -> None:
+def _tell(request: HelperRequest, result: HelperResult) -> None:
     """Hand a result over; a defect of who takes it must not leave the helper unserved."""
     try:
         request.on_result(result)

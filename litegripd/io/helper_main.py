@@ -4,11 +4,16 @@ Run by the daemon. It ends at end-of-file on its socket, that is, with the daemo
 not said goodbye, the flight recorder is written before.
 """
 
+import contextlib
 import json
 import os
+import select
 import signal
+import socket
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import cast
 
 from litegripd.io.calibration_files import load_operation, templates_operation
@@ -19,10 +24,14 @@ from litegripd.io.child import (
     inherited_socket,
     module_command,
     receive_descriptors,
+    spawn,
     use_all_cpus,
 )
-from litegripd.io.helper import GOODBYE
+from litegripd.io.helper import GOODBYE, LOG, LOG_STATE
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
+from litegripd.io.spawner import MODULE as SPAWNER
+from litegripd.io.spawner import OPERATION as START_SPAWNER
+from litegripd.io.standard_error import LineWriter
 from litegripd.io.trajectory_store import TrajectoryStore
 
 Parameters = Mapping[str, object]
@@ -36,11 +45,15 @@ _MAX_ANSWER_BYTES = MAX_PACKET_BYTES - _HEADER_BYTES - 1
 _LONGEST_ERROR = 2000  # characters; each takes at most 12 bytes of JSON
 
 
+_LOG = LineWriter()
+_LOOK_AT_LOG_EVERY_S = 0.25
+_PACKETS_AT_ONCE = 256
+_LOG_WITHIN_S = 0.4  # at the end; less than a daemon waits for its helper
+
+
 def write_log(parameters: Parameters) -> None:
-    """Write `text` to standard error, waiting as long as the reader there takes."""
-    left = str(parameters["text"]).encode(errors="backslashreplace")
-    while left:
-        left = left[os.write(sys.stderr.fileno(), left) :]
+    """Have `text` written to standard error; whether somebody reads that, nobody here waits for."""
+    _LOG.write(str(parameters["text"]))
 
 
 def dump_recorder(parameters: Parameters) -> dict[str, object]:
@@ -79,9 +92,16 @@ def start_successor(parameters: Parameters) -> dict[str, int]:
     return {"pid": pid}
 
 
+def start_spawner(parameters: Parameters) -> dict[str, int]:
+    """Run a spawner with the one socket of `descriptors`, in place of one that has died."""
+    (inherited,) = cast("list[int]", parameters["descriptors"])
+    return {"pid": spawn(SPAWNER, (), inherited)}
+
+
 OPERATIONS: dict[str, Operation] = {
-    "log": write_log,
+    LOG: write_log,
     "successor.start": start_successor,
+    START_SPAWNER: start_spawner,
     "calibration.load": load_operation,
     "calibration.templates": templates_operation,
     "calibration.save": save_calibration,
@@ -98,25 +118,85 @@ def serve(operations: Mapping[str, Operation]) -> bool:
     One that has gone does not read any more, but its goodbye may lie behind its last request.
     """
     with inherited_socket() as peer:
+        intake = _Intake(peer)
         while True:
-            packet, descriptors = receive_descriptors(peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS)
-            if not packet:
+            request = intake.next()
+            if request is None:
                 return False
-            identity, name, parameters = json.loads(packet)
-            if name == GOODBYE:
+            if request.name == GOODBYE:
+                _LOG.finish(_LOG_WITHIN_S)
                 return True
-            header = identity.to_bytes(_HEADER_BYTES, "little")
-            if descriptors:
-                parameters["descriptors"] = descriptors
+            header = request.identity.to_bytes(_HEADER_BYTES, "little")
             try:
-                for answer in _answers(operations, name, parameters):
-                    if identity:
+                for answer in _answers(operations, request.name, request.parameters):
+                    if request.identity:
                         peer.send(header + answer)
             except ConnectionError:
                 continue
             finally:
-                for descriptor in descriptors:
+                for descriptor in request.descriptors:
                     os.close(descriptor)
+
+
+@dataclass(frozen=True, slots=True)
+class _Request:
+    identity: int
+    name: str
+    parameters: Parameters
+    descriptors: Sequence[int]
+
+
+class _Intake:
+    """The daemon's requests in their order; its log lines are written as they come.
+
+    Behind what takes long they would fill the socket, and get lost. Reports to the daemon what
+    becomes of them, whenever that changes.
+    """
+
+    def __init__(self, peer: socket.socket) -> None:
+        self._peer = peer
+        self._waiting: deque[_Request] = deque()
+        self._is_over = False
+        self._reported = (0, False)
+
+    def next(self) -> _Request | None:
+        """Wait for a request and return it, or None at the end."""
+        while True:
+            self._take()
+            self._report()
+            if self._waiting:
+                return self._waiting.popleft()
+            if self._is_over:
+                return None
+            # While log lines are on their way it looks at them now and then.
+            within_s = _LOOK_AT_LOG_EVERY_S if _LOG.is_busy or self._reported[1] else None
+            select.select((self._peer,), (), (), within_s)
+
+    def _take(self) -> None:
+        """Take what has come, a bounded number at a time."""
+        for _ in range(_PACKETS_AT_ONCE):
+            if self._is_over or not select.select((self._peer,), (), (), 0)[0]:
+                return
+            packet, descriptors = receive_descriptors(
+                self._peer, MAX_PACKET_BYTES, _MAX_DESCRIPTORS
+            )
+            if not packet:
+                self._is_over = True
+                return
+            identity, name, parameters = json.loads(packet)
+            if descriptors:
+                parameters["descriptors"] = descriptors
+            if name == LOG and not identity:
+                write_log(parameters)
+            else:
+                self._waiting.append(_Request(identity, name, parameters, descriptors))
+
+    def _report(self) -> None:
+        state = (_LOG.lost, _LOG.is_stuck)
+        if state != self._reported:
+            self._reported = state
+            with contextlib.suppress(ConnectionError):  # its end is seen with the next packet
+                self._peer.send(bytes(_HEADER_BYTES) + LOG_STATE + json.dumps(state).encode())
 
 
 def _answers(
@@ -140,6 +220,8 @@ def main() -> None:
     """Run the helper with the daemon's operations."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a successor that fails is reaped at once
     use_all_cpus()
+    with contextlib.suppress(OSError):  # there may be none
+        os.set_inheritable(MEMORY_FD, False)
     if serve(OPERATIONS):
         return
     try:
@@ -147,7 +229,8 @@ def main() -> None:
         told = f"its last minute is recorded in {written['path']}"
     except (OSError, ValueError) as error:
         told = f"its last minute could not be recorded: {error}"
-    write_log({"text": f"litegripd: the control process is gone; {told}\n"})
+    _LOG.write(f"litegripd: the control process is gone; {told}\n")
+    _LOG.finish(_LOG_WITHIN_S)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,16 @@ import socket
 import stat
 import struct
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+
+from litegripd.io.channel_lock import (
+    RUN_DIRECTORY,
+    ChannelLock,
+    LockedError,
+    lock_channel,
+    lock_path,
+)
 
 _log = logging.getLogger(__name__)
 
@@ -45,14 +54,45 @@ class ChannelClaim:
 
     The lock is a name in the abstract socket namespace: the kernel frees it with the process, so
     that nothing stale can be left, and it belongs to the network namespace, as the CAN interface
-    does. Raises `InUseError` with the owner's pid. Register it with the loop: it lets whoever
-    asks for the owner connect, and closes the connection.
+    does. Anybody can bind it; who also holds the lock in the run directory does without it where a
+    user has it who may not run a daemon there. Raises `InUseError` with the owner's pid and uid.
+    Register it with the loop: it lets whoever asks for the owner connect, and closes the
+    connection.
     """
 
-    def __init__(self, interface: str, channel: str, claimed: socket.socket | None = None) -> None:
-        """Claim the channel, or go on with the claim of a predecessor."""
-        self._socket = claimed or _claim(interface, channel)
+    def __init__(
+        self,
+        interface: str,
+        channel: str,
+        claimed: socket.socket | None = None,
+        lock_descriptor: int | None = None,
+    ) -> None:
+        """Claim the channel, or go on with the claim and the lock of a predecessor."""
+        self._lock: ChannelLock | None = None
+        if claimed is None:
+            self._lock = _lock(interface, channel)
+            try:
+                claimed = _claim(interface, channel, has_lock=self._lock is not None)
+            except InUseError:
+                self.remove()
+                if self._lock is not None:
+                    self._lock.close()
+                raise
+        elif lock_descriptor is not None:
+            path = lock_path(_claim_text(interface, channel))
+            self._lock = ChannelLock(lock_descriptor, path)
+        self._socket = claimed
         self._socket.setblocking(False)
+
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """What a successor gets: the lock's, where there is one."""
+        return () if self._lock is None else (self._lock.descriptor,)
+
+    def remove(self) -> None:
+        """Remove the lock's file: no successor goes on with it."""
+        if self._lock is not None:
+            self._lock.remove()
 
     def name_owner(self) -> None:
         """Let the kernel name this process to whoever asks for the owner."""
@@ -72,9 +112,26 @@ class ChannelClaim:
     def close(self) -> None:
         """Free the channel."""
         self._socket.close()
+        if self._lock is not None:
+            self._lock.close()
 
 
-def _claim(interface: str, channel: str) -> socket.socket:
+def _lock(interface: str, channel: str) -> ChannelLock | None:
+    try:
+        return lock_channel(_claim_text(interface, channel))
+    except LockedError:
+        owner = _owner_of(_claim_name(interface, channel))
+        raise InUseError(_owned(channel, owner)) from None
+
+
+def _owned(channel: str, owner: "_Owner | None") -> str:
+    return (
+        f"channel {channel} is owned by the daemon with {owner or 'no pid'}:"
+        " one motor has one owner; stop that daemon first"
+    )
+
+
+def _claim(interface: str, channel: str, *, has_lock: bool) -> socket.socket:
     name = _claim_name(interface, channel)
     claimed = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
@@ -84,20 +141,39 @@ def _claim(interface: str, channel: str) -> socket.socket:
         claimed.close()
         if error.errno != errno.EADDRINUSE:
             raise InUseError(f"channel {channel} cannot be claimed: {error}") from error
-        raise InUseError(
-            f"channel {channel} is owned by the daemon with {_owner_of(name) or 'no pid'}:"
-            " one motor has one owner; stop that daemon first"
-        ) from None
+        owner = _owner_of(name)
+        if has_lock and owner is not None and owner.is_outsider:
+            _log.warning(
+                "%s has taken the name of channel %s without the lock in %s, and is passed over;"
+                " if it commands the motor, end it",
+                owner,
+                channel,
+                RUN_DIRECTORY,
+            )
+            return _without_name()
+        raise InUseError(_owned(channel, owner)) from None
+    return claimed
+
+
+def _without_name() -> socket.socket:
+    """Return a listening socket whose name the kernel has chosen."""
+    claimed = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    claimed.bind("")
+    claimed.listen()
     return claimed
 
 
 def _claim_name(interface: str, channel: str) -> str:
     """Return the abstract name of a channel; different paths to one device give the same."""
-    where = os.path.realpath(channel) if channel.startswith("/") else channel
-    name = f"\0litegripd/{interface}/{where}"
+    name = f"\0litegripd/{_claim_text(interface, channel)}"
     if len(name.encode()) <= _MAX_NAME_BYTES:
         return name
     return f"\0litegripd/{hashlib.sha256(name.encode()).hexdigest()}"
+
+
+def _claim_text(interface: str, channel: str) -> str:
+    where = os.path.realpath(channel) if channel.startswith("/") else channel
+    return f"{interface}/{where}"
 
 
 def listen(path: Path, group: str | None) -> socket.socket:
@@ -157,8 +233,24 @@ def _remove_stale(path: Path) -> None:
     path.unlink()
 
 
-def _owner_of(address: str) -> str | None:
-    """Name the process that listens on an address by its pid; None where there is none.
+@dataclass(frozen=True, slots=True)
+class _Owner:
+    """Who listens on an address, as the kernel knows it; no pid where it does not say."""
+
+    pid: int | None = None
+    uid: int | None = None
+
+    @property
+    def is_outsider(self) -> bool:
+        """True for a user who is neither root nor the one who runs this daemon."""
+        return self.uid is not None and self.uid not in (0, os.getuid())
+
+    def __str__(self) -> str:
+        return "an unknown pid" if self.pid is None else f"pid {self.pid} of uid {self.uid}"
+
+
+def _owner_of(address: str) -> _Owner | None:
+    """Return the process that listens on an address; None where there is none.
 
     Raises `OSError` where that cannot be told, such as for another user's socket.
     """
@@ -167,11 +259,12 @@ def _owner_of(address: str) -> str | None:
         try:
             probe.connect(address)
         except BlockingIOError:
-            return "an unknown pid"  # it is listened on, with a full backlog
+            return _Owner()  # it is listened on, with a full backlog
         except (ConnectionRefusedError, FileNotFoundError):
             return None
         credentials = probe.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
-    return f"pid {_UCRED.unpack(credentials)[0]}"
+    pid, uid, _gid = _UCRED.unpack(credentials)
+    return _Owner(pid, uid)
 
 
 def _give_to_group(path: Path, group: str | None) -> None:
@@ -179,8 +272,8 @@ def _give_to_group(path: Path, group: str | None) -> None:
         return
     try:
         gid = grp.getgrnam(group).gr_gid
-        if path.stat().st_gid != gid:  # as in a unit with that Group=, which may not change owners
-            os.chown(path, -1, gid)
+        if path.lstat().st_gid != gid:  # as in a unit with that Group=, which may not change owners
+            os.chown(path, -1, gid, follow_symlinks=False)  # whatever has taken its place since
     except KeyError:
         _log.warning("there is no group %r: %s stays with group %s", group, path, _group_of(path))
     except PermissionError:
@@ -190,7 +283,7 @@ def _give_to_group(path: Path, group: str | None) -> None:
 
 
 def _group_of(path: Path) -> str:
-    gid = path.stat().st_gid
+    gid = path.lstat().st_gid
     try:
         return grp.getgrgid(gid).gr_name
     except KeyError:

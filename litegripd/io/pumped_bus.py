@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable, Sequence
 
 from litegripd.io.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
-from litegripd.io.child import Child
+from litegripd.io.child import Child, start_here
 from litegripd.model.bus import NOT_OPENED, UP, BusCondition
 from litegripd.model.frame import CanFrame
 
@@ -58,7 +58,7 @@ class PumpedBus:
         self,
         settings: BusSettings,
         period_s: float,
-        start: Callable[[str, Sequence[str]], Child] = Child,
+        start: Callable[[str, Sequence[str]], Child] = start_here,
     ) -> None:
         self.counters = BusCounters()
         self.condition = NOT_OPENED
@@ -124,12 +124,14 @@ class PumpedBus:
     def hand_over(self) -> tuple[tuple[int, ...], int]:
         """Return the socket to the pump, its pidfd, and its pid."""
         child = self._child
-        return ((), 0) if child is None else ((child.socket.fileno(), child.pidfd), child.pid)
+        if child is None or child.pid is None or child.pidfd is None:
+            return (), 0
+        return (child.socket.fileno(), child.pidfd), child.pid
 
     def take_over(self, descriptors: Sequence[int], pid: int) -> None:
         """Go on with the predecessor's pump, which has the adapter open."""
         connected, pidfd = descriptors
-        self._child = Child.of(pid, socket.socket(fileno=connected), pidfd)
+        self._child = Child(socket.socket(fileno=connected), pid, pidfd)
         self._was_open = True
         self._works()
 
@@ -195,16 +197,19 @@ class PumpedBus:
         try:
             self._child = self._start(MODULE, (described,))
         except OSError as error:
-            self.condition = BusCondition("down", f"the pump process cannot be started: {error}")
+            self.condition = _unstarted(str(error))
             self._restart_later(now_s)
         return self._child
 
     def _bury(self, child: Child, frames: list[CanFrame], now_s: float) -> None:
         while packet := child.receive():  # its last words came between the last look and its end
             self._take(packet, frames, now_s)
+        failure = child.failure
         child.close()
         self._child = None
-        if self._is_open:
+        if failure is not None:
+            self.condition = _unstarted(failure)
+        elif self._is_open:
             self.condition = BusCondition("down", "the pump process died")
         self._is_open = False
         self._dropping_since_s = None
@@ -214,3 +219,7 @@ class PumpedBus:
         """Wait before the next attempt, ever longer until one opens the adapter."""
         self._restart_at_s = now_s + self._restart_after_s
         self._restart_after_s = min(2 * self._restart_after_s, _RESTART_AT_MOST_S)
+
+
+def _unstarted(why: str) -> BusCondition:
+    return BusCondition("down", f"the pump process cannot be started: {why}")

@@ -7,7 +7,7 @@ the first link is wanted, kept for the daemon's life, and started again when it 
 from collections.abc import Callable, Sequence
 
 from litegripd.control.teleop.link import InProcessLinks, Link
-from litegripd.io.child import Child
+from litegripd.io.child import Child, start_here
 from litegripd.io.teleop_wire import (
     CLOSE,
     FRAME,
@@ -36,7 +36,7 @@ class TeleopLinks:
     def __init__(
         self,
         zenoh_config: str | None = None,
-        start: Callable[[str, Sequence[str]], Child] = Child,
+        start: Callable[[str, Sequence[str]], Child] = start_here,
     ) -> None:
         self.deaths = 0
         self._zenoh_config = zenoh_config
@@ -98,10 +98,7 @@ class TeleopLinks:
         )
 
     def poll(self, now_s: float) -> None:
-        """Start the process where it is wanted; called once per tick, when all else is done.
-
-        Starting one takes about half a millisecond, on a busy machine a few.
-        """
+        """Start the process where it is wanted; called once per tick, when all else is done."""
         link, child = self._link, self._child
         if child is not None and child.has_ended:
             self._bury(child, now_s)
@@ -159,19 +156,25 @@ class TeleopLinks:
         try:
             self._child = self._start(MODULE, ())
         except OSError as error:
-            link.status = LinkStatus("failed", f"the link process cannot be started: {error}")
+            link.status = _unstarted(str(error))
             self._restart_at_s = now_s + self._restart_after_s
             return
         link.is_ordered = False
 
     def _bury(self, child: Child, now_s: float) -> None:
+        failure = child.failure
         child.close()
         self._child = self._open_port = None
         self.deaths += 1
+        died = LinkStatus("failed", "the link process died; it is started again")
         if self._link is not None:
-            self._link.status = LinkStatus("failed", "the link process died; it is started again")
+            self._link.status = died if failure is None else _unstarted(failure)
         self._restart_at_s = now_s + self._restart_after_s
         self._restart_after_s = min(2 * self._restart_after_s, _RESTART_AT_MOST_S)
+
+
+def _unstarted(why: str) -> LinkStatus:
+    return LinkStatus("failed", f"the link process cannot be started: {why}")
 
 
 class ProcessLink:

@@ -6,16 +6,25 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class ErrandResult:
-    """What became of an errand: `value` where it worked, else `error`, a sentence."""
+    """What became of an errand: `value` where it worked, else `error`, a sentence.
+
+    `reason` is that of the error table, where it is not for the one who asked to find it.
+    """
 
     value: object = None
     error: str | None = None
+    reason: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Errand:
-    """One operation of the helper process; `on_result` is called once, between two ticks."""
+    """One operation of the helper process; `on_result` is called once, between two ticks.
+
+    `uid` is the user whose request it is alone; None for the daemon's own, and for what a motion
+    needs, which never wait behind requests.
+    """
 
     operation: str
     parameters: Mapping[str, object]
     on_result: Callable[[ErrandResult], None]
+    uid: int | None = None

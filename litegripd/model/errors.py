@@ -80,6 +80,23 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ),
     ErrorKind("shutting_down", -32004, "ConnectError", 3, True, "The daemon is about to end."),
     ErrorKind(
+        "starting",
+        -32006,
+        "BusyError",
+        6,
+        True,
+        "The daemon has just started and is still reading the calibration.",
+    ),
+    ErrorKind(
+        "helper_busy",
+        -32007,
+        "BusyError",
+        6,
+        True,
+        "The process that reads and writes files has too much to do for this user, or is being"
+        " started again.",
+    ),
+    ErrorKind(
         "restart_failed",
         -32005,
         "CommandError",

@@ -26,6 +26,6 @@ class Recording:
                 deferred.resolve(result.value)
             else:
                 text = f"the recorder could not be written: {result.error}"
-                deferred.resolve(Refusal("not_saved", text))
+                deferred.resolve(Refusal(result.reason or "not_saved", text))
 
         return self._dumps.ask("demand", call.params.get("note", ""), done) or deferred

@@ -1,9 +1,10 @@
 """The methods on what persists: the calibration, the daemon's defaults, the motor's registers."""
 
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, TypeAlias
 
-from litegripd.control.admission import conflict_refusal
+from litegripd.control.admission import ENDING, conflict_refusal
 from litegripd.control.calibrating import Calibrating
 from litegripd.control.engine import Engine
 from litegripd.control.saving import content_of
@@ -16,6 +17,9 @@ from litegripd.model.motor import RegisterReply
 from litegripd.motor.registers import REGISTERS, Register
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, Later, later
 
+Authority: TypeAlias = Callable[[], "Refusal | None"]
+"""Returns why what was asked for may not take effect any more, or None."""
+
 
 class Settings:
     """Functions on calibration, motion configuration and registers."""
@@ -23,6 +27,7 @@ class Settings:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._calibrating = Calibrating(engine)
+        self._is_saving_config = False
 
     def functions(self) -> Mapping[str, Function]:
         """Return the functions by the names of their methods."""
@@ -61,8 +66,8 @@ class Settings:
             else content_of(calibration, engine.unit, in_use.gains, engine.motor),
         }
 
-    def _templates(self, _call: Call) -> Answer:
-        return self._errand("calibration.templates", {}, lambda value: {"templates": value})
+    def _templates(self, call: Call) -> Answer:
+        return self._errand(call, "calibration.templates", {}, lambda value: {"templates": value})
 
     def _load(self, call: Call) -> Answer:
         params = call.params
@@ -79,7 +84,10 @@ class Settings:
                 "mount": template or unit.mount,
                 "configured": template is None,
             }
-            return self._errand("calibration.load", wanted, self._adopt_found)
+            authority = self._authority(call)
+            return self._errand(
+                call, "calibration.load", wanted, lambda value: self._adopt_found(value, authority)
+            )
         try:
             calibration = read_content(params["content"])
         except CalibrationError as error:
@@ -87,8 +95,29 @@ class Settings:
         found = {"loaded": True, "factory": False, "skipped": []}
         return self._calibrating.load(calibration, None) or {**self._calibration(), **found}
 
-    def _adopt_found(self, value: Any) -> Mapping[str, Any] | Refusal:
-        """Take what the helper found, unless a motion has begun meanwhile."""
+    def _authority(self, call: Call) -> Authority:
+        """Return what to ask when a request takes effect that had to wait for the helper.
+
+        A stop that has come since voids it, and so does any change of the lease: who held it must
+        hold the same one, who needed none may need one now.
+        """
+        engine = self._engine
+        generation, holder = engine.stop_latch.generation, engine.lease.holder
+        owner = call.owner if holder is None else replace(call.owner, grant=holder.number)
+
+        def refusal() -> Refusal | None:
+            if engine.is_ending:
+                return ENDING
+            stopped = engine.stop_latch.refusal_of_sent(generation, None)
+            return stopped or engine.lease.refusal(owner)
+
+        return refusal
+
+    def _adopt_found(self, value: Any, authority: Authority) -> Mapping[str, Any] | Refusal:
+        """Take what the helper found, unless a motion has begun or somebody else decides now."""
+        refusal = authority()
+        if refusal is not None:
+            return refusal
         skipped = list(value["skipped"])
         if value["calibration"] is None:
             found = {"loaded": False, "factory": False, "skipped": skipped}
@@ -98,13 +127,13 @@ class Settings:
         found = {"loaded": True, "factory": value["factory"], "skipped": skipped}
         return refusal or {**self._calibration(), **found}
 
-    def _save(self, _call: Call) -> Answer:
+    def _save(self, call: Call) -> Answer:
         deferred = Deferred()
 
         def saved(result: ErrandResult) -> None:
             deferred.resolve(_outcome("calibration.save", result))
 
-        return self._calibrating.save(saved) or deferred
+        return self._calibrating.save(saved, call.owner.uid) or deferred
 
     def _zero(self, call: Call) -> Answer:
         config = call.config(self._engine.config, self._engine.period_s)
@@ -164,21 +193,32 @@ class Settings:
         refusal = conflict_refusal(fast_conflict(config, config.speed_mm_s, engine.period_s))
         if refusal is not None:
             return refusal
-        keeps = call.params.get("keep", False)
-        engine.config, engine.config_is_kept = config, False
-        if not keeps:
+        if self._is_saving_config:
+            text = "a change of the defaults is being saved: try again when that is done"
+            return Refusal("too_many_requests", text, {"limit": 1})
+        if not call.params.get("keep", False):
+            engine.config, engine.config_is_kept = config, False
             return self._config()
         fields = config.as_fields(engine.period_s)
         del fields["frame_interval"]
         parameters = {"channel": engine.unit.channel, "config": fields}
 
-        def kept(_value: Any) -> Mapping[str, Any]:
-            engine.config_is_kept = engine.config == config
-            return self._config()
+        deferred = Deferred()
 
-        return self._errand("motion.save", parameters, kept)
+        def saved(result: ErrandResult) -> None:
+            self._is_saving_config = False
+            if result.error is None:  # else all stays as it was, in the file and here
+                engine.config, engine.config_is_kept = config, True
+            outcome = _outcome("motion.save", result)
+            deferred.resolve(outcome if isinstance(outcome, Refusal) else self._config())
 
-    def _errand(self, operation: str, parameters: Mapping[str, Any], then: Any) -> Deferred:
+        self._is_saving_config = True
+        engine.errands.append(Errand("motion.save", parameters, saved, call.owner.uid))
+        return deferred
+
+    def _errand(
+        self, call: Call, operation: str, parameters: Mapping[str, Any], then: Any
+    ) -> Deferred:
         """Have something done by the helper process, and answer with what `then` makes of it."""
         deferred = Deferred()
 
@@ -186,7 +226,7 @@ class Settings:
             outcome = _outcome(operation, result)
             deferred.resolve(outcome if isinstance(outcome, Refusal) else then(outcome))
 
-        self._engine.errands.append(Errand(operation, parameters, done))
+        self._engine.errands.append(Errand(operation, parameters, done, call.owner.uid))
         return deferred
 
 
@@ -216,4 +256,4 @@ def _outcome(operation: str, result: ErrandResult) -> Any:
     """Return what an errand brought, or a refusal that says why it brought nothing."""
     if result.error is None:
         return result.value
-    return Refusal(_FAILURES.get(operation, "not_saved"), result.error)
+    return Refusal(result.reason or _FAILURES.get(operation, "not_saved"), result.error)

@@ -42,10 +42,10 @@ class TrajectoryContents:
         """Drop the uploads of a connection that is gone."""
         keys = [upload.key for upload in self._uploads.drop_all(session.identity)]
         if keys:
-            self._do("trajectory.drop", {"keys": keys}, lambda _result: None)
+            self._do(None, "trajectory.drop", {"keys": keys}, lambda _result: None)
 
     def _list(self, call: Call) -> Answer:
-        return self._errand("trajectory.list", {"after": call.params.get("after")})
+        return self._errand(call, "trajectory.list", {"after": call.params.get("after")})
 
     def _get(self, call: Call) -> Answer:
         source, params = self.source("trajectory.get", call), call.params
@@ -57,7 +57,7 @@ class TrajectoryContents:
             "length": params.get("length", MAX_PIECE_BYTES),
             "format": params.get("format", "lgt"),
         }
-        return self._errand("trajectory.read", wanted)
+        return self._errand(call, "trajectory.read", wanted)
 
     def _put(self, call: Call) -> Answer:
         params, name = call.params, call.params.get("name")
@@ -86,7 +86,7 @@ class TrajectoryContents:
         def done(result: ErrandResult) -> None:
             deferred.resolve(self._note_piece(upload, outcome_of(result, "not_saved")))
 
-        self._do("trajectory.put", wanted, done)
+        self._do(call, "trajectory.put", wanted, done)
         return deferred
 
     def _note_piece(self, upload: Upload, answer: Mapping[str, Any] | Refusal) -> Result:
@@ -108,12 +108,12 @@ class TrajectoryContents:
         if isinstance(source, Refusal):
             return source
         if "name" in source:
-            return self._errand("trajectory.delete", source, failed="not_saved")
+            return self._errand(call, "trajectory.delete", source, failed="not_saved")
         upload = self._uploads.get(call.session.identity, call.params["upload"])
         if upload is not None:
             self._uploads.drop(upload)
         return self._errand(
-            "trajectory.drop", {"keys": [source["kept"]]}, lambda _value: {"deleted": True}
+            call, "trajectory.drop", {"keys": [source["kept"]]}, lambda _value: {"deleted": True}
         )
 
     def source(self, method: str, call: Call) -> dict[str, Any] | Refusal:
@@ -137,14 +137,17 @@ class TrajectoryContents:
 
     def _do(
         self,
+        call: Call | None,
         operation: str,
         parameters: Mapping[str, Any],
         on_result: Callable[[ErrandResult], None],
     ) -> None:
-        self._engine.errands.append(Errand(operation, parameters, on_result))
+        uid = None if call is None else call.owner.uid
+        self._engine.errands.append(Errand(operation, parameters, on_result, uid))
 
     def _errand(
         self,
+        call: Call,
         operation: str,
         parameters: Mapping[str, Any],
         then: Then | None = None,
@@ -160,7 +163,7 @@ class TrajectoryContents:
             else:
                 deferred.resolve(then(answer))
 
-        self._do(operation, parameters, done)
+        self._do(call, operation, parameters, done)
         return deferred
 
 

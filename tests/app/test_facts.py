@@ -42,7 +42,10 @@ def verdict(
     parts = SimpleNamespace(
         bus=SimpleNamespace(condition=UP),
         rights=SimpleNamespace(refused=[]),
-        helper=SimpleNamespace(is_running=helper_runs),
+        spawner=SimpleNamespace(is_running=True),
+        helper=SimpleNamespace(
+            is_running=helper_runs, log_is_stuck=False, lately_refused=lambda _now_s: None
+        ),
         links=SimpleNamespace(status=None),
         reactor=reactor,
     )

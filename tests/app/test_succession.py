@@ -16,9 +16,10 @@ from litegripd.app.config import load, override
 from litegripd.app.handover import FORMAT
 from litegripd.app.succession import READY_WITHIN_S, TAKE_WITHIN_S, Succession
 from litegripd.io.bus import FrameBus
-from litegripd.io.child import Child
+from litegripd.io.child import start_here
 from litegripd.io.handover_link import Link, Packet, read_document
-from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.helper import Helper
+from litegripd.io.helper_requests import HelperResult
 from litegripd.io.places import Places, occupy
 from litegripd.model.bus import UP, BusCondition
 from litegripd.model.errors import Refusal
@@ -322,7 +323,7 @@ def test_the_state_fits_what_the_successor_prepares_with(rig: Rig) -> None:
     packet = rig.begin().wait(DEADLINE_S)
     assert packet is not None
     *sockets, document = packet.descriptors
-    assert len(sockets) == 3
+    assert len(sockets) == len(rig.places.descriptors)
     for descriptor in sockets:
         os.close(descriptor)
     will = read_document(document)
@@ -337,8 +338,10 @@ def test_a_successor_without_predecessor_or_with_a_dead_one_ends() -> None:
     alone = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
     assert alone.returncode == 4
     assert "no predecessor" in alone.stderr
-    child = Child("litegripd.app.main", ("can7", "--successor"))
+    child = start_here("litegripd.app.main", ("can7", "--successor"))
     child.socket.close()
+    assert child.pid is not None
+    assert child.pidfd is not None
     _, status = os.waitpid(child.pid, 0)
     os.close(child.pidfd)
     assert os.waitstatus_to_exitcode(status) == 4

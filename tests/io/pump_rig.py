@@ -17,6 +17,7 @@ class FakeChild:
     """A pump as `PumpedBus` sees it: `says` is what it has told and is not read yet."""
 
     pid = 1
+    failure: str | None = None
 
     def __init__(self) -> None:
         self.says: deque[bytes] = deque()

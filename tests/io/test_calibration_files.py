@@ -1,6 +1,7 @@
 """The search for a calibration: its order, what it passes over, and where it must end."""
 
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -237,3 +238,17 @@ def test_the_daemon_gets_what_the_helper_found_unknown_keys_included(root: Path)
 def test_the_state_directory(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", f"{root / 'a'}:{root / 'b'}")
     assert state_directory() == root / "a"
+
+
+@pytest.mark.parametrize("kind", ["fifo", "device", "directory"])
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path, kind: str) -> None:
+    """A FIFO without a writer would be waited for without end."""
+    path = tmp_path / "calibration.json"
+    if kind == "fifo":
+        os.mkfifo(path)
+    elif kind == "device":
+        path.symlink_to("/dev/zero")
+    else:
+        path.mkdir()
+    with pytest.raises(CalibrationError, match=r"not a regular file|Is a directory"):
+        find_calibration("can0", str(path))

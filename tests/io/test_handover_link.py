@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.child import Child
+from litegripd.io.child import Child, start_here
 from litegripd.io.handover_link import Link, read_document, write_document
 from litegripd.io.places import occupy, take_over
 from litegripd.io.timerfd import PeriodicTimer
@@ -74,8 +74,9 @@ def test_places_change_hands_while_clients_connect(tmp_path: Path) -> None:
 
 
 def test_a_child_that_was_handed_over_is_ended_by_its_new_owner() -> None:
-    child = Child("tests.io.helper_for_tests")
-    taken = Child.of(child.pid, child.socket.dup(), os.dup(child.pidfd))
+    child = start_here("tests.io.helper_for_tests")
+    assert child.pidfd is not None
+    taken = Child(child.socket.dup(), child.pid, os.dup(child.pidfd))
     pidfd = os.dup(child.pidfd)
     child.let_go()
     assert not taken.has_ended

@@ -5,14 +5,14 @@ import os
 import select
 import signal
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
 
-from litegripd.io import helper as helper_module
-from litegripd.io.child import MAX_PACKET_BYTES, Child
-from litegripd.io.helper import Helper, HelperResult
+from litegripd.io.child import MAX_PACKET_BYTES, Child, Start, start_here
+from litegripd.io.helper import Helper
+from litegripd.io.helper_requests import HelperResult
 from litegripd.io.log import LogHandler
 
 DEADLINE_S = 30.0
@@ -22,12 +22,15 @@ class Rig:
     """A helper served by a poll of its own, in place of the reactor."""
 
     def __init__(
-        self, module: str = "tests.io.helper_for_tests", memory_fd: int | None = None
+        self,
+        module: str = "tests.io.helper_for_tests",
+        memory_fd: int | None = None,
+        start: Start = start_here,
     ) -> None:
         self.poll = select.poll()
         self.watched: list[int] = []
         self.results: list[HelperResult] = []
-        self.helper = Helper(self._watch, self._unwatch, module, memory_fd)
+        self.helper = Helper(self._watch, self._unwatch, module, memory_fd, start)
         self.helper.poll(time.monotonic())
 
     def _watch(self, child: Child) -> None:
@@ -140,6 +143,7 @@ def test_the_line_that_tells_of_its_death_is_written_by_the_next_one(
         assert rig.helper.pid is not None
         os.kill(rig.helper.pid, signal.SIGKILL)
         rig.until(lambda: rig.helper.deaths == 1 and rig.helper.is_running)
+        assert rig.ask("double", x=1).error is None  # by now it has begun
     finally:
         logging.getLogger("litegripd").removeHandler(handler)
         rig.helper.close()
@@ -222,23 +226,26 @@ def test_a_log_that_nobody_reads_does_not_kill_the_helper(rig: Rig) -> None:
         other.helper.close()
 
 
-def test_a_helper_that_cannot_be_started_is_tried_again(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    def impossible(_module: str, memory_fd: int | None) -> None:
-        raise OSError(11, "no processes left")
+def test_a_helper_that_cannot_be_started_is_tried_again(caplog: pytest.LogCaptureFixture) -> None:
+    attempts = 0
 
-    with monkeypatch.context() as patch:
-        patch.setattr(helper_module, "Child", impossible)
-        rig = Rig()
-        assert not rig.helper.is_running
-        assert "no processes left" in caplog.text
+    def at_first_impossible(module: str, arguments: Sequence[str], memory_fd: int | None) -> Child:
+        nonlocal attempts
+        attempts += 1
+        if attempts == 1:
+            raise OSError(11, "no processes left")
+        return start_here(module, arguments, memory_fd)
+
+    rig = Rig(start=at_first_impossible)
+    assert not rig.helper.is_running
+    assert "no processes left" in caplog.text
     rig.until(lambda: rig.helper.is_running)
     rig.helper.close()
 
 
 def test_a_helper_ends_with_its_daemon() -> None:
-    child = Child("litegripd.io.helper_main")
+    child = start_here("litegripd.io.helper_main")
+    assert child.pid is not None
     pidfd = os.pidfd_open(child.pid)
     try:
         child.socket.close()

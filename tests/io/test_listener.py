@@ -98,7 +98,7 @@ def test_a_stale_socket_is_replaced(tmp_path: Path) -> None:
 def test_a_live_socket_is_refused_with_the_pid_of_its_owner(tmp_path: Path) -> None:
     path = tmp_path / "a.sock"
     with holder(name(tmp_path), path) as process:
-        with pytest.raises(InUseError, match=rf"pid {process.pid} listens on"):
+        with pytest.raises(InUseError, match=rf"pid {process.pid} of uid {os.getuid()} listens on"):
             listen(path, None)
         assert path.exists()
 

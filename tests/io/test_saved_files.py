@@ -10,7 +10,7 @@ import pytest
 
 from litegripd.io.atomic_file import FileError
 from litegripd.io.calibration_files import MAX_FILE_BYTES, find_calibration
-from litegripd.io.child import MAX_PACKET_BYTES, Child
+from litegripd.io.child import MAX_PACKET_BYTES, Child, start_here
 from litegripd.io.helper_main import OPERATIONS
 from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 from litegripd.model.calibration import CalibrationError, from_plain
@@ -207,7 +207,7 @@ def test_motion_settings_that_could_not_be_read_back_are_not_written(
 
 @pytest.fixture
 def helper() -> Iterator[Child]:
-    child = Child("litegripd.io.helper_main")
+    child = start_here("litegripd.io.helper_main")
     yield child
     child.close()
 

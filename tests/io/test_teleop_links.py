@@ -265,6 +265,7 @@ def test_a_process_that_dies_without_a_link_is_not_started_again(links: TeleopLi
     link.close()
     child = links._child
     assert child is not None
+    assert child.pid is not None
     os.kill(child.pid, signal.SIGKILL)
     ends_s = time.monotonic() + DEADLINE_S
     while links.deaths == 0:
@@ -299,6 +300,7 @@ def test_the_process_ends_with_the_daemon(
     child = links._child
     assert child is not None
     child.socket.close()
+    assert child.pidfd is not None
     assert select.select([child.pidfd], [], [], DEADLINE_S)[0]
 
 

@@ -61,12 +61,13 @@ def until(client: Client, condition: Callable[[dict[str, Any]], bool]) -> dict[s
 
 
 def children(pid: int) -> dict[str, int]:
-    """Return the processes that a daemon has started, by the modules that they run."""
+    """Return the processes that a daemon has had started, by the modules that they run."""
     found: dict[str, int] = {}
     for path in Path(f"/proc/{pid}/task").iterdir():
         for child in (path / "children").read_text(encoding="ascii").split():
             command = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")
             found[command[3].decode() if len(command) > 3 else "?"] = int(child)
+            found |= children(int(child))
     return found
 
 

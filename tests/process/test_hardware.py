@@ -84,7 +84,9 @@ def test_the_journal_has_a_configuration_error_as_an_error(
         assert journal.read_text().startswith(f"{in_front}{path}: [control] rate is unknown")
 
 
-@pytest.mark.parametrize("arguments", [(), ("../x",), ("can0", "--config", "/no/such/file.toml")])
+@pytest.mark.parametrize(
+    "arguments", [(), ("../x",), ("can0.stop",), ("can0", "--config", "/no/such/file.toml")]
+)
 def test_wrong_usage_is_told(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     running = DaemonProcess(tmp_path, *arguments)
     assert running.exit_code() == 2
@@ -107,13 +109,14 @@ def client(tmp_path: Path, adapter: SimulatorProcess) -> Iterator[Client]:
 
 
 def pumps_of(daemon_pid: int) -> list[int]:
-    """Find the pumps among the daemon's children."""
+    """Find the pumps among the processes that the daemon has had started."""
     children = Path(f"/proc/{daemon_pid}/task/{daemon_pid}/children")
     found = []
     for pid in children.read_text(encoding="ascii").split():
         with contextlib.suppress(OSError):
             if b"pump_main" in Path(f"/proc/{pid}/cmdline").read_bytes():
                 found.append(int(pid))
+            found += pumps_of(int(pid))
     return found
 
 

@@ -1,0 +1,109 @@
+"""Observers who list trajectories without end hold up nobody else's files."""
+
+import contextlib
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.process.daemon_process import Client, DaemonProcess, daemon, line_of
+
+FLOOD = """
+import os, select, socket, sys
+if sys.argv[2] != "0":
+    os.setgroups([]); os.setgid(int(sys.argv[2])); os.setuid(int(sys.argv[2]))
+line = b'{"jsonrpc":"2.0","id":1,"method":"trajectory.list","params":{}}\\n' * 16
+sockets = []
+for _ in range(4):
+    one = socket.socket(socket.AF_UNIX)
+    one.connect(sys.argv[1])
+    one.setblocking(False)
+    sockets.append(one)
+print("on", flush=True)
+while True:
+    ready, takes, _ = select.select(sockets, sockets, [])
+    for one in ready:
+        if not one.recv(65536):
+            sys.exit()
+    for one in takes:
+        try:
+            one.send(line)
+        except BlockingIOError:
+            pass
+"""
+OTHER = 30001
+CONFIG = """
+[bus]
+interface = "litegrip_sim"
+watchdog_s = 0.4
+[gripper]
+mount = "normal"
+[access]
+default = "observer"
+operators = ["root"]
+"""
+
+
+@pytest.fixture
+def crowded() -> Iterator[DaemonProcess]:
+    if os.getuid() != 0:
+        pytest.skip("only root can let another user's process flood")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        folder.chmod(0o755)
+        config = folder / "c.toml"
+        config.write_text(CONFIG, encoding="utf-8")
+        with daemon(folder, f"flood-{os.getpid()}", "--config", str(config)) as running:
+            running.connect().close()
+            running.socket_path.chmod(0o666)
+            yield running
+
+
+def keep_many(client: Client, folder: Path) -> None:
+    """Keep so many trajectories that each list of them takes a while."""
+    client.result("trajectory.record_start", zero_gravity=False)
+    client.result("trajectory.record_stop", name="a", allow_empty=True)
+    content = (folder / "trajectories" / "a.lgt").read_bytes()
+    for number in range(60):
+        (folder / "trajectories" / f"b{number}.lgt").write_bytes(content)
+
+
+@contextlib.contextmanager
+def flood(path: Path) -> Iterator["subprocess.Popen[str]"]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", FLOOD, str(path), str(OTHER)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert line_of(process) == "on"
+        yield process
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_saving_and_playing_succeed_beside_observers_who_flood(crowded: DaemonProcess) -> None:
+    with crowded.connect() as client:
+        client.enabled()
+        before = client.until_health(lambda h: bool(h["helper"]["pid"]))
+        keep_many(client, crowded.socket_path.parent)
+        with flood(crowded.socket_path):
+            client.until_health(lambda h: bool(h["helper"]["refused"] > 100))
+            for number in range(2):
+                client.result("trajectory.record_start", zero_gravity=False)
+                name = f"pick {number}"
+                client.result("trajectory.record_stop", name=name, allow_empty=True)
+                client.result("trajectory.get", name=name)
+                client.result("calibration.templates")
+                client.result("calibration.save")
+                client.result("config.set", config={"force_n": 7.5 + number}, keep=True)
+            health = client.result("health")
+            told = f"requests of uid {OTHER} were refused"
+            assert any(told in reason for reason in health["reasons"]), health["reasons"]
+            assert health["log"]["dropped"] == before["log"]["dropped"]

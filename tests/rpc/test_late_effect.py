@@ -1,0 +1,152 @@
+"""What waits for the helper takes effect only while its sender still may: lease, stops, the end."""
+
+from collections.abc import Callable
+
+import pytest
+
+from litegripd.app.starting import load_at_start
+from litegripd.model.errands import Errand, ErrandResult
+from tests.world import Client, World
+
+Meanwhile = Callable[[World, Client], None]
+
+
+def other_takes_the_lease(world: World, _client: Client) -> None:
+    other = world.client()
+    number = other.send("lease.take", why="it hangs")
+    assert other.has_answer(number)
+    assert "result" in other.answers[number]
+
+
+def other_had_the_lease(world: World, client: Client) -> None:
+    other = world.client()
+    for method, params in (("lease.take", {"why": "it hangs"}), ("lease.release", {})):
+        number = other.send(method, **params)
+        assert other.has_answer(number)
+        assert "result" in other.answers[number], other.answers[number]
+
+
+def somebody_stops(world: World, _client: Client) -> None:
+    world.client().send("stop")
+
+
+def stopped_and_cleared(world: World, _client: Client) -> None:
+    other = world.client()
+    other.send("stop")
+    assert other.has_answer(other.send("stop.clear"))
+
+
+def the_daemon_ends(world: World, _client: Client) -> None:
+    world.engine.shut_down()
+
+
+@pytest.mark.parametrize(
+    ("meanwhile", "reason"),
+    [
+        (other_takes_the_lease, "lease_lost"),
+        (other_had_the_lease, "lease_lost"),
+        (somebody_stops, "sent_before_stop"),
+        (stopped_and_cleared, "sent_before_stop"),
+        (the_daemon_ends, "shutting_down"),
+    ],
+)
+def test_a_calibration_found_too_late_is_not_taken(meanwhile: Meanwhile, reason: str) -> None:
+    world = World()
+    client = world.start().client()
+    client.result("lease.acquire")
+    before = client.result("calibration.get")
+    number = client.send("calibration.load", template="reverse")
+    meanwhile(world, client)
+    world.run_until(lambda: client.has_answer(number))
+    assert client.answers[number]["error"]["data"]["reason"] == reason
+    assert client.result("calibration.get") == before
+
+
+def test_without_a_lease_it_is_not_taken_once_somebody_has_one() -> None:
+    world = World()
+    client = world.start().client()
+    number = client.send("calibration.load", template="reverse")
+    other = world.client()
+    assert other.has_answer(other.send("lease.acquire"))
+    world.run_until(lambda: client.has_answer(number))
+    assert client.answers[number]["error"]["data"]["reason"] == "lease_held"
+    assert client.result("calibration.get")["mount"] == "normal"
+
+
+def test_nothing_in_between_lets_it_be_taken() -> None:
+    world = World()
+    client = world.start().client()
+    client.result("lease.acquire")
+    assert client.result("calibration.load", template="reverse")["mount"] == "reverse"
+
+
+def test_defaults_that_could_not_be_saved_are_as_before() -> None:
+    world = World()
+    client = world.start().client()
+    before = client.result("config.get")
+    world.disk.error = "the disk is full"
+    answer = client.call("config.set", config={"force_n": 7.5}, keep=True)
+    assert answer["error"]["data"]["reason"] == "not_saved"
+    assert client.result("config.get") == before
+    world.disk.error = None
+    after = client.result("config.set", config={"force_n": 7.5}, keep=True)
+    assert (after["kept"], after["config"]["force_n"]) == (True, 7.5)
+    assert client.result("config.get") == after
+
+
+def test_defaults_are_not_changed_while_others_are_being_saved() -> None:
+    world = World()
+    client = world.start().client()
+    number = client.send("config.set", config={"force_n": 7.5}, keep=True)
+    other = client.send("config.set", config={"force_n": 9.0})
+    assert client.has_answer(other)
+    data = client.answers[other]["error"]["data"]
+    assert (data["reason"], data["retryable"]) == ("too_many_requests", True)
+    world.run_until(lambda: client.has_answer(number))
+    assert client.result("config.get")["config"]["force_n"] == 7.5
+    assert client.result("config.set", config={"force_n": 9.0})["config"]["force_n"] == 9.0
+
+
+def starting() -> tuple[World, Client, Callable[[], Errand]]:
+    """Return a daemon that has asked for its calibration, and what gives that errand up."""
+    world = World(calibrated=False)
+    world.disk.silent = True
+    found: list[Errand] = []
+    load_at_start(world.engine, lambda: None)
+    found += [errand for errand in world.engine.errands if errand.operation == "calibration.load"]
+    client = world.start().client()
+    world.disk.silent = False
+    return world, client, lambda: found[0]
+
+
+def test_until_the_calibration_is_read_motions_are_told_to_try_again() -> None:
+    world, client, coming = starting()
+    assert client.result("motor.enable")["ok"]
+    error = client.call("motion.open")["error"]
+    assert (error["data"]["reason"], error["data"]["retryable"]) == ("starting", True)
+    assert "still reading the calibration" in error["message"]
+    coming().on_result(world.disk.do(coming()))
+    assert client.result("motion.open")["ok"]
+
+
+@pytest.mark.parametrize(
+    ("result", "reason"),
+    [
+        (ErrandResult({"calibration": None, "skipped": [], "path": None}), "not_calibrated"),
+        (ErrandResult(error="the disk is on fire"), "calibration_unreadable"),
+    ],
+)
+def test_without_a_calibration_it_is_said_once_that_is_known(
+    result: ErrandResult, reason: str
+) -> None:
+    _world, client, coming = starting()
+    assert client.result("motor.enable")["ok"]
+    coming().on_result(result)
+    assert client.refusal("motion.open") == reason
+
+
+def test_what_a_client_loads_meanwhile_stays() -> None:
+    world, client, coming = starting()
+    assert client.result("calibration.load", template="reverse")["mount"] == "reverse"
+    coming().on_result(world.disk.do(coming()))
+    assert client.result("calibration.get")["mount"] == "reverse"
