@@ -77,7 +77,9 @@ _OUTPUT = Carried(
         _last_nm=float,
     ),
 )
-_LEASE = Carried(Lease, left=("holder", "_waiting", "_expires_s"), _last=int, _lapsed=Grant | None)
+_LEASE = Carried(
+    Lease, left=("holder", "_waiting", "_expires_s", "_losses"), _last=int, _lapsed=Grant | None
+)
 _ENGINE = Carried(
     Engine,
     left=(
@@ -95,6 +97,7 @@ _ENGINE = Carried(
         "_is_ending",
         "_owed",
         "_queue",
+        "_replaced",
         "_starting",
     ),
     jobs=Carried(
@@ -102,7 +105,12 @@ _ENGINE = Carried(
     ),  # the others: `export_jobs`
     lease=_LEASE,
     stop_latch=Carried(
-        StopLatch, latched=Stop | None, generation=int, repeats=int, _latest_s=float
+        StopLatch,
+        latched=Stop | None,
+        generation=int,
+        repeats=int,
+        stopped_by=tuple[int | None, ...],
+        _latest_s=float,
     ),
     calibrated=Carried(
         CalibrationInUse,

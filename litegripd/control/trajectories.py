@@ -47,7 +47,7 @@ class Trajectories:
 
     def refusal(self) -> Refusal | None:
         """Say that a recording, a replay or teleoperation is under way, if so."""
-        running = self._engine.jobs.running
+        running = self._engine.in_the_way
         if running is not None and running.kind in ("record", "play", "teleop"):
             busy = busy_with(running)
             reason = "trajectory_busy" if busy.reason == "busy" else busy.reason
