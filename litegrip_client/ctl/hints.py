@@ -23,6 +23,7 @@ _HINTS = {
     "teleop_busy": "end it: litegripctl teleop stop",
     "teleop_not_ready": "see: litegripctl state; calibrate it, then: litegripctl enable",
     "lease_held": "see: litegripctl lease; in need: litegripctl lease take REASON",
+    "lease_lost": "see: litegripctl lease; the daemon's log tells who has taken it",
     "unknown_job": "see: litegripctl jobs",
     "unknown_trajectory": "see: litegripctl trajectories",
     "trajectory_busy": "see: litegripctl jobs; what only watches ends with its client: clients",
@@ -71,6 +72,8 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         # default's socket is there, it is known to be meant, and the error says what is wrong.
         if running and options.channel not in running:
             return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
+    if options.command == "clear" and error.reason == "lease_held":
+        return "ask one of them to clear it"  # the message names who may
     own = _HINTS.get(error.reason or "") or error.hint
     if own:
         return in_commands(own)

@@ -84,16 +84,18 @@ class Arbiter(Running):
         """Take the lease from whoever has it; the caller has made sure that `owner` may.
 
         What runs ends, whoever's it is and also what is detached, but for the taker's own motion
-        and for disabling. What the jaws do then is the taker's to say (`left`), not the loser's.
+        and for disabling. What the jaws do then is the taker's to say (`left`), not the loser's,
+        unless something goes on.
         """
         grant, loss = self.lease.take(owner, wish, why, left, self.now_s)
         running = self.jobs.running
         is_anothers = running is not None and running.owner.client != owner.client
         if running is not None and is_anothers and running.kind != "disable":
             self.end(announce.taken_refusal(owner, why, left))
-            self._settle_into(left)
         if loss is not None:
             self.lose(loss, loss.grant.owner.client)
+        elif self.jobs.running is None:
+            self._settle_into(left)
         self._granted(grant)
         return grant
 

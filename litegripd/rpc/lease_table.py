@@ -72,8 +72,8 @@ LEASE_METHODS: tuple[Method, ...] = (
         " ends, a detached one, too. The loser is told, and moves nothing by its connection until"
         " it asks for the lease again.",
         "As of lease.acquire; from whom it was taken (taken_from, as the owner of lease.get, or"
-        " null), the motion that has ended by it (ended_job, or null), and what the jaws do"
-        " (jaws).",
+        " null), the motion that has ended by it (ended_job, or null), and what the jaws do (jaws;"
+        " null where the taker's own motion, or disabling, goes on).",
         (
             Param("why", "string", "The reason, told to the loser and to the log.", required=True),
             Param(

@@ -130,12 +130,12 @@ class Leasing:
             return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
         left = params.get("jaws", "hold")
         grant = engine.take_over(call.owner, _wish(params, Wish()), params["why"], left)
-        ended = running is not None and engine.jobs.running is not running
+        goes_on = engine.jobs.running
         return {
             **self._grant_view(grant),
             "taken_from": None if holder is None else self._holder(holder),
-            "ended_job": running.number if running is not None and ended else None,
-            "jaws": left,
+            "ended_job": None if running is None or goes_on is running else running.number,
+            "jaws": left if goes_on is None else None,
         }
 
     def _granted(self, answer: Grant | Refusal) -> Mapping[str, Any] | Refusal:
