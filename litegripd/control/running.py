@@ -110,6 +110,7 @@ class Running:
         self.rest = rest
         job = self._new_job(kind, owner, detached=True)
         self.jobs.begin(job, self.now_s)
+        self.events.append(announce.job_started(job))
         self.end(result)
         return job
 
