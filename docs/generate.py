@@ -168,10 +168,10 @@ user who may not write there.
   once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
   does. With `"progress": true` the connection gets `job.progress` [notifications](#notifications).
 - The lease belongs to the connection that acquired it: its own motions need no token. The token
-  (`lease`) is for another connection that is to act under it, and for `lease.resume`. It is a random
-  secret, a new one for each grant, and only the holder is given it: whoever has it may move, whatever
-  the user. Every request of the holder's renews a lease with `ttl_s`, a set-point without an `id` as
-  well.
+  (`lease`) is for another connection that is to act under it, and for `lease.resume`. It is a
+  random secret, a new one for each grant, and only the holder is given it: whoever has it may move,
+  whatever the user. Every request of the holder's renews a lease with `ttl_s`, a set-point without
+  an `id` as well.
 - A connection that has lost the lease (taken over, or silent for longer than `ttl_s`) moves nothing
   more, though the gripper be free: all that needs the lease is refused (`lease_lost`, with `cause`,
   `why`, and `by` whom) until it asks again by `lease.acquire`, `lease.take` or `lease.resume`.
