@@ -101,7 +101,7 @@ with LiteGrip(channel, socket_path=path) as gripper:
     attempt("close", gripper.close)
     attempt("hold", gripper.hold)
     attempt("disable", gripper.disable)
-    attempt("send_mit_frame", lambda: gripper.set_force(5))
+    attempt("set_force", lambda: gripper.set_force(5))
     say("awake")
     sys.stdin.readline()
 say("left")
@@ -140,9 +140,7 @@ def test_a_script_that_slept_through_its_loss_leaves_the_gripper_to_its_new_user
             jobs = len(client.result("job.list")["jobs"])
             wake(process)
             told = [said(process) for _ in range(5)]
-            for what, line in zip(
-                ("close", "hold", "disable", "send_mit_frame"), told, strict=False
-            ):
+            for what, line in zip(("close", "hold", "disable", "set_force"), told, strict=False):
                 assert line == f"{what} lease_lost 0 my turn"
             wake(process)
             assert "leaves the motor as it is" in said(process)
