@@ -23,7 +23,6 @@ _HINTS = {
     "teleop_busy": "end it: litegripctl teleop stop",
     "teleop_not_ready": "see: litegripctl state; calibrate it, then: litegripctl enable",
     "lease_held": "see: litegripctl lease; in need: litegripctl lease take REASON",
-    "lease_lost": "see: litegripctl lease; the daemon's log tells who has taken it",
     "unknown_job": "see: litegripctl jobs",
     "unknown_trajectory": "see: litegripctl trajectories",
     "trajectory_busy": "see: litegripctl jobs; what only watches ends with its client: clients",
