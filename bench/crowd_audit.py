@@ -135,9 +135,10 @@ class Audit:
         number, reason = data["job"], data["reason"]
         self._judge_reason(reason, f"job {number}")
         motion = self.motions.get(number)
-        if motion is None:  # it waited in the queue in vain, or was done at once
-            if data["state"] == "done":
-                self._settled_s.append(at_s)  # as by motion.hold: the jaws do something else now
+        at_once = motion is None or motion.began_s == at_s
+        if at_once and data["state"] == "done":
+            self._settled_s.append(at_s)  # as by motion.hold: the jaws do something else now
+        if motion is None:  # it waited in the queue in vain
             return
         if motion is not self.running:
             self.complaints.append(f"{motion} ended while {self.running} ran")

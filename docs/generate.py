@@ -172,8 +172,14 @@ user who may not write there.
   once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
   does. With `"progress": true` the connection gets `job.progress` [notifications](#notifications).
 - The lease belongs to the connection that acquired it: its own motions need no token. The token
-  (`lease`) is for another connection that is to act under it, and for `lease.resume`. Every request
-  of the holder's renews a lease with `ttl_s`, a set-point without an `id` as well.
+  (`lease`) is for another connection that is to act under it, and for `lease.resume`. It is a
+  random secret, a new one for each grant, and only the holder is given it: whoever has it may move,
+  whatever the user. Every request of the holder's renews a lease with `ttl_s`, a set-point without
+  an `id` as well.
+- A connection that has lost the lease (taken over, or silent for longer than `ttl_s`) moves nothing
+  more, though the gripper be free: all that needs the lease is refused (`lease_lost`, with `cause`,
+  `why`, and `by` whom) until it asks again by `lease.acquire`, `lease.take` or `lease.resume`.
+- A connection whose opener has ended, but that another process has inherited, may read and stop.
 - A motion that could not run its course (cancelled, stopped, a fault, its client lost) answers
   with an error. [errors.md](errors.md) lists all reasons.
 - Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a

@@ -64,9 +64,9 @@ NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
     "lease.lost": (
         "The lease that this connection had is lost. Nobody has to subscribe to it.",
         (
-            "`client` and `pid` of the loser, `cause` (`connection`, `process`, `expired` or"
-            " `taken`), `why` (a text of the taker's, or null) and, where it was taken, `by`"
-            " (`pid`, `uid`, `program`)."
+            "`client`, `pid` and `uid` of the loser, `cause` (`connection`, `process`, `expired` or"
+            " `taken`), `why` (a text of the taker's, or null), `on_lost` (what the jaws do: hold,"
+            " relax or disable) and, where it was taken, `by` (`pid`, `uid`, `program`)."
         ),
     ),
 }

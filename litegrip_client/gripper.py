@@ -124,19 +124,24 @@ class LiteGrip(GripperActions):
         `enable` does it by itself, until the end of the block of the gripper. `wait_s` is how
         long to wait for others; with `ttl_s` the lease is lost when no call is made for so long
         (a motion that lasts longer is ended). `on_lost` is what the jaws do when it is lost:
-        "hold", "relax" or "disable". Raises `LeaseError` that names the owner.
+        "hold", "relax" or "disable"; when it is taken over, the taker says. Raises `LeaseError`
+        that names the owner. After a loss all that moves, and `disable`, raises `LeaseError`
+        (`lease_lost`), until `lease` or `enable` asks for the gripper again.
         """
         from litegrip_client.lease import Lease  # noqa: PLC0415 - see the package
 
         return Lease(self._core.lease(purpose, ttl_s=ttl_s, wait_s=wait_s, on_lost=on_lost))
 
-    def take_lease(self, why: str) -> None:
+    def take_lease(self, why: str, *, jaws: str = "hold") -> None:
         """Take the lease from whoever has it, for good reason: it is told to the loser.
+
+        Its motion ends; the jaws then keep what they hold, or do what `jaws` says: "relax" (go
+        slack) or "disable".
 
         Only from the same user, or as an admin of the daemon's configuration; else raises
         `NotPermittedError`.
         """
-        wait(self._core.take_lease(why))
+        wait(self._core.take_lease(why, jaws=jaws))
 
     # Stop
 

@@ -34,7 +34,7 @@ from litegripd.model.unit import Unit
 from litegripd.motor import codec
 from litegripd.rpc.restarting import OnRestart, OnRestarted, no_restart
 from litegripd.rpc.service import RpcService
-from litegripd.rpc.session import Peer, Session
+from litegripd.rpc.session import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 
@@ -224,11 +224,13 @@ class World:
     def _restart(self, on_restarted: OnRestarted) -> Refusal | None:
         return self.restart(on_restarted)
 
-    def client(self) -> Client:
-        """Let a new client connect."""
+    def client(self, *, pid: int | None = None, uid: int = 1000, role: Role = "admin") -> Client:
+        """Let a new client connect, of a process of its own where no `pid` is given."""
         self._last_pid += 1
-        peer = Peer(self._last_pid, 1000, 1000, f"program{self._last_pid}")
-        return Client(self, self.service.opened(peer, self.now_s))
+        peer = Peer(pid or self._last_pid, uid, 1000, f"program{pid or self._last_pid}")
+        client = Client(self, self.service.opened(peer, self.now_s))
+        client.session.role = role
+        return client
 
     def tick(self) -> None:
         """Let one period pass."""

@@ -113,9 +113,13 @@ class Gripper(GripperActions):
         wish = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}
         return Lease(self._link, wish)
 
-    async def take_lease(self, why: str) -> None:
-        """Take the lease from whoever has it, for good reason: it is told to the loser."""
-        await self._link.take(why)
+    async def take_lease(self, why: str, *, jaws: str = "hold") -> None:
+        """Take the lease from whoever has it, for good reason: it is told to the loser.
+
+        Its motion ends; the jaws then keep what they hold, or do what `jaws` says: "relax" (go
+        slack) or "disable".
+        """
+        await self._link.take(why, jaws)
 
     # Stop
 

@@ -18,6 +18,7 @@ from litegrip_client.errors import (
     LeaseError,
     ProtocolError,
 )
+from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -55,6 +56,7 @@ class Link:
         self.enabled_here = False
         self.keeps_lease = False
         self._leases = 0
+        self._grant: int | None = None
         self._wire: Wire | None = None
 
     async def _connect(self) -> Wire:
@@ -127,7 +129,7 @@ class Link:
             return
         self._wire = wire
         self.enabled_here = self.keeps_lease = False
-        self._leases = 0
+        self._leases, self._grant = 0, None
         if old is not None:
             await old.close()
 
@@ -171,7 +173,10 @@ class Link:
         wait_s: float = 0.0,
         on_lost: str = "hold",
     ) -> dict[str, Any]:
-        """Get the lease, or change what is wished of it; the purpose is the program by default."""
+        """Get the lease, or change what is wished of it; the purpose is the program by default.
+
+        One that was lost is only got again by this: until then the daemon refuses all that moves.
+        """
         numbers = given_numbers(ttl_s=ttl_s, wait_s=wait_s or None)
         params = {"on_lost": on_lost, **numbers}
         if purpose is not None or not self.leased:
@@ -183,10 +188,18 @@ class Link:
         call = wire.prepare(method, params)
         call.keep = True
         try:
-            return await wire.run(call, wait_s + ACTION_TIMEOUT_S)
+            granted = await wire.run(call, wait_s + ACTION_TIMEOUT_S)
         except BaseException:
             wire.abandon(call, self._unwanted)
             raise
+        self._note_grant(granted.get("number"))
+        return granted
+
+    def _note_grant(self, number: int | None) -> None:
+        """Notice that the lease is another one: what was done under a lost one is another's now."""
+        if self._grant not in (None, number):
+            self.enabled_here = self.keeps_lease = False
+        self._grant = number
 
     def _unwanted(self, granted: dict[str, Any]) -> tuple[str, dict[str, Any]] | None:
         """Give back a lease that comes after nobody waits for it any more."""
@@ -209,17 +222,19 @@ class Link:
         if not self.leased and self.is_open:
             await _release(self.wire)
 
-    async def take(self, why: str) -> None:
+    async def take(self, why: str, jaws: str) -> None:
         """Take the lease from whoever has it, and keep it."""
-        await self._get("lease.take", {"why": why, "purpose": _program()}, 0.0)
+        params = {"why": why, "purpose": _program()} | ({} if jaws == "hold" else {"jaws": jaws})
+        await self._get("lease.take", params, 0.0)
         self.keeps_lease = True
 
 
 async def _disable(wire: Wire) -> None:
     try:
         done = (await wire.call("motor.disable", None, ACTION_TIMEOUT_S)).get("ok")
-    except LeaseError:
-        return  # taken over: the motor is another's to disable
+    except LeaseError as error:  # the motor is another's to disable
+        warn(f"the end of this gripper's block leaves the motor as it is: {error.message}")
+        return
     if not done:
         raise HardwareError(
             "the motor did not confirm that it is disabled",

@@ -24,8 +24,8 @@ class MotorActions(ActionBase):
         if retries is not None:
             params["retries"] = integer("retries", retries)
         call = wire.prepare_guarded("motor.enable", self._configured(params))
-        before = link.enabled_here, link.keeps_lease
         await link.acquire(on_lost="disable" if link.disable_on_disconnect else "hold")
+        before = link.enabled_here, link.keeps_lease
         link.enabled_here = link.keeps_lease = True  # or may be, also if the answer never comes
         try:
             result = EnableResult.from_wire(await wire.run(call, ACTION_TIMEOUT_S))

@@ -40,6 +40,8 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
         # default's socket is there, it is known to be meant, and the error says what is wrong.
         if running and options.channel not in running:
             return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
+    if options.command == "clear" and error.reason == "lease_held":
+        return "ask one of them to clear it"  # the message names who may
     own = _HINTS.get(error.reason or "") or error.hint or _OTHERWISE.get(error.reason or "")
     if own:
         return own

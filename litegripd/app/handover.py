@@ -10,14 +10,13 @@ from typing import Any
 from litegripd.app.machine import Machine
 from litegripd.control import handover as control
 from litegripd.model.errors import Refusal
-from litegripd.model.plain import PlainError, value_of
+from litegripd.model.plain import PlainError, plain_of, value_of
 from litegripd.motor import handover as motor
-from litegripd.rpc.service import RpcService
+from litegripd.rpc.service import Numbers, RpcService
 
-FORMAT = 3
+FORMAT = 4
 """Counts the changes of what is handed over. A successor of another format refuses."""
 
-_NUMBERS = Mapping[str, int]
 _ENDS = Mapping[str, tuple[str, str | None]]
 
 
@@ -32,7 +31,7 @@ def export(machine: Machine, service: RpcService) -> dict[str, Any]:
         "format": FORMAT,
         "motor": motor.export(machine.motor),
         "control": control.export(machine.engine),
-        "numbers": service.memory(),
+        "numbers": plain_of(service.memory()),
     }
 
 
@@ -45,14 +44,7 @@ def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
         raise PlainError("the state is not of this version")
     motor.adopt(machine.motor, machine.engine.unit.can_id, plain["motor"])
     control.adopt(machine.engine, machine.motor.view(), plain["control"])
-    service.restore(_numbers_of(plain["numbers"]))
-
-
-def _numbers_of(plain: Any) -> Mapping[str, int]:
-    numbers: Mapping[str, int] = value_of(plain, _NUMBERS, "numbers")
-    if numbers.keys() != {"session", "event"}:
-        raise PlainError(f"the numbers are not of this version: {sorted(numbers)}")
-    return numbers
+    service.restore(value_of(plain["numbers"], Numbers, "numbers"))
 
 
 def export_history(machine: Machine, service: RpcService) -> dict[str, Any]:

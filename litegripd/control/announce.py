@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import fields
 
 from litegripd.control.heat import HeatChange
-from litegripd.control.lease import Grant, Loss
+from litegripd.control.lease import Grant, Loss, LossCause
 from litegripd.model.bus import BUS_REMEDIES, BusCondition
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
@@ -20,7 +20,7 @@ _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are
 def job_started(job: Job) -> Event:
     """Tell who began what."""
     owner = job.owner
-    text = f"job {job.number}: {job.kind} by {owner.program} (pid {owner.pid}, uid {owner.uid})"
+    text = f"job {job.number}: {job.kind} by {_named(owner)}"
     data = {"job": job.number, "kind": job.kind, "client": owner.client, "pid": owner.pid}
     return Event("job_started", text, {**data, "detached": job.detached})
 
@@ -101,53 +101,67 @@ def stopped(level: StopLevel, refusal: Refusal) -> Event:
     return Event("stop", refusal.message, {"level": level})
 
 
-_CAUSES = {
-    "connection": "its connection ended",
-    "process": "its process ended",
-    "expired": "it sent nothing for longer than its ttl_s",
-    "taken": "it was taken over",
-}
-
-
 def lease_lost(loss: Loss) -> Event:
     """Tell whose lease is lost, why, and to whom."""
-    owner, by = loss.grant.owner, loss.by
-    text = f"lease {loss.grant.number} of {owner.program} (pid {owner.pid}) is lost: "
-    text += _CAUSES[loss.cause]
-    if by is not None:
-        text += f" by {by.program} (pid {by.pid}, uid {by.uid}): {loss.why}"
-    data: dict[str, object] = {"client": owner.client, "pid": owner.pid}
-    data |= {"cause": loss.cause, "why": loss.why}
-    if by is not None:
-        data["by"] = {"pid": by.pid, "uid": by.uid, "program": by.program}
+    owner = loss.grant.owner
+    text = f"lease {loss.grant.number} of {_named(owner)} is lost: {loss.text}"
+    data = {"client": owner.client, "pid": owner.pid, "uid": owner.uid, **loss.data}
     return Event("lease_lost", text, data)
 
 
-def lease_changed(grant: Grant, *, held: bool) -> Event:
-    """Tell who got or gave back the lease, and what for."""
+def lease_granted(grant: Grant) -> Event:
+    """Tell who got the lease, and what for."""
     owner, purpose = grant.owner, grant.wish.purpose
     why = "" if purpose is None else f" for {purpose}"
-    what = "granted to" if held else "given back by"
-    text = f"lease {grant.number} {what} {owner.program} (pid {owner.pid}, uid {owner.uid}){why}"
-    data = {"client": owner.client, "pid": owner.pid, "lease": grant.number, "held": held}
+    text = f"lease {grant.number} granted to {_named(owner)}{why}"
+    data = {"client": owner.client, "pid": owner.pid, "lease": grant.number, "held": True}
     return Event("lease", text, data)
+
+
+def lease_released(grant: Grant, by: Owner) -> Event:
+    """Tell who gave back the lease, which another connection can do by its token."""
+    owner = grant.owner
+    whose = "" if by.client == owner.client else f", in the place of {_named(owner)}"
+    text = f"lease {grant.number} given back by {_named(by)}{whose}"
+    data = {"client": owner.client, "pid": owner.pid, "lease": grant.number, "held": False}
+    return Event("lease", text, {**data, "by": {"client": by.client, **_who(by)}})
+
+
+def _named(owner: Owner) -> str:
+    return f"{owner.program} (pid {owner.pid}, uid {owner.uid})"
 
 
 def loss_refusal(loss: Loss | None) -> Refusal:
     """Say why a motion ends with its client or its lease."""
     if loss is None or loss.cause in ("connection", "process"):
-        on_lost = "hold" if loss is None else loss.grant.wish.on_lost
+        on_lost = "hold" if loss is None else loss.on_lost
         text = "the client that owned it went away"
         return Refusal("client_lost", text, {"on_lost": on_lost})
-    data = {"on_lost": loss.grant.wish.on_lost, "cause": loss.cause}
-    text = f"the lease under which it ran is lost: {_CAUSES[loss.cause]}"
-    return Refusal("lease_lost", text, data)
+    text = f"the lease under which it ran is lost: {loss.text}"
+    return Refusal("lease_lost", text, loss.data)
 
 
-def client_lost(on_lost: OnLost, *, later: bool) -> Event:
-    """Tell what becomes of the jaws of a lost client."""
+def taken_refusal(by: Owner, why: str, left: OnLost) -> Refusal:
+    """Say that a motion ends because somebody takes the gripper over."""
+    data = {"on_lost": left, "cause": "taken", "why": why, "by": _who(by)}
+    return Refusal("lease_lost", f"the gripper was taken over by {_named(by)}: {why}", data)
+
+
+def _who(owner: Owner) -> dict[str, object]:
+    return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
+
+
+_LOSERS = {
+    "expired": "the client that had the gripper is silent",
+    "taken": "the gripper was taken over",
+}
+
+
+def client_lost(on_lost: OnLost, cause: LossCause | None, *, later: bool) -> Event:
+    """Tell what becomes of the jaws of a lost client, or of one that has lost its lease."""
     when = ", once the running motion has ended" if later else ""
-    text = f"the client that had the gripper is gone: the jaws {_ON_LOST_TEXT[on_lost]}{when}"
+    what = _LOSERS.get(cause or "connection", "the client that had the gripper is gone")
+    text = f"{what}: the jaws {_ON_LOST_TEXT[on_lost]}{when}"
     return Event("client_lost", text, {"on_lost": on_lost})
 
 

@@ -75,16 +75,27 @@ class Arbiter(Running):
         holder, running = self.lease.holder, self.jobs.running
         refusal = self.lease.release(owner)
         if refusal is None and holder is not None:
-            self.events.append(announce.lease_changed(holder, held=False))
+            self.events.append(announce.lease_released(holder, owner))
             if running is not None and running.grant == holder.number:
                 running.grant = None
         return refusal
 
-    def take_over(self, owner: Owner, wish: Wish, why: str) -> Grant:
-        """Take the lease from whoever has it; the caller has made sure that `owner` may."""
-        grant, loss = self.lease.take(owner, wish, why, self.now_s)
+    def take_over(self, owner: Owner, wish: Wish, why: str, left: OnLost = "hold") -> Grant:
+        """Take the lease from whoever has it; the caller has made sure that `owner` may.
+
+        What runs ends, whoever's it is and also what is detached, but for the taker's own motion
+        and for disabling. What the jaws do then is the taker's to say (`left`), not the loser's,
+        unless something goes on.
+        """
+        grant, loss = self.lease.take(owner, wish, why, left, self.now_s)
+        running = self.jobs.running
+        is_anothers = running is not None and running.owner.client != owner.client
+        if running is not None and is_anothers and running.kind != "disable":
+            self.end(announce.taken_refusal(owner, why, left))
         if loss is not None:
             self.lose(loss, loss.grant.owner.client)
+        elif self.jobs.running is None:
+            self._settle_into(left)
         self._granted(grant)
         return grant
 
@@ -98,7 +109,7 @@ class Arbiter(Running):
             if self._owed is not None:
                 self._owed = None
                 self.events.append(announce.left_to_holder())
-            self.events.append(announce.lease_changed(answer, held=True))
+            self.events.append(announce.lease_granted(answer))
         return answer
 
     # Lost clients and lost leases
@@ -119,12 +130,13 @@ class Arbiter(Running):
         ends = running is not None and running.kind != "disable" and _falls(running, loss, client)
         if ends:
             self.end(refusal)
-        on_lost: OnLost = "hold" if loss is None else loss.grant.wish.on_lost
+        on_lost: OnLost = "hold" if loss is None else loss.on_lost
+        cause = None if loss is None else loss.cause
         later = loss is not None and self.jobs.running is not None
         if loss is not None:
             self.events.append(announce.lease_lost(loss))
         if ends or loss is not None:
-            self.events.append(announce.client_lost(on_lost, later=later))
+            self.events.append(announce.client_lost(on_lost, cause, later=later))
         if later:
             self._owed = on_lost
         elif ends or loss is not None:

@@ -78,7 +78,9 @@ _OUTPUT = Carried(
         _last_nm=float,
     ),
 )
-_LEASE = Carried(Lease, left=("holder", "_waiting", "_expires_s"), _last=int, _lapsed=Grant | None)
+_LEASE = Carried(
+    Lease, left=("holder", "_waiting", "_expires_s", "_losses"), _last=int, _lapsed=Grant | None
+)
 _ENGINE = Carried(
     Engine,
     left=(
@@ -96,6 +98,7 @@ _ENGINE = Carried(
         "_is_ending",
         "_owed",
         "_queue",
+        "_replaced",
         "_starting",
     ),
     jobs=Carried(
@@ -108,6 +111,7 @@ _ENGINE = Carried(
         latched=Stop | None,
         generation=int,
         repeats=int,
+        stopped_by=tuple[int | None, ...],
         _latest_s=float,
     ),
     calibrated=Carried(

@@ -39,9 +39,9 @@ class JobBook:
         begun = (job for job in self if job.kind in kinds and job.state is not JobState.QUEUED)
         return max(begun, key=lambda job: (job.started_s, job.number), default=None)
 
-    def find(self, uid: int, key: str) -> Job | None:
-        """Return the kept job that a user has given this key."""
-        jobs = (job for job in self._jobs.values() if job.key == key and job.owner.uid == uid)
+    def find(self, owner: Owner, key: str) -> Job | None:
+        """Return the kept job to which the same program has given this key."""
+        jobs = (job for job in self if job.key == key and _is_same_program(job.owner, owner))
         return next(jobs, None)
 
     def add(self, kind: JobKind, owner: Owner, detached: bool, now_s: float) -> Job:
@@ -77,3 +77,14 @@ class JobBook:
         """Return the jobs that have ended since the last call."""
         ended, self._ended = self._ended, []
         return ended
+
+
+def _is_same_program(one: Owner, other: Owner) -> bool:
+    """Whether two requests are of one process, maybe by two connections.
+
+    Processes of another pid namespace have no number here (pid 0): only a connection tells them
+    apart.
+    """
+    if one.pid == 0 or other.pid == 0:
+        return one.client == other.client
+    return (one.pid, one.uid) == (other.pid, other.uid)

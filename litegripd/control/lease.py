@@ -5,7 +5,7 @@ told by a callback.
 """
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
@@ -15,6 +15,13 @@ from litegripd.model.jobs import OnLost, Owner
 LossCause: TypeAlias = Literal["connection", "process", "expired", "taken"]
 """Why a lease was lost: its connection ended, its process died, its time to live ran out without
 a request, or somebody took it over."""
+
+LOSS_TEXTS: Mapping[LossCause, str] = {
+    "connection": "its connection ended",
+    "process": "its process ended",
+    "expired": "it sent nothing for longer than its ttl_s",
+    "taken": "it was taken over",
+}
 
 MOST_WAITING = 64
 
@@ -44,12 +51,37 @@ class Grant:
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """A lease that was lost, why, and to whom, if it was taken."""
+    """A lease that was lost, why, and to whom, if it was taken.
+
+    `left` is what the jaws do then, where the taker has said it.
+    """
 
     grant: Grant
     cause: LossCause
     by: Owner | None = None
     why: str | None = None
+    left: OnLost | None = None
+
+    @property
+    def on_lost(self) -> OnLost:
+        """What the jaws do: as the taker says, else as the loser wished."""
+        return self.left or self.grant.wish.on_lost
+
+    @property
+    def text(self) -> str:
+        """Why it was lost, and to whom."""
+        if self.by is None:
+            return LOSS_TEXTS[self.cause]
+        by = self.by
+        return f"{LOSS_TEXTS[self.cause]} by {by.program} (pid {by.pid}, uid {by.uid}): {self.why}"
+
+    @property
+    def data(self) -> dict[str, object]:
+        """Return the same for programs."""
+        data: dict[str, object] = {"cause": self.cause, "why": self.why, "on_lost": self.on_lost}
+        if self.by is not None:
+            data["by"] = _who(self.by)
+        return data
 
 
 OnAnswer: TypeAlias = Callable[[Grant | Refusal], None]
@@ -64,7 +96,11 @@ class _Waiting:
 
 
 class Lease:
-    """The one lease of a gripper."""
+    """The one lease of a gripper.
+
+    Who has lost it, and is still connected, moves nothing more by that connection until it asks
+    for the lease again: a program that slept through its loss must not act as if it had it.
+    """
 
     def __init__(self) -> None:
         self.holder: Grant | None = None
@@ -72,6 +108,7 @@ class Lease:
         self._last = 0
         self._expires_s: float | None = None
         self._lapsed: Grant | None = None
+        self._losses: dict[int, Loss] = {}
 
     @property
     def waiting(self) -> int:
@@ -81,15 +118,19 @@ class Lease:
     def refusal(self, owner: Owner) -> Refusal | None:
         """Say why `owner` may not move the gripper, if so.
 
-        Who names a grant must name the present one; who names none may where the lease is free,
-        or is held by the same connection.
+        Who names a grant must name the present one; who names none may where the lease is held
+        by the same connection, or is free and was not lost by this connection.
         """
         holder = self.holder
         if owner.grant is not None and (holder is None or holder.number != owner.grant):
             text = "the lease of this token is lost, and nothing retakes it: acquire one anew"
-            data = {} if holder is None else {"owner": _owner_data(holder)}
-            return Refusal("lease_lost", text, data)
-        if holder is None or owner.grant is not None or holder.owner.client == owner.client:
+            return Refusal("lease_lost", text, _held_by(holder))
+        if owner.grant is not None:
+            return None
+        loss = self._losses.get(owner.client)
+        if loss is not None:
+            return _lost_refusal(loss, holder)
+        if holder is None or holder.owner.client == owner.client:
             return None
         return held_refusal(holder)
 
@@ -125,17 +166,24 @@ class Lease:
             self._free()
         return refusal
 
-    def take(self, owner: Owner, wish: Wish, why: str, now_s: float) -> tuple[Grant, Loss | None]:
+    def take(
+        self, owner: Owner, wish: Wish, why: str, left: OnLost, now_s: float
+    ) -> tuple[Grant, Loss | None]:
         """Take the lease over; the caller has made sure that `owner` may."""
         holder = self.holder
-        loss = None if holder is None else Loss(holder, "taken", owner, why)
+        loss = None if holder is None else Loss(holder, "taken", owner, why, left)
+        if loss is not None:
+            self._losses[loss.grant.owner.client] = loss
         return self._grant(owner, wish, now_s), loss
 
     def resume(self, number: int, owner: Owner, now_s: float) -> Grant | Refusal:
         """Grant a lapsed lease again to who shows its number, if nobody has acquired one since."""
         lapsed = self._lapsed
         if self.holder is not None or lapsed is None or lapsed.number != number or self._waiting:
-            text = "the lease of this token is lost, and somebody has had one since: acquire anew"
+            text = (
+                "the lease of this token cannot be resumed: it was given back, or somebody has had"
+                " the lease since; acquire it anew (lease.acquire)"
+            )
             return Refusal("lease_lost", text)
         return self._grant(owner, lapsed.wish, now_s)
 
@@ -148,18 +196,22 @@ class Lease:
         """Forget a client that is gone; return what it lost."""
         self._waiting = deque(entry for entry in self._waiting if entry.owner.client != client)
         holder = self.holder
-        if holder is None or holder.owner.client != client:
-            return None
-        self._lapse(holder)
-        return Loss(holder, cause)
+        loss = None
+        if holder is not None and holder.owner.client == client:
+            loss = Loss(holder, cause)
+            self._lapse(loss)
+        if cause == "connection":
+            self._losses.pop(client, None)  # it asks for nothing any more
+        return loss
 
     def expire(self, now_s: float) -> Loss | None:
         """Return what is lost because its holder sent nothing for too long."""
         holder = self.holder
         if holder is None or self._expires_s is None or now_s < self._expires_s:
             return None
-        self._lapse(holder)
-        return Loss(holder, "expired")
+        loss = Loss(holder, "expired")
+        self._lapse(loss)
+        return loss
 
     def step(self, now_s: float, *, may_grant: bool) -> None:
         """Answer who has waited long enough, or is next; `may_grant`: no motion runs by now."""
@@ -174,6 +226,7 @@ class Lease:
         self._last += 1
         self.holder = Grant(self._last, replace(owner, grant=None), wish, now_s)
         self._lapsed = None
+        self._losses.pop(owner.client, None)
         self._renew(now_s)
         return self.holder
 
@@ -181,9 +234,10 @@ class Lease:
         ttl_s = None if self.holder is None else self.holder.wish.ttl_s
         self._expires_s = None if ttl_s is None else now_s + ttl_s
 
-    def _lapse(self, holder: Grant) -> None:
+    def _lapse(self, loss: Loss) -> None:
         self._free()
-        self._lapsed = holder
+        self._lapsed = loss.grant
+        self._losses[loss.grant.owner.client] = loss
 
     def _free(self) -> None:
         self.holder, self._expires_s, self._lapsed = None, None, None
@@ -201,15 +255,27 @@ def held_refusal(holder: Grant) -> Refusal:
     )
 
 
+def _lost_refusal(loss: Loss, holder: Grant | None) -> Refusal:
+    """Say who has taken the lease of a connection, or how else it was lost."""
+    return Refusal(
+        "lease_lost",
+        f"the lease of this connection is lost: {loss.text}; nothing moves for it until it asks"
+        " for the gripper again (lease.acquire)",
+        {**loss.data, **_held_by(holder), "hint": "lease.acquire"},
+    )
+
+
+def _held_by(holder: Grant | None) -> dict[str, object]:
+    return {} if holder is None else {"owner": _owner_data(holder)}
+
+
 def _owner_data(holder: Grant) -> dict[str, object]:
-    owner = holder.owner
-    return {
-        "pid": owner.pid,
-        "uid": owner.uid,
-        "program": owner.program,
-        "purpose": holder.wish.purpose,
-        "since_s": holder.since_s,
-    }
+    purpose, since_s = holder.wish.purpose, holder.since_s
+    return {**_who(holder.owner), "purpose": purpose, "since_s": since_s}
+
+
+def _who(owner: Owner) -> dict[str, object]:
+    return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
 
 
 def _waited_in_vain(holder: Grant | None) -> Refusal:

@@ -6,7 +6,7 @@ What happens here happens between two ticks; it reaches the motor only by the en
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, TypeVar
 
 from litegripd.control import announce
 from litegripd.control.actions.base import Action
@@ -26,6 +26,9 @@ from litegripd.model.results import Result
 
 Start: TypeAlias = Callable[[], Job | Refusal]
 """Asks for a motion again, as its request did: it may be refused by now."""
+
+
+_Begun = TypeVar("_Begun")
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,12 +58,21 @@ class Running:
         self._owed: OnLost | None = None
         self._queue: deque[_Queued] = deque()
         self._starting: Job | None = None
+        self._replaced: Refusal | None = None
 
     @property
     def grip(self) -> Grip | None:
         """The hold by force, if there is one, be it a grasp's or what one has left."""
-        rest = self.rest if self.action is None else self.action.rest()
+        if self._replaced is not None:
+            rest: Rest | None = self._left()
+        else:
+            rest = self.rest if self.action is None else self.action.rest()
         return rest if isinstance(rest, Grip) else None
+
+    @property
+    def in_the_way(self) -> Job | None:
+        """The running job, but for one that the next motion replaces."""
+        return None if self._replaced is not None else self.jobs.running
 
     # Jobs
 
@@ -68,7 +80,7 @@ class Running:
         """Say why no motion may be asked for: the end, a stop, another master or a motion."""
         ending = ENDING if self._is_ending else None
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
-        return refused or busy_refusal(self.jobs.running)
+        return refused or busy_refusal(self.in_the_way)
 
     @property
     def is_ending(self) -> bool:
@@ -85,6 +97,7 @@ class Running:
 
     def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
         """Begin a job; the caller has made sure that it may."""
+        self._end_replaced()
         job = self._new_job(kind, owner, detached)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
@@ -93,11 +106,37 @@ class Running:
 
     def settle(self, kind: JobKind, rest: Rest, owner: Owner, result: Result) -> Job:
         """Change at once what the jaws do without a motion; the job has ended when it returns."""
+        self._end_replaced()
         self.rest = rest
         job = self._new_job(kind, owner, detached=True)
         self.jobs.begin(job, self.now_s)
+        self.events.append(announce.job_started(job))
         self.end(result)
         return job
+
+    def _left(self, *, by_defect: bool = False) -> Rest:
+        """Return what the jaws do if the running action ends now."""
+        action, feedback = self.action, self.motor.feedback
+        if action is None or feedback is None or not (action.needs_power and self.has_stepped):
+            return self.rest
+        rest = None if by_defect else action.rest()
+        return rest or Hold(feedback.position_rad, self.calibrated.gains)
+
+    def replace(self, reason: Refusal, start: Callable[[], _Begun]) -> _Begun:
+        """Begin another motion in the place of the running one, which ends by `reason`.
+
+        It ends when the other one begins: one that is refused leaves it running.
+        """
+        self._replaced = reason
+        try:
+            return start()
+        finally:
+            self._replaced = None
+
+    def _end_replaced(self) -> None:
+        reason, self._replaced = self._replaced, None
+        if reason is not None:
+            self.end(reason)
 
     def queue(self, kind: JobKind, owner: Owner, detached: bool, start: Start) -> Job | Refusal:
         """Let a motion wait for the end of the running one; `start` is called then."""
@@ -113,15 +152,12 @@ class Running:
 
         An action that failed `by_defect` is not asked: they hold where they are.
         """
-        job, action, self.action = self.jobs.running, self.action, None
+        job, action = self.jobs.running, self.action
         if job is None:
+            self.action = None
             return
         self.jobs.end(job, outcome, self.now_s)
-        feedback = self.motor.feedback
-        took_part = action is not None and action.needs_power and self.has_stepped
-        if action is not None and took_part and feedback is not None:
-            rest = None if by_defect else action.rest()
-            self.rest = rest or Hold(feedback.position_rad, self.calibrated.gains)
+        self.rest, self.action = self._left(by_defect=by_defect), None
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self.must_disable = True  # it may still take effect

@@ -12,7 +12,8 @@ class StopLatch:
     A request tells the generation that its sender knew; one from before the latest stop never
     runs and clears nothing, though it lay unread in the kernel when the stop came. `repeats` counts
     the stops that raised nothing since the first one that is latched. `on_stop` is called with the
-    time of each stop: whatever has come by then has come before it.
+    time of each stop: whatever has come by then has come before it. `stopped_by` are the users
+    (uid, None for the daemon itself) who have stopped since the present level was latched.
     """
 
     def __init__(self) -> None:
@@ -20,6 +21,7 @@ class StopLatch:
         self.generation = 0
         self.repeats = 0
         self.on_stop: Callable[[float], None] = lambda _now_s: None
+        self.stopped_by: tuple[int | None, ...] = ()
         self._latest_s = float("-inf")
         self._latest_client: int | None = None
         self._latest_of_others_s = float("-inf")
@@ -32,18 +34,24 @@ class StopLatch:
             self._latest_client, self._latest_of_others_s = client, self._latest_s
         self._latest_s = now_s
         self.on_stop(now_s)
-        latched = self.latched
+        latched, uid = self.latched, None if by is None else by.uid
         if latched is None or STOP_LEVELS.index(level) > STOP_LEVELS.index(latched.level):
             latched = Stop(level, by, now_s, why)
-            self.latched = latched
+            self.latched, self.stopped_by = latched, (uid,)
         else:
             self.repeats += 1
+            if uid not in self.stopped_by:
+                self.stopped_by += (uid,)
         return latched
+
+    def may_be_cleared_by(self, uid: int, *, alone: bool) -> bool:
+        """Whether a user clears what that user has stopped; `alone`: nobody else has, too."""
+        return self.stopped_by == (uid,) if alone else uid in self.stopped_by
 
     def clear(self) -> int:
         """Let motions be asked for again; return the repeats that there were."""
         repeats, self.repeats = self.repeats, 0
-        self.latched = None
+        self.latched, self.stopped_by = None, ()
         return repeats
 
     def refusal(self) -> Refusal | None:
@@ -51,12 +59,25 @@ class StopLatch:
         stop = self.latched
         if stop is None:
             return None
-        by = "the daemon" if stop.by is None else f"{stop.by.program} (pid {stop.by.pid})"
         why = "" if stop.why is None else f": {stop.why}"
         return Refusal(
             "stopped",
-            f"a stop ({stop.level}) by {by} is latched{why}; clear it with stop.clear first",
+            f"a stop ({stop.level}) by {_stopper(stop)} is latched{why}; clear it with stop.clear"
+            " first",
             {"level": stop.level, "hint": "stop.clear"},
+        )
+
+    def clearing_refusal(self, lease_held: Refusal) -> Refusal:
+        """Say who may clear the stop, to one who may not: somebody else has the lease."""
+        owner = lease_held.data.get("owner")
+        holder = f"{owner['program']} (pid {owner['pid']})" if isinstance(owner, dict) else "nobody"
+        uids = [uid for uid in self.stopped_by if uid is not None]
+        whose = "" if self.latched is None else f", by {_stopper(self.latched)}"
+        users = "".join(f", uid {uid}, who stopped it" for uid in uids)
+        return Refusal(
+            lease_held.reason,
+            f"the stop{whose} may be cleared by {holder}, who has the lease{users}, or an admin",
+            {**lease_held.data, "may_clear_uids": uids},
         )
 
     def refusal_of_sent(
@@ -83,3 +104,7 @@ class StopLatch:
             " state and, when it is safe, send it again",
             {"stop_generation": self.generation},
         )
+
+
+def _stopper(stop: Stop) -> str:
+    return "the daemon" if stop.by is None else f"{stop.by.program} (pid {stop.by.pid})"

@@ -49,7 +49,7 @@ class Trajectories:
     def refusal(self) -> Refusal | None:
         """Say that a recording, a replay or teleoperation is under way, if so."""
         engine = self._engine
-        refusal = trajectory_or_teleop_refusal(engine.jobs.running) or engine.recording_refusal()
+        refusal = trajectory_or_teleop_refusal(engine.in_the_way) or engine.recording_refusal()
         if refusal is not None:
             return refusal
         if self._keeping is not None:

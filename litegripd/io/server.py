@@ -278,6 +278,8 @@ class Server:
 
         try:
             watch = ProcessWatch(self._reactor, session.peer.pid, ended)
+        except ProcessLookupError:  # it has ended since it connected: who has its socket now?
+            ended()
         except OSError as error:  # then the end of its connection is what tells
             _log.debug("process %d is not watched: %s", session.peer.pid, error)
         else:

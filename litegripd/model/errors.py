@@ -194,7 +194,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "LeaseError",
         6,
         False,
-        "The lease of this token or motion was lost; nothing retakes it by itself.",
+        "The lease of this token, motion or connection was lost; nothing retakes it by itself.",
     ),
     ErrorKind(
         "not_permitted",

@@ -36,7 +36,7 @@ class Dispatch:
     ) -> Answer:
         """Carry out a request that has been checked and is allowed."""
         key = params.get("key")
-        known = None if key is None else self._engine.jobs.find(owner.uid, key)
+        known = None if key is None else self._engine.jobs.find(owner, key)
         kind = _KINDS.get(method.name.rpartition(".")[2])
         if known is not None:
             return _repeated(known, kind, str(key))
@@ -46,15 +46,18 @@ class Dispatch:
                 method.name, session, owner, params, now_s, received_s=received_s
             )
 
+        def named(answer: Answer) -> Answer:
+            return answer if not isinstance(answer, Later) else self._named(answer.job, key, answer)
+
         running, if_busy = self._engine.jobs.running, params.get("if_busy", "reject")
         if running is not None and if_busy == "replace" and _is_own(running, owner):
-            self._engine.end(Refusal("replaced", f"{method.name} of the same client replaced it"))
+            reason = Refusal("replaced", f"{method.name} of the same client replaced it")
+            return named(self._engine.replace(reason, begin))
         if self._engine.jobs.running is not None and if_busy == "queue" and kind is not None:
             detached = is_detached(params)
             queued = self._engine.queue(kind, owner, detached, lambda: _job_of(begin()))
             return self._named(queued, key)
-        answer = begin()
-        return answer if not isinstance(answer, Later) else self._named(answer.job, key, answer)
+        return named(begin())
 
     def _named(self, job: Job | Refusal, key: str | None, answer: Later | None = None) -> Answer:
         if isinstance(job, Refusal):

@@ -35,8 +35,6 @@ class Gate:
             return refusal
         peer, token = session.peer, request.params.get("lease")
         grant = None if token is None else self._tokens.number(token)
-        if isinstance(grant, Refusal):
-            return grant
         owner = Owner(session.identity, peer.pid, peer.uid, session.name, grant)
         return self._forbidden(session, method, owner) or owner
 
@@ -56,10 +54,31 @@ class Gate:
         """Say what the daemon's end, the sender's role or somebody's lease forbids."""
         if self._engine.is_ending and method.role != "observer":
             return ENDING  # whatever it changed would be lost; a stop and reads are for all
+        if session.is_orphaned and method.role != "observer":
+            return _orphaned(session)
+        if method.lifts_stop and self._has_stopped(session):
+            return None
         if ROLES.index(session.role) < ROLES.index(method.role):
             text = f"{method.name} needs the role {method.role}; uid {owner.uid} is {session.role}"
             return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})
-        return self._engine.lease.refusal(owner) if method.needs_lease else None
+        refusal = self._engine.lease.refusal(owner) if method.needs_lease else None
+        if refusal is not None and method.lifts_stop:
+            is_admin = session.role == "admin"
+            return None if is_admin else self._engine.stop_latch.clearing_refusal(refusal)
+        return refusal
+
+    def _has_stopped(self, session: Session) -> bool:
+        latch, is_observer = self._engine.stop_latch, session.role == "observer"
+        return latch.may_be_cleared_by(session.peer.uid, alone=is_observer)
+
+
+def _orphaned(session: Session) -> Refusal:
+    """Say that the process is gone that was let in: whoever has its connection now was not."""
+    text = (
+        f"the process that opened this connection (pid {session.peer.pid}) has ended: it may read"
+        " and stop; to do more, open another connection"
+    )
+    return Refusal("client_lost", text)
 
 
 def _malformed(session: Session, request: Request, method: Method) -> Refusal | None:

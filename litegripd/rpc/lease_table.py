@@ -68,10 +68,21 @@ LEASE_METHODS: tuple[Method, ...] = (
     ),
     Method(
         "lease.take",
-        "Take the lease from whoever has it: of the same user, or as admin. The loser is told.",
-        _GRANTED,
+        "Take the lease from whoever has it: of the same user, or as admin. A motion that runs"
+        " ends, a detached one, too. The loser is told, and moves nothing by its connection until"
+        " it asks for the lease again.",
+        "As of lease.acquire; from whom it was taken (taken_from, as the owner of lease.get, or"
+        " null), the motion that has ended by it (ended_job, or null), and what the jaws do (jaws;"
+        " null where the taker's own motion, or disabling, goes on).",
         (
             Param("why", "string", "The reason, told to the loser and to the log.", required=True),
+            Param(
+                "jaws",
+                "string",
+                "What the jaws do now, whatever the loser wished: keep the present hold, its force"
+                " included (hold, the default), go slack (relax), or be disabled (disable).",
+                choices=("hold", "relax", "disable"),
+            ),
             _PURPOSE,
             _TTL,
             _ON_LOST,

@@ -1,6 +1,7 @@
 """The methods on the lease, and the tokens by which a lease is shown."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from hmac import compare_digest
 from typing import Any
 
 from litegripd.control.engine import Engine
@@ -9,24 +10,35 @@ from litegripd.model.errors import Refusal
 from litegripd.rpc.calls import Answer, Call, Deferred, Function
 from litegripd.rpc.reporter import Reporter
 
+NO_GRANT = 0
+"""Grants are numbered from one: this number is none's, and so never the present one's."""
+
 
 class Tokens:
-    """Makes and reads tokens; those of an earlier start of the daemon are no longer any good."""
+    """Makes the token of a grant, a secret that its holder alone is given, and reads it.
 
-    def __init__(self, epoch: str) -> None:
-        self._epoch = epoch
+    Only the latest grant has one: with it, every earlier grant is lost for good.
+    """
+
+    def __init__(self, new_token: Callable[[], str]) -> None:
+        self.latest: tuple[int, str] | None = None
+        self._new_token = new_token
 
     def of(self, number: int) -> str:
-        """Return the token of a grant."""
-        return f"{self._epoch}:{number}"
+        """Return the token of a grant, a new one for a new grant."""
+        if self.latest is None or self.latest[0] != number:
+            self.latest = number, self._new_token()
+        return self.latest[1]
 
-    def number(self, token: str) -> int | Refusal:
-        """Return the number of the grant that a token names."""
-        epoch, _, number = token.rpartition(":")
-        if epoch == self._epoch and number.isascii() and number.isdigit() and len(number) < 16:
-            return int(number)
-        text = "this token is not of this start of the daemon: acquire the lease anew"
-        return Refusal("lease_lost", text)
+    def number(self, token: str) -> int:
+        """Return the number of the grant that a token names, else `NO_GRANT`.
+
+        How long it takes does not depend on how much of a wrong token is right.
+        """
+        if self.latest is None:
+            return NO_GRANT
+        number, secret = self.latest
+        return number if compare_digest(token.encode(), secret.encode()) else NO_GRANT
 
 
 class Leasing:
@@ -106,17 +118,30 @@ class Leasing:
         return self._granted(self._engine.resume(grant, call.owner))
 
     def _take(self, call: Call) -> Answer:
-        holder = self._engine.lease.holder
-        own = holder is None or holder.owner.uid == call.owner.uid
-        if not own and call.session.role != "admin":
-            text = f"only an admin takes the lease from another user (uid {call.owner.uid} is none)"
+        engine, params = self._engine, call.params
+        holder, running = engine.lease.holder, engine.jobs.running
+        owners = [entry.owner for entry in (holder, running) if entry is not None]
+        another = next((owner for owner in owners if owner.uid != call.owner.uid), None)
+        if another is not None and call.session.role != "admin":
+            text = (
+                f"only an admin takes the gripper from another user: {another.program} (pid"
+                f" {another.pid}, uid {another.uid}) has it, and uid {call.owner.uid} is no admin"
+            )
             return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
-        why = call.params["why"]
-        return self._granted(self._engine.take_over(call.owner, _wish(call.params, Wish()), why))
+        left = params.get("jaws", "hold")
+        grant = engine.take_over(call.owner, _wish(params, Wish()), params["why"], left)
+        goes_on = engine.jobs.running
+        return {
+            **self._grant_view(grant),
+            "taken_from": None if holder is None else self._holder(holder),
+            "ended_job": None if running is None or goes_on is running else running.number,
+            "jaws": left if goes_on is None else None,
+        }
 
     def _granted(self, answer: Grant | Refusal) -> Mapping[str, Any] | Refusal:
-        if isinstance(answer, Refusal):
-            return answer
+        return answer if isinstance(answer, Refusal) else self._grant_view(answer)
+
+    def _grant_view(self, answer: Grant) -> dict[str, Any]:
         self._reporter.refresh()
         return {
             "lease": self._tokens.of(answer.number),

@@ -16,7 +16,8 @@ LEASE = Param("lease", "string", "The token of the lease under which to do it.")
 KEY = Param(
     "key",
     "string",
-    "The caller's own name for this motion: sent again, it answers for the same job.",
+    "The caller's own name for this motion: sent again by the same process, it answers for the same"
+    " job. Two processes may use the same name.",
 )
 IF_BUSY = Param(
     "if_busy",
@@ -49,7 +50,8 @@ class Method:
     `role` is the least that its caller must be; `needs_lease` marks those that are for the holder
     of the lease alone, as long as somebody holds it; `stop_voids` those that a stop makes void when
     they were sent before it; `waits` those whose answer comes when a job has ended; `may_notify`
-    those that may be sent without an id.
+    those that may be sent without an id; `lifts_stop` the one that is for whoever has stopped and
+    for admins as well, whatever their role and whoever has the lease.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Method:
     stop_voids: bool = False
     waits: bool = False
     may_notify: bool = False
+    lifts_stop: bool = False
     declared: Mapping[str, Param] = field(init=False)
 
     def __post_init__(self) -> None:

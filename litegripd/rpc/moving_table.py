@@ -222,11 +222,14 @@ MOVING: tuple[Method, ...] = (
     ),
     Method(
         "stop.clear",
-        "Allow motions again. Refused where a stop came after it was sent: look, clear again.",
+        "Allow motions again. While somebody has the lease, that one may, an admin, and whoever has"
+        " stopped (by uid); an observer only what nobody else has stopped, too. Refused where a"
+        " stop came after it was sent: look, clear again.",
         "The generation and the state.",
         role="operator",
         needs_lease=True,
         stop_voids=True,
+        lifts_stop=True,
     ),
     Method(
         "job.cancel",

@@ -4,8 +4,9 @@ Pure: lines come in through `handle`, lines go out through the sessions, time is
 Whatever a line holds, `handle` answers it and does not raise.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from secrets import token_urlsafe
 
 from litegripd.control.dumps import Dumps
 from litegripd.control.engine import Engine
@@ -50,10 +51,20 @@ from litegripd.rpc.wire import (
 )
 
 
+@dataclass(frozen=True, slots=True)
+class Numbers:
+    """What clients know by number, the latest of each; `token` is of the latest lease."""
+
+    session: int
+    event: int
+    token: tuple[int, str] | None
+
+
 class RpcService:
     """Implements `Service` on one engine.
 
-    Teleoperation goes over `links`; without any, it stays inside the process.
+    Teleoperation goes over `links`; without any, it stays inside the process. `new_token` makes
+    the secrets by which leases are shown; nobody may be able to guess one.
     """
 
     def __init__(
@@ -66,6 +77,7 @@ class RpcService:
         epoch: str = "0",
         restart: OnRestart = no_restart,
         links: Links | None = None,
+        new_token: Callable[[], str] = token_urlsafe,
     ) -> None:
         self.refused = 0
         self.on_event: Callable[[Event, float], None] = lambda _event, _now_s: None
@@ -78,7 +90,7 @@ class RpcService:
         self._subscriptions = Subscriptions()
         self._waiting = WaitingRoom()
         self._answering = Answering(engine, self.reporter, self._waiting)
-        self._tokens = Tokens(epoch)
+        self._tokens = Tokens(new_token)
         self._trajectories = TrajectoryMethods(engine)
         handlers = Handlers(
             Reading(engine, facts, self._clients, self.reporter).functions(),
@@ -118,6 +130,7 @@ class RpcService:
 
     def process_ended(self, session: Session, now_s: float) -> None:
         """End what a process owned that is gone, though a forked child has its connection."""
+        session.is_orphaned = True
         self._trajectories.session_ended(session)
         self._engine.client_lost(session.identity, "process")
         self._collect_events(now_s)
@@ -178,17 +191,19 @@ class RpcService:
 
     # A successor ----------------------------------------------------------------------------------
 
-    def memory(self) -> dict[str, int]:
+    def memory(self) -> Numbers:
         """Return the numbers that clients know, so that a successor gives none of them twice."""
-        return {
-            "session": self._last_session,
-            "event": self._subscriptions.events.last_sequence,
-        }
+        return Numbers(
+            session=self._last_session,
+            event=self._subscriptions.events.last_sequence,
+            token=self._tokens.latest,
+        )
 
-    def restore(self, plain: Mapping[str, int]) -> None:
+    def restore(self, numbers: Numbers) -> None:
         """Go on counting where a predecessor was."""
-        self._last_session = plain["session"]
-        self._subscriptions.events.last_sequence = plain["event"]
+        self._last_session = numbers.session
+        self._subscriptions.events.last_sequence = numbers.event
+        self._tokens.latest = numbers.token
 
     # Inside ---------------------------------------------------------------------------------------
 

@@ -28,13 +28,14 @@ class Session:
     kept by the transport: true while the client has not read all it was sent, so that samples
     are dropped for it rather than queued. `unanswered` counts the requests that wait for a motion,
     `subscriptions` what it is sent unasked. `stream_refused` is the reason why its latest set-point
-    was refused.
+    was refused. `is_orphaned`: the process that opened it has ended, another has the connection.
     """
 
     __slots__ = (
         "congested",
         "counters",
         "identity",
+        "is_orphaned",
         "name",
         "on_write",
         "opened_s",
@@ -58,6 +59,7 @@ class Session:
         self.congested = False
         self.unanswered = 0
         self.stream_refused: str | None = None
+        self.is_orphaned = False
         self.on_write: Callable[[], None] | None = None
 
     def write(self, line: bytes) -> None:

@@ -102,13 +102,14 @@ class Settings:
         hold the same one, who needed none may need one now.
         """
         engine = self._engine
-        generation, holder = engine.stop_latch.generation, engine.lease.holder
+        latch, holder = engine.stop_latch, engine.lease.holder
+        generation = latch.generation
         owner = call.owner if holder is None else replace(call.owner, grant=holder.number)
 
         def refusal() -> Refusal | None:
             if engine.is_ending:
                 return ENDING
-            stopped = engine.stop_latch.refusal_of_sent(generation, None)
+            stopped = latch.refusal_of_sent(generation, None, call.received_s, owner.client)
             return stopped or engine.lease.refusal(owner)
 
         return refusal

@@ -12,6 +12,7 @@ import pytest
 from litegrip_client import ConnectError, ProtocolError
 from litegrip_client.ctl.main import main
 from litegrip_client.stopping import stop_at, stop_path
+from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import STATE, FakeDaemon
 from tests.client.helpers import Ctl
 
@@ -53,12 +54,96 @@ def test_the_lease_is_shown(daemon: FakeDaemon, ctl: Ctl) -> None:
 
 def test_a_lease_is_taken_and_given_back(daemon: FakeDaemon, ctl: Ctl) -> None:
     daemon.handlers["lease.get"] = lambda request: {"owner": HOLDER, "mine": False, "waiting": 0}
-    text = "taken from sorter.py (pid 77): the gripper is free\n"
+    text = "taken from sorter.py (pid 77); the jaws hold on; nobody has the lease now\n"
     assert ctl("lease", "take", "it hangs") == (0, text, "")
     assert daemon.methods()[-3:] == ["lease.get", "lease.take", "lease.release"]
-    assert daemon.requests[-2].params["why"] == "it hangs"
+    assert daemon.requests[-2].params == {"why": "it hangs", "purpose": "litegripctl"}
     daemon.handlers["lease.take"] = lambda request: request.fail("not_permitted", -32028)
     assert ctl("lease", "take", "me")[0] == 9
+
+
+def taking(daemon: FakeDaemon, owner: Any, job: int | None, **state: Any) -> None:
+    """Let a daemon answer a take-over so."""
+    answer = {"lease": "e", "number": 2, "ended_job": job, "state": {**STATE, **state}}
+    daemon.handlers["lease.get"] = lambda request: {"owner": owner, "mine": False, "waiting": 0}
+    daemon.handlers["lease.take"] = lambda request: answer
+
+
+@pytest.mark.parametrize(
+    ("owner", "job", "state", "text"),
+    [
+        (
+            HOLDER,
+            None,
+            {"force_set_n": 8},
+            "taken from sorter.py (pid 77); the jaws hold on, with 8.0 N",
+        ),
+        (
+            HOLDER,
+            3,
+            {"mode": "relaxed"},
+            "taken from sorter.py (pid 77), job 3 was ended; the jaws are slack",
+        ),
+        (None, 3, {}, "nobody had the lease, job 3 was ended; the jaws hold on"),
+        (None, None, {"mode": "disabled"}, "nobody had the lease; the gripper is disabled"),
+    ],
+)
+def test_a_take_over_says_what_it_has_done(
+    daemon: FakeDaemon, ctl: Ctl, owner: Any, job: int | None, state: dict[str, Any], text: str
+) -> None:
+    taking(daemon, owner, job, **state)
+    assert ctl("lease", "take", "why") == (0, f"{text}; nobody has the lease now\n", "")
+
+
+def test_a_take_over_lets_go_only_of_what_it_is_told_to(daemon: FakeDaemon, ctl: Ctl) -> None:
+    taking(daemon, HOLDER, None, mode="relaxed")
+    assert ctl("lease", "take", "--release", "why")[0] == 0
+    assert daemon.requests[-2].params["jaws"] == "relax"
+
+
+@pytest.mark.parametrize(("answer", "code"), [("y\n", 0), ("\n", 1), ("\x04", 1)])
+def test_a_take_over_on_a_terminal_asks_first(daemon: FakeDaemon, answer: str, code: int) -> None:
+    taking(daemon, HOLDER, None)
+    terminal = Terminal("--socket", daemon.path, "lease", "take", "it hangs")
+    what = "sorter.py (pid 77), uid 1000, has it for sorting"
+    terminal.expect(f"{what}; end that? The jaws hold on then. [y/N] ")
+    assert "lease.take" not in daemon.methods()
+    terminal.type(answer)
+    assert terminal.end()[0] == code
+    assert ("lease.take" in daemon.methods()) is (code == 0)
+
+
+def test_a_take_over_on_a_terminal_asks_for_a_motion_without_a_lease_too(
+    daemon: FakeDaemon,
+) -> None:
+    taking(daemon, None, 3)
+    job = {"job": 3, "kind": "open", "phase": None, "owner": {"program": "a.py", "pid": 5}}
+    daemon.handlers["state.get"] = lambda request: {**STATE, "job": job}
+    terminal = Terminal("--socket", daemon.path, "lease", "take", "--release", "it hangs")
+    terminal.expect("job 3, open by a.py (pid 5), is running; end that? The jaws go slack then.")
+    terminal.type("y\n")
+    assert terminal.end()[0] == 0
+
+
+@pytest.mark.parametrize("owner", [None, HOLDER])
+def test_a_take_over_asks_nothing_where_there_is_nothing_to_end_or_it_is_told_not_to(
+    daemon: FakeDaemon, owner: Any
+) -> None:
+    taking(daemon, owner, None)
+    yes = [] if owner is None else ["--yes"]
+    terminal = Terminal("--socket", daemon.path, "lease", "take", *yes, "it hangs")
+    code, shown = terminal.end()
+    assert (code, "[y/N]" in shown) == (0, False)
+
+
+def test_who_may_not_clear_is_told_who_may_and_not_to_take_the_lease(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    daemon.handlers["stop.clear"] = lambda request: request.fail("lease_held", -32026)
+    code, _, err = ctl("clear")
+    assert code == 6
+    assert "ask one of them to clear it" in err
+    assert "take" not in err
 
 
 class StopSocket:

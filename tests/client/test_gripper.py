@@ -206,12 +206,37 @@ def test_a_lease_that_another_has_names_it(daemon: FakeDaemon, gripper: LiteGrip
     assert daemon.requests[-1].params["why"] == "it hangs"
 
 
-def test_leaving_after_the_lease_was_taken_disables_nothing(daemon: FakeDaemon) -> None:
+def test_leaving_after_the_lease_was_taken_disables_nothing_and_says_so(
+    daemon: FakeDaemon, caplog: pytest.LogCaptureFixture
+) -> None:
     with LiteGrip(socket_path=daemon.path) as gripper:
         gripper.enable()
         for method in ("motor.disable", "lease.release"):
-            daemon.handlers[method] = lambda request: request.fail("lease_held", -32026)
+            daemon.handlers[method] = lambda request: request.fail("lease_lost", -32027)
     assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
+    assert "leaves the motor as it is" in caplog.text
+
+
+def test_what_was_enabled_under_a_lost_lease_is_not_disabled_at_the_end_of_another(
+    daemon: FakeDaemon,
+) -> None:
+    with LiteGrip(socket_path=daemon.path) as gripper:
+        gripper.enable()
+        granted = {"lease": "e:7", "number": 7, "state": STATE}
+        daemon.handlers["lease.acquire"] = lambda request: granted
+        with gripper.lease("again"):
+            gripper.get_state()
+        assert daemon.methods()[-1] == "lease.release"
+    assert "motor.disable" not in daemon.methods()
+
+
+def test_a_take_over_says_what_the_jaws_do_only_where_that_is_wished(
+    daemon: FakeDaemon, gripper: LiteGrip
+) -> None:
+    gripper.take_lease("it hangs")
+    assert "jaws" not in daemon.requests[-1].params
+    gripper.take_lease("it hangs", jaws="relax")
+    assert daemon.requests[-1].params["jaws"] == "relax"
 
 
 def test_an_interrupted_enable_may_have_enabled(daemon: FakeDaemon) -> None:

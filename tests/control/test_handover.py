@@ -276,7 +276,7 @@ def test_jobs_and_their_numbers_go_on_and_a_key_names_the_same_motion() -> None:
     client.result("motion.move", opening_mm=50, speed_mm_s=100, key="once")
     kept = client.result("job.list")["jobs"]
     exchange(world)
-    successor = world.client()
+    successor = world.client(pid=client.session.peer.pid)
     assert successor.result("job.list")["jobs"] == kept
     assert successor.result("motion.move", opening_mm=50, key="once")["ok"]  # makes no job 3
     successor.result("motion.hold")

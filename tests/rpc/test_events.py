@@ -97,6 +97,7 @@ def test_events_tell_a_program_whose_the_lease_was_and_why_a_motion_ended() -> N
     motion = mover.result("motion.open", wait=False)["job"]
     owner = mover.result("job.get", job=motion)["owner"]
     mine = {"client": owner["client"], "pid": owner["pid"]}
+    lost = {**mine, "uid": owner["uid"], "cause": "connection", "why": None, "on_lost": "hold"}
     mover.result("job.cancel", job=motion)
     mover.result("lease.release")
     mover.result("lease.acquire")
@@ -104,9 +105,9 @@ def test_events_tell_a_program_whose_the_lease_was_and_why_a_motion_ended() -> N
     world.tick()
     told = [(event["kind"], event["data"]) for event in events(watcher)]
     assert ("lease", {**mine, "lease": number, "held": True}) in told
-    assert ("lease", {**mine, "lease": number, "held": False}) in told
+    assert ("lease", {**mine, "lease": number, "held": False, "by": owner}) in told
     assert ("job_ended", {"job": motion, "state": "cancelled", "reason": "cancelled"}) in told
-    assert ("lease_lost", {**mine, "cause": "connection", "why": None}) in told
+    assert ("lease_lost", lost) in told
 
 
 def test_every_event_comes_once_and_in_order_to_each_subscription() -> None:

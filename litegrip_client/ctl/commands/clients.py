@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from contextlib import suppress
 
-from litegrip_client.ctl import render
-from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.ctl import render, terminal
+from litegrip_client.ctl.run import NOT_OK, OK, Command, Run
+from litegrip_client.errors import CommandError
 from litegrip_client.stopping import is_taken_as_meant, stop_at
 
 TYPE_CHECKING = False
@@ -37,12 +38,44 @@ def lease(run: Run) -> int:
 
 
 def _take(run: Run) -> int:
-    before = run.connection.call("lease.get")["owner"]
-    run.connection.call("lease.take", {"why": run.options.why, "purpose": "litegripctl"})
-    run.connection.call("lease.release")
-    text = "nobody had the lease" if before is None else f"taken from {render.owner(before)}"
-    run.output.result({"taken_from": before}, render.plain(f"{text}: the gripper is free"))
+    options, connection = run.options, run.connection
+    before = connection.call("lease.get")
+    owner = before["owner"]
+    if not options.yes and terminal.may_ask():
+        whose = connection.call("state.get").get("job") if owner is None else owner
+        if whose is not None and not terminal.confirm(_question(before, whose, options)):
+            run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
+            return NOT_OK
+    params = {"why": options.why, "purpose": "litegripctl"}
+    taken = connection.call("lease.take", params | ({"jaws": "relax"} if options.release else {}))
+    connection.call("lease.release")
+    ended, state = taken.get("ended_job"), taken["state"]
+    text = "nobody had the lease" if owner is None else f"taken from {render.owner(owner)}"
+    text += "" if ended is None else f", job {ended} was ended"
+    data = {"taken_from": owner, "ended_job": ended, "state": state}
+    run.output.result(data, render.plain(f"{text}; {_jaws(state)}; nobody has the lease now"))
     return OK
+
+
+def _question(before: Mapping[str, Any], whose: Mapping[str, Any], options: Namespace) -> str:
+    if before["owner"] is None:
+        by = render.owner(whose.get("owner") or {})
+        what = f"job {whose.get('job')}, {whose.get('kind')} by {by}, is running"
+    else:
+        what = render.lease(before)
+    then = "go slack" if options.release else "hold on"
+    return render.plain(f"{what}; end that? The jaws {then} then.")
+
+
+def _jaws(state: Mapping[str, Any]) -> str:
+    """Tell what the jaws do after a take-over."""
+    if state.get("mode") == "relaxed":
+        return "the jaws are slack"
+    if state.get("mode") != "holding":
+        return f"the gripper is {state.get('mode')}"
+    force_n = state.get("force_set_n")
+    by = "" if force_n is None else f", with {render.figure(force_n, '.1f', 'N')}"
+    return f"the jaws hold on{by}"
 
 
 def stop_first(way: Way, output: Output) -> bool:

@@ -26,6 +26,11 @@ over time, with what happened; or a trajectory. What is no file here, and has
 neither a path nor an ending, is a trajectory that the daemon keeps. Pictures
 need matplotlib and mcap: pip install matplotlib mcap
 """
+_TAKE = """\
+End somebody's lease, and with it the motion that runs; the gripper is nobody's
+then. The jaws go on holding what they hold, whatever the loser wished. On a
+terminal it asks first.
+"""
 _COMPLETION = """\
 Print the script by which a shell completes commands, options and their values:
 running channels, the daemon's trajectories, files.
@@ -73,8 +78,12 @@ def lease(parser: LateParser) -> None:
 
 
 def _take(parser: LateParser) -> None:
-    parser.description = "End somebody's lease, and with it its motion; the gripper is free then."
+    parser.description = _TAKE
     parser.add_argument("why", metavar="REASON", help="told to the loser and to the log")
+    parser.add_argument(
+        "--release", action="store_true", help="let go of what is held: the jaws go slack"
+    )
+    parser.add_argument("-y", "--yes", action="store_true", help="do not ask first")
 
 
 def dump(parser: LateParser) -> None:

@@ -106,7 +106,7 @@ class Teleoperation:
         engine = self._engine
         refusal = engine.unfree() or engine.recording_refusal()
         if refusal is not None and refusal.reason == "busy":
-            refusal = trajectory_or_teleop_refusal(engine.jobs.running) or refusal
+            refusal = trajectory_or_teleop_refusal(engine.in_the_way) or refusal
         if refusal is not None:
             return refusal
         geometry = engine.geometry

@@ -1,0 +1,509 @@
+"""The losers' side of every rule on who may: what they are answered, and that they move nothing.
+
+Each scene lets somebody lose (a lease, a race, a stop, a connection, a turn, a name), and then try.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from litegripd.rpc.session import Role
+from tests.rpc.test_leasing import MOVING, told
+from tests.world import Client, World
+
+HALF_OPEN_MM = 50.0
+
+
+class Scene:
+    """A world in which jaws hold at half their travel: one client drives, another one looks on."""
+
+    def __init__(self, *, uid: int = 1000, role: Role = "operator", **wish: Any) -> None:
+        self.world = World()
+        self.first = self.world.enabled()
+        self.first.session.role = "operator"
+        self.first.result("motion.move", opening_mm=HALF_OPEN_MM)
+        if wish:
+            self.token = str(self.first.result("lease.acquire", **wish)["lease"])
+        self.second = self.world.client(uid=uid, role=role)
+
+    def nothing_of(self, act: Callable[[], Any]) -> Any:
+        """Let somebody act, and check that nothing has come of it; return what the act returned."""
+        world, engine = self.world, self.world.engine
+        world.run(0.1)
+        jobs, rest, calibration = list(engine.jobs), engine.rest, engine.calibrated.calibration
+        opening_mm, phase = world.state.opening_mm, world.phase
+        answer = act()
+        world.run(0.5)
+        assert [job.number for job in engine.jobs] == [job.number for job in jobs]
+        assert engine.rest is rest
+        assert engine.calibrated.calibration is calibration
+        assert world.phase is phase
+        assert opening_mm is not None
+        assert world.state.opening_mm == pytest.approx(opening_mm, abs=0.2)
+        return answer
+
+    def error(self, client: Client, method: str, **params: Any) -> dict[str, Any]:
+        """Let a client ask for what it is refused, and check that nothing has come of it."""
+        answer = self.nothing_of(lambda: client.call(method, **params))
+        assert "error" in answer, answer
+        error: dict[str, Any] = answer["error"]
+        return error
+
+
+def wish_of(leased: bool) -> dict[str, Any]:
+    """Return what makes a scene with a lease, or one without."""
+    return {"on_lost": "hold"} if leased else {}
+
+
+def holding(**wish: Any) -> Scene:
+    """Return a scene whose jaws hold an object by 8 N."""
+    scene = Scene(**wish)
+    scene.world.gripper.put_object(width_mm=30.0)
+    assert scene.first.result("motion.grasp", force_n=8, until="verdict")["ok"]
+    scene.world.run(1.0)
+    return scene
+
+
+# A lease
+
+
+def by_take(scene: Scene) -> None:
+    scene.second.result("lease.take", why="it hangs")
+
+
+def by_take_and_release(scene: Scene) -> None:
+    """Take it as `litegripctl lease take` does."""
+    by_take(scene)
+    scene.second.result("lease.release")
+
+
+def by_silence(scene: Scene) -> None:
+    scene.world.run(0.2)
+
+
+WAYS = {
+    "taken": (by_take, "taken"),
+    "taken and given back": (by_take_and_release, "taken"),
+    "silent": (by_silence, "expired"),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("method", MOVING)
+def test_who_has_lost_the_lease_moves_nothing_until_it_asks_again(method: str, way: str) -> None:
+    lose, cause = WAYS[way]
+    scene = Scene(ttl_s=0.1, on_lost="hold")
+    lose(scene)
+    error = scene.error(scene.first, method, **MOVING[method])
+    data = error["data"]
+    assert (data["reason"], data["cause"], data["retryable"]) == ("lease_lost", cause, False)
+    assert data["hint"] == "lease.acquire"
+    if cause == "taken":
+        taker = scene.second.session.peer
+        assert data["by"] == {"pid": taker.pid, "uid": taker.uid, "program": taker.program}
+        assert data["why"] == "it hangs"
+        assert "it hangs" in error["message"]
+        assert f"pid {taker.pid}, uid {taker.uid}" in error["message"]
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_who_has_lost_the_lease_is_told_unasked_what_became_of_the_jaws(way: str) -> None:
+    lose, cause = WAYS[way]
+    scene = Scene(ttl_s=0.1, on_lost="disable")
+    lose(scene)
+    (loss,) = told(scene.first, "lease.lost")
+    left = "hold" if cause == "taken" else "disable"
+    assert (loss["cause"], loss["on_lost"]) == (cause, left)
+    scene.world.run(0.1)
+    assert scene.world.state.enabled is (left == "hold")
+
+
+def test_asking_again_ends_it_and_a_refusal_does_not() -> None:
+    scene = Scene(purpose="sorting")
+    by_take(scene)
+    assert scene.first.refusal("lease.acquire") == "lease_held"
+    assert scene.first.refusal("motion.open") == "lease_lost"
+    scene.second.result("lease.release")
+    assert scene.first.refusal("motion.open") == "lease_lost"
+    scene.first.result("lease.acquire")
+    scene.first.result("lease.release")
+    assert scene.first.result("motion.open")["ok"]
+
+
+def test_a_loss_is_one_connections_and_the_same_program_may_open_another() -> None:
+    scene = Scene(purpose="sorting")
+    by_take_and_release(scene)
+    another = scene.world.client(pid=scene.first.session.peer.pid)
+    assert another.result("motion.open")["ok"]
+    assert scene.first.refusal("motion.close") == "lease_lost"
+
+
+def test_whose_turn_has_come_again_has_lost_nothing_any_more() -> None:
+    scene = Scene(purpose="sorting")
+    by_take(scene)
+    number = scene.first.send("lease.acquire", wait_s=10)
+    assert scene.first.refusal("motion.open") == "lease_lost"
+    scene.second.result("lease.release")
+    scene.world.run_until(lambda: scene.first.has_answer(number))
+    assert scene.first.result("motion.open")["ok"]
+
+
+@pytest.mark.parametrize("jaws", [None, "hold", "relax", "disable"])
+@pytest.mark.parametrize("on_lost", ["hold", "relax", "disable"])
+def test_a_take_over_holds_what_is_held_unless_the_taker_says_otherwise(
+    on_lost: str, jaws: str | None
+) -> None:
+    scene = Scene(on_lost=on_lost)
+    world = scene.world
+    while world.service.take_events():
+        pass
+    answer = scene.second.result(
+        "lease.take", why="mine", **({} if jaws is None else {"jaws": jaws})
+    )
+    left = jaws or "hold"
+    assert answer["jaws"] == left
+    assert answer["taken_from"]["pid"] == scene.first.session.peer.pid
+    assert answer["ended_job"] is None
+    world.run(0.2)
+    mode = {"hold": "holding", "relax": "relaxed", "disable": "disabled"}[left]
+    assert world.state.mode == mode
+    words = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}[left]
+    log = [event.message for event in world.service.take_events()]
+    assert f"the gripper was taken over: the jaws {words}" in log
+
+
+def test_a_take_over_keeps_the_force_on_an_object() -> None:
+    scene = holding(on_lost="disable")
+    opening_mm = scene.world.state.opening_mm
+    scene.second.result("lease.take", why="mine")
+    scene.second.result("lease.release")
+    scene.world.run(1.0)
+    state = scene.world.state
+    assert state.is_grasped
+    assert state.force_set_n == 8
+    assert state.force_n == pytest.approx(8, abs=2)
+    assert state.opening_mm == pytest.approx(opening_mm, abs=0.2)
+
+
+@pytest.mark.parametrize("detach", [False, True])
+@pytest.mark.parametrize("leased", [False, True])
+def test_whose_motion_runs_loses_it_to_who_takes_the_gripper(leased: bool, detach: bool) -> None:
+    scene = Scene(**wish_of(leased))
+    number = scene.first.send("motion.open", speed_mm_s=10, detach=detach)
+    scene.world.run(0.5)
+    job = scene.world.engine.jobs.running
+    assert job is not None
+    answer = scene.second.result("lease.take", why="my turn")
+    assert answer["ended_job"] == job.number
+    assert scene.world.engine.jobs.running is None
+    opening_mm = scene.world.state.opening_mm
+    scene.world.run(0.5)
+    assert scene.world.state.opening_mm == pytest.approx(opening_mm, abs=1.0)
+    assert scene.first.has_answer(number)
+    data = scene.first.answers[number]["error"]["data"]
+    assert (data["reason"], data["cause"], data["why"]) == ("lease_lost", "taken", "my turn")
+    assert data["by"]["pid"] == scene.second.session.peer.pid
+    assert scene.second.result("motion.close")["ok"]
+
+
+@pytest.mark.parametrize("leased", [False, True])
+def test_an_operator_takes_nothing_from_another_user(leased: bool) -> None:
+    scene = Scene(uid=1001, **wish_of(leased))
+    number = scene.first.send("motion.open", speed_mm_s=10)
+    scene.world.run(0.2)
+    error = scene.second.call("lease.take", why="my turn")["error"]
+    assert error["data"]["reason"] == "not_permitted"
+    assert f"pid {scene.first.session.peer.pid}, uid 1000" in error["message"]
+    assert not scene.first.has_answer(number)
+    scene.second.session.role = "admin"
+    scene.second.result("lease.take", why="maintenance")
+    scene.world.tick()
+    assert scene.first.has_answer(number)
+
+
+def test_a_disabling_is_not_broken_off_by_a_take_over() -> None:
+    scene = Scene()
+    number = scene.first.send("motor.disable")
+    assert scene.second.result("lease.take", why="my turn")["ended_job"] is None
+    scene.world.run_until(lambda: scene.first.has_answer(number))
+    assert scene.first.answers[number]["result"]["ok"]
+
+
+# A token: a name for the lease
+
+
+def test_what_a_stranger_can_read_shows_it_no_token() -> None:
+    scene = Scene(uid=1001, purpose="sorting")
+    seen = [scene.second.call(method) for method in ("hello", "lease.get", "clients.list")]
+    scene.second.result("events.subscribe")
+    assert scene.token not in str(seen)
+    assert not any(scene.token in str(note) for note in scene.second.notifications)
+    number = scene.second.result("lease.get")["owner"]["number"]
+    guesses = [f"0:{number}", str(number), scene.token[:-1], scene.token.swapcase()]
+    for guess in guesses:
+        for method in ("motion.open", "motor.disable", "lease.release", "lease.renew"):
+            assert scene.error(scene.second, method, lease=guess)["data"]["reason"] == "lease_lost"
+        assert (
+            scene.error(scene.second, "lease.resume", lease=guess)["data"]["reason"] == "lease_lost"
+        )
+    assert scene.first.result("lease.get")["mine"]
+
+
+def test_each_grant_has_a_secret_of_its_own() -> None:
+    scene = Scene(purpose="sorting")
+    again = scene.first.result("lease.acquire", purpose="sorting more")["lease"]
+    assert again == scene.token  # the same lease
+    taken = scene.second.result("lease.take", why="a test")["lease"]
+    scene.second.result("lease.release")
+    fresh = scene.first.result("lease.acquire")["lease"]
+    assert len({scene.token, taken, fresh}) == 3
+    assert all(len(token) >= 20 for token in (scene.token, taken, fresh))
+    for old in (scene.token, taken):
+        assert scene.error(scene.second, "motion.open", lease=old)["data"]["reason"] == "lease_lost"
+
+
+def test_the_log_names_who_acted_under_the_lease_of_another() -> None:
+    scene = Scene(purpose="sorting")
+    helper = scene.world.client(uid=1001, role="operator")
+    while scene.world.service.take_events():
+        pass
+    helper.result("motion.open", lease=scene.token)
+    helper.result("lease.release", lease=scene.token)
+    log = [event.message for event in scene.world.service.take_events()]
+    peer, holder = helper.session.peer, scene.first.session.peer
+    who = f"{peer.program} (pid {peer.pid}, uid 1001)"
+    assert f"job 3: open by {who}" in log
+    of = f"in the place of {holder.program} (pid {holder.pid}, uid 1000)"
+    assert f"lease 1 given back by {who}, {of}" in log
+
+
+# A race
+
+
+def test_who_comes_second_is_told_who_is_first() -> None:
+    scene = Scene(purpose="sorting")
+    error = scene.error(scene.second, "lease.acquire")
+    assert error["data"]["reason"] == "lease_held"
+    assert error["data"]["owner"]["pid"] == scene.first.session.peer.pid
+    assert "sorting" in error["message"]
+
+
+@pytest.mark.parametrize("if_busy", ["reject", "replace"])
+def test_a_motion_that_comes_second_leaves_the_first_alone(if_busy: str) -> None:
+    scene = Scene()
+    number = scene.first.send("motion.open")
+    scene.world.run(0.1)
+    running = scene.world.engine.jobs.running
+    error = scene.second.call("motion.close", if_busy=if_busy)["error"]["data"]
+    assert running is not None
+    assert (error["reason"], error["job"]) == ("busy", running.number)
+    assert error["owner"]["pid"] == scene.first.session.peer.pid
+    scene.world.run_until(lambda: scene.first.has_answer(number))
+    assert scene.first.answers[number]["result"]["outcome"] == "pressed_home"
+
+
+@pytest.mark.parametrize(
+    ("method", "params", "reason"),
+    [
+        ("motion.move", {"opening_mm": 500}, "out_of_limits"),
+        ("motion.open", {"config": {"speed_mm_s": 10_000}}, "invalid_params"),
+        ("motion.move", {"opening_mm": 20, "openness": 0.1}, "invalid_params"),
+        ("trajectory.play", {"name": "../x"}, "invalid_params"),
+    ],
+)
+def test_a_replacement_that_is_refused_leaves_the_running_motion(
+    method: str, params: dict[str, Any], reason: str
+) -> None:
+    scene = Scene()
+    number = scene.first.send("motion.open", speed_mm_s=20)
+    scene.world.run(0.3)
+    assert scene.first.refusal(method, if_busy="replace", **params) == reason
+    assert not scene.first.has_answer(number)
+    scene.world.run_until(lambda: scene.first.has_answer(number))
+    assert scene.first.answers[number]["result"]["outcome"] == "pressed_home"
+
+
+def test_a_replacement_before_the_first_tick_of_a_motion_does_not_crush_what_is_held() -> None:
+    scene = holding()
+    first = scene.first.send("motion.open")
+    result = scene.first.result("motion.close", if_busy="replace")
+    assert result["outcome"] == "blocked"
+    assert scene.first.answers[first]["error"]["data"]["reason"] == "replaced"
+    assert scene.world.state.is_grasped
+
+
+# A stop
+
+
+def test_what_a_stop_has_broken_off_says_so_and_nothing_follows_it() -> None:
+    scene = Scene()
+    running = scene.first.send("motion.open", speed_mm_s=10)
+    queued = scene.first.send("motion.close", if_busy="queue")
+    scene.world.run(0.1)
+    scene.second.result("stop", why="a hand")
+    scene.world.run(0.1)
+    for number in (running, queued):
+        assert scene.first.has_answer(number)
+        assert scene.first.answers[number]["error"]["data"]["reason"] == "stopped"
+    for method in ("motor.enable", "motion.open", "motion.hold", "motion.zero_gravity"):
+        error = scene.error(scene.first, method)
+        assert error["data"]["reason"] == "stopped"
+        assert "a hand" in error["message"]
+
+
+def test_what_was_sent_before_a_stop_is_void_though_the_stop_is_cleared() -> None:
+    scene = Scene()
+    generation = scene.first.result("state.get")["stop_generation"]
+    scene.second.result("stop")
+    known = {"stop_generation": generation}
+    assert scene.error(scene.first, "stop.clear", **known)["data"]["reason"] == "sent_before_stop"
+    scene.second.result("stop.clear")
+    assert scene.error(scene.first, "motion.open", **known)["data"]["reason"] == "sent_before_stop"
+
+
+def test_who_has_stopped_clears_though_another_has_the_lease() -> None:
+    scene = Scene(uid=1001, purpose="sorting")
+    scene.second.result("stop", why="a hand")
+    same_user = scene.world.client(uid=1001, role="operator")
+    same_user.result("stop.clear")
+    assert scene.world.state.stop is None
+    assert scene.first.result("motion.open")["ok"]
+
+
+@pytest.mark.parametrize("who", ["holder", "admin"])
+def test_the_holder_and_an_admin_clear_what_another_has_stopped(who: str) -> None:
+    scene = Scene(uid=1001, purpose="sorting")
+    scene.second.result("stop")
+    clearing = scene.first if who == "holder" else scene.world.client(uid=1002, role="admin")
+    clearing.result("stop.clear")
+    assert scene.world.state.stop is None
+
+
+def test_anybody_else_is_told_who_may_clear() -> None:
+    scene = Scene(uid=1001, purpose="sorting")
+    scene.second.result("stop")
+    third = scene.world.client(uid=1002, role="operator")
+    error = scene.error(third, "stop.clear")
+    assert error["data"]["reason"] == "lease_held"
+    assert error["data"]["may_clear_uids"] == [1001]
+    holder = scene.first.session.peer
+    assert f"{holder.program} (pid {holder.pid}), who has the lease" in error["message"]
+    assert "uid 1001, who stopped" in error["message"]
+    assert "admin" in error["message"]
+    assert scene.world.state.stop is not None
+
+
+def test_a_stop_that_was_raised_is_for_who_raised_it_or_stopped_since() -> None:
+    scene = Scene(uid=1001, purpose="sorting")
+    third, fourth = (scene.world.client(uid=uid, role="operator") for uid in (1002, 1003))
+    scene.second.result("stop")
+    third.result("stop", level="disable")
+    scene.world.run(0.5)
+    assert scene.second.refusal("stop.clear") == "lease_held"
+    fourth.result("stop")
+    fourth.result("stop.clear")
+    assert scene.world.state.stop is None
+
+
+def test_an_observer_clears_only_what_nobody_else_has_stopped() -> None:
+    scene = Scene(uid=1001, role="observer")
+    scene.second.result("stop")
+    scene.second.result("stop.clear")
+    assert scene.world.state.stop is None
+    assert scene.error(scene.second, "stop.clear")["data"]["reason"] == "not_permitted"
+    scene.first.result("stop")
+    assert scene.error(scene.second, "stop.clear")["data"]["reason"] == "not_permitted"
+    scene.second.result("stop")
+    assert scene.error(scene.second, "stop.clear")["data"]["reason"] == "not_permitted"
+    assert scene.world.state.stop is not None
+
+
+def test_who_has_lost_the_lease_still_stops_and_clears_its_own_stop() -> None:
+    scene = Scene(uid=1001, role="admin", purpose="sorting")
+    by_take(scene)
+    scene.first.result("stop")
+    scene.first.result("stop.clear")
+    assert scene.first.refusal("motion.open") == "lease_lost"
+
+
+# A connection
+
+
+@pytest.mark.parametrize("leased", [False, True])
+@pytest.mark.parametrize("method", [*MOVING, "lease.acquire", "lease.take", "stop.clear"])
+def test_who_has_inherited_a_connection_may_not_do_what_its_opener_might(
+    method: str, leased: bool
+) -> None:
+    scene = Scene(**wish_of(leased))
+    scene.world.service.process_ended(scene.first.session, scene.world.now_s)
+    assert scene.world.engine.lease.holder is None
+    params = MOVING.get(method, {"why": "mine"} if method == "lease.take" else {})
+    error = scene.error(scene.first, method, **params)
+    assert error["data"]["reason"] == "client_lost"
+    assert f"pid {scene.first.session.peer.pid}" in error["message"]
+    assert scene.world.engine.lease.holder is None
+    scene.first.result("state.get")
+    scene.first.result("stop")
+
+
+def test_who_waits_on_an_inherited_connection_gets_no_lease() -> None:
+    scene = Scene(purpose="sorting")
+    scene.second.send("lease.acquire", wait_s=10)
+    scene.world.service.process_ended(scene.second.session, scene.world.now_s)
+    scene.first.result("lease.release")
+    scene.world.run(0.1)
+    assert scene.world.engine.lease.holder is None
+
+
+# A turn
+
+
+def test_who_has_waited_in_vain_is_told_who_has_it() -> None:
+    scene = Scene(purpose="sorting")
+    error = scene.error(scene.second, "lease.acquire", wait_s=0.2)
+    assert error["data"]["reason"] == "lease_held"
+    assert error["data"]["owner"]["purpose"] == "sorting"
+
+
+def test_whose_turn_comes_when_the_gripper_is_anothers_does_not_move() -> None:
+    scene = Scene()
+    scene.first.send("motion.open", wait=False)
+    number = scene.second.send("motion.close", if_busy="queue")
+    third = scene.world.client()
+    third.result("lease.take", why="my turn")
+    scene.nothing_of(lambda: None)
+    assert scene.second.has_answer(number)
+    assert scene.second.answers[number]["error"]["data"]["reason"] == "lease_held"
+
+
+# A name
+
+
+def test_a_key_of_another_program_is_no_answer() -> None:
+    scene = Scene()
+    first = scene.first.result("motion.move", opening_mm=20, key="pick 1")
+    scene.first.result("motion.move", opening_mm=80)
+    second = scene.second.result("motion.move", opening_mm=20, key="pick 1")
+    assert second["job"] != first["job"]
+    assert scene.world.state.opening_mm == pytest.approx(20, abs=1.0)
+    again = scene.world.client(pid=scene.first.session.peer.pid)
+    scene.nothing_of(lambda: again.result("motion.move", opening_mm=20, key="pick 1"))
+    assert again.result("motion.move", opening_mm=20, key="pick 1")["job"] == first["job"]
+
+
+def test_programs_without_a_number_share_no_key() -> None:
+    """Those of another pid namespace: only their connections tell them apart."""
+    scene = Scene()
+    object.__setattr__(scene.first.session.peer, "pid", 0)
+    object.__setattr__(scene.second.session.peer, "pid", 0)
+    first = scene.first.result("motion.move", opening_mm=20, key="pick 1")
+    assert scene.first.result("motion.move", opening_mm=20, key="pick 1")["job"] == first["job"]
+    assert scene.second.result("motion.move", opening_mm=20, key="pick 1")["job"] != first["job"]
+
+
+def test_a_key_of_another_motion_is_refused() -> None:
+    scene = Scene()
+    scene.first.result("motion.move", opening_mm=20, key="pick 1")
+    error = scene.error(scene.first, "motion.open", key="pick 1")
+    assert error["data"]["reason"] == "invalid_params"
