@@ -362,7 +362,7 @@ def test_fast_jaws_whose_position_is_in_doubt_are_braked_by_no_more_than_their_p
     client = holding(world)
     client.result("motion.zero_gravity")
     world.gripper.push(2.0)
-    world.run_until(lambda: abs(world.gripper.velocity_rad_s) > 9.3, 1.0)
+    world.run_until(lambda: abs(world.gripper.velocity_rad_s) > 9.6, 1.0)
     off_once(world)
     world.tick()
     feedback = world.machine.motor.view().feedback
