@@ -174,8 +174,9 @@ class Engine(Arbiter):
         if isinstance(rest, Grip) and rest.is_lost:
             if rest.watched:
                 self.events.append(announce.object_lost(None))
-            # The jaws still run: on some motors the damping of a position hold would shake them.
-            self.rest = Hold(feedback.position_rad, self.gains.calmed())
+            # On some motors the damping of a position hold would shake running jaws.
+            caught_rad = rest.caught_rad(feedback.position_rad, self.period_s)
+            self.rest = Hold(caught_rad, self.gains.calmed())
             return self.rest.command(now_s, feedback)
         return command
 

@@ -207,6 +207,14 @@ class Grip:
         """True while there is something between the jaws, as far as is known."""
         return self.watched and not self.is_lost
 
+    def caught_rad(self, position_rad: float, period_s: float) -> float:
+        """Return where to hold the jaws after a loss: they still run, and on for a control period.
+
+        A hold where they were measured would throw them back.
+        """
+        closing_rad_s = self._watch.speed_rad_s or 0.0
+        return position_rad + self._settings.geometry.close_sign * closing_rad_s * period_s
+
     @property
     def _effective_nm(self) -> float:
         """The torque that the motor is told: limits, as by heat, may have left less of it."""

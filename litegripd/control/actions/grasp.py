@@ -108,7 +108,8 @@ class Grasp(PlainAction):
             return None
         if self._grip.is_holding or self._feedback is None:
             return self._grip
-        return Hold(self._feedback.position_rad, self._gains.calmed())
+        caught_rad = self._grip.caught_rad(self._feedback.position_rad, self._period_s)
+        return Hold(caught_rad, self._gains.calmed())
 
     def progress(self) -> Progress | None:
         """Tell the phase, the step of the approach, and where command and jaws are."""
