@@ -134,7 +134,7 @@ def test_a_lost_lease_ends_it() -> None:
     world, client = ready()
     client.result("lease.acquire", on_lost="relax")
     number = started(world, client, SLOW)
-    world.client().result("lease.take", why="a test")
+    world.client().result("lease.take", why="a test", jaws="relax")
     world.run(0.1)
     assert reason_of(client, number) == "lease_lost"
     assert is_slack(world)
