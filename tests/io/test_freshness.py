@@ -11,6 +11,7 @@ import pytest
 from litegripd.io.connection import Connection
 from litegripd.rpc.session import Session
 from litegripd.rpc.set_point_line import is_set_point, newest_set_point
+from litegripd.rpc.stop_line import stops_in
 from litegripd.rpc.wire import MAX_LINE_BYTES
 from tests.io.loop import Loop, line
 
@@ -86,6 +87,11 @@ def test_stops_without_end_that_a_client_has_left_hold_up_nobody(loop: Loop) -> 
     client.close()
     loop.until(lambda: bool(loop.service.ended))
     assert 0 < len(loop.service.lines) <= 32
+
+
+def test_a_stop_that_a_client_has_left_is_found_behind_many_lines_that_only_may_be_stops() -> None:
+    maybe = line("trajectory.put", 1, content="a\nb")
+    assert stops_in(maybe * 100 + STOP + maybe * 100) == [STOP[:-1]]
 
 
 def test_who_has_only_ended_its_sending_side_is_served(loop: Loop) -> None:
@@ -208,6 +214,20 @@ def test_a_set_point_is_recognized(text: bytes) -> None:
     assert newest_set_point(b"x\n" + text + b"\ny", 0) == 2
     assert newest_set_point(b"x\n" + text, 0) == -1  # it is not whole
     assert newest_set_point(text + b"\n", 5) == -1
+
+
+def test_blanks_before_what_is_no_set_point_take_no_time() -> None:
+    """A whole read of them; matched one by one they would take seconds."""
+    request = b'{"jsonrpc":"2.0","method":"stream.set","params":1}\n'
+    began_s = time.process_time()
+    assert newest_set_point(b" " * MAX_LINE_BYTES + request, 0) == -1
+    assert not is_set_point(b" " * MAX_LINE_BYTES + request[:-1])
+    assert time.process_time() - began_s < 0.1
+
+
+def test_a_long_line_counts_as_no_set_point() -> None:
+    assert is_set_point(point(1, lease="x" * 300)[:-1])
+    assert not is_set_point(point(1, lease="x" * 600)[:-1])
 
 
 @pytest.mark.parametrize(
