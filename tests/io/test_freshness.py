@@ -191,6 +191,41 @@ def test_what_lies_unread_when_a_stop_comes_was_received_before_it(loop: Loop) -
     ]
 
 
+def test_what_comes_behind_what_is_known_to_be_unread_was_received_before_a_stop_too(
+    loop: Loop,
+) -> None:
+    client = loop.connect()
+    loop.until(lambda: loop.server.clients == 1)
+    client.send(line("echo", 2))
+    loop.server.note_stop(10.0)
+    client.send(line("echo", 3))
+    loop.server.note_stop(20.0)
+    client.send(line("echo", 4))
+    loop.read(client, 3)
+    first_s, second_s, third_s = loop.service.received_s
+    assert first_s == math.nextafter(10.0, 0.0)
+    assert second_s < 20.0 < third_s
+
+
+def test_what_a_client_sent_that_was_not_let_in_yet_was_received_before_a_stop(
+    loop: Loop,
+) -> None:
+    first, second = loop.connect(), loop.connect()
+    first.send(line("echo", 1))
+    second.send(line("echo", 2))
+    stopped_s = time.monotonic()
+    loop.server.note_stop(stopped_s)
+    loop.read(first, 1)
+    loop.read(second, 1)
+    assert all(received_s < stopped_s for received_s in loop.service.received_s)
+    later = loop.connect()
+    later.send(line("echo", 3))
+    loop.read(later, 1)
+    first.send(line("echo", 4))
+    loop.read(first, 1)
+    assert all(received_s > stopped_s for received_s in loop.service.received_s[2:])
+
+
 def test_a_second_stop_makes_nothing_newer(loop: Loop) -> None:
     client = loop.connect()
     loop.until(lambda: loop.server.clients == 1)
