@@ -183,8 +183,9 @@ user who may not write there.
 - A motion that could not run its course (cancelled, stopped, a fault, its client lost) answers
   with an error. [errors.md](errors.md) lists all reasons.
 - Every method takes `sent_s` (CLOCK_MONOTONIC, seconds) and `stop_generation` (as last told): a
-  motion that was sent before a stop never runs after it, and a `stop.clear` never clears it. Both
-  are refused (`sent_before_stop`): look at the state, and send them again. Without the two
+  motion that was sent before a stop never runs after it, a `stop.clear` never clears it, and a
+  `lease.take`, which may let the jaws go, takes nothing over. They are refused
+  (`sent_before_stop`): look at the state, and send them again. Without the two
   parameters a request counts as sent when it was received; what still lay unread in the kernel when
   a stop came was sent before it. A `stop.clear` behind the client's own stop does clear that.
 - A set-point counts for `valid_s` from `sent_s` on, else from when it was received; when its turn

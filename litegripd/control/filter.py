@@ -105,7 +105,7 @@ class LastWord:
 
     def unpowered(self, now_s: float) -> None:
         """Take note that the motor is told nothing from now on."""
-        self._charge(now_s)
+        self._damping = self._most_damping(self._charge(now_s))
         self._last_nm = 0.0
 
     def _most_damping(self, elapsed_s: float) -> float:

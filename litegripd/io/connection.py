@@ -154,9 +154,12 @@ class Connection:
             self._drop_if_done()
 
     def note_stop(self, stopped_s: float) -> None:
-        """Count what lies unread in the kernel as received before a stop of `stopped_s`."""
-        if not self._unread:
-            self._note_unread(math.nextafter(stopped_s, -math.inf))
+        """Count what lies unread in the kernel as received before a stop of `stopped_s`.
+
+        What has come behind bytes that were known to lie there counts as old as they.
+        """
+        before_s = math.nextafter(stopped_s, -math.inf)
+        self._note_unread(self._unread_s if self._unread else before_s)
 
     def forget_unread(self) -> None:
         """Drop all whole lines that its client has sent until now, but serve the stops among them.
@@ -180,8 +183,10 @@ class Connection:
         if not self._half_closed:  # a forked heir may end the last line
             whole, _, self._received = whole.rpartition(b"\n")
         self.line, self._begin, self._taken, self._newest, self._unread = None, 0, 0, -1, 0
+        self._watch()  # the end of what comes would be told for ever
         for line in stops_in(whole):
             self._owner.serve_last(self, line)
+        self._drop_if_done()
 
     def flush(self) -> None:
         """Send as much as the client takes now; close a client that lets too much wait."""

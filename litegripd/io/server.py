@@ -59,6 +59,7 @@ class Server:
         self._ticks = reactor.ticks
         self._dirty: deque[Connection] = deque()
         self._samples_turn = False
+        self._stopped_s: float | None = None  # some who wait to be let in came before that stop
         listener.setblocking(False)
         listener.listen(LISTEN_BACKLOG)
         reactor.add(listener.fileno(), self)
@@ -187,6 +188,8 @@ class Server:
             self.refused_connections += 1
             return
         self._admit(accepted)
+        if self._stopped_s is not None and not self._somebody_waits():
+            self._stopped_s = None
 
     def drop(self, connection: Connection) -> None:
         """Close a connection and tell the service that it is gone."""
@@ -223,9 +226,15 @@ class Server:
             self.drop(connection)
 
     def note_stop(self, stopped_s: float) -> None:
-        """Count all that clients have sent until now as received before a stop of `stopped_s`."""
+        """Count all that clients have sent until now as received before a stop of `stopped_s`.
+
+        Those who wait to be let in have sent something, too. How many they are nobody says: so
+        until nobody waits, what whoever is let in has sent by then counts as from before the stop.
+        """
         for connection in self._connections.values():
             connection.note_stop(stopped_s)
+        if self._somebody_waits():
+            self._stopped_s = stopped_s
 
     def take_turn(self, connection: Connection) -> bool:
         """Let a connection wait for its turn to read and be served; False if it does already."""
@@ -244,6 +253,11 @@ class Server:
         """Whether a client that sends nothing more has nothing more to receive."""
         return self._service.is_idle(connection.session)
 
+    def _somebody_waits(self) -> bool:
+        """Whether anybody waits in the kernel to be let in."""
+        listener = self._listener
+        return listener.fileno() >= 0 and bool(select.select((listener,), (), (), 0)[0])
+
     def _admit(self, accepted: socket.socket) -> None:
         accepted.setblocking(False)
         peer = peer_of(accepted)
@@ -261,12 +275,15 @@ class Server:
         session.on_write = lambda: self._dirty.append(connection)
         self._connections[session.identity] = connection
         self._per_uid[peer.uid] += 1
-        self._watch_process(connection)
         try:
             self._reactor.add(accepted.fileno(), connection, select.EPOLLIN | select.EPOLLRDHUP)
         except OSError as error:  # the user's epoll watches are used up
             _log.error("a client cannot be served: %s", error)
             self.drop(connection)
+            return
+        if self._stopped_s is not None:
+            connection.note_stop(self._stopped_s)
+        self._watch_process(connection)
 
     def _watch_process(self, connection: Connection) -> None:
         session = connection.session

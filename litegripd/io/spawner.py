@@ -145,7 +145,7 @@ class Spawner:
         if descriptors:
             child.started(pid, descriptors[0])
         else:
-            child.failure = why
+            child.failure = why or "there was no descriptor left to watch it by"
 
     def _bury(self, spawner: Child) -> None:
         self._child = None

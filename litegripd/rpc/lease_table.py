@@ -88,5 +88,6 @@ LEASE_METHODS: tuple[Method, ...] = (
             _ON_LOST,
         ),
         role="operator",
+        stop_voids=True,
     ),
 )

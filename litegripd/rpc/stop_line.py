@@ -59,15 +59,15 @@ def asked_stop(line: bytes) -> StopLine | None:
 
 
 def stops_in(text: bytes) -> list[bytes]:
-    """Return the lines that ask for a stop among those that a client has left behind."""
+    """Return the lines that ask for a stop among those that a client has left behind.
+
+    Few are read, plainly spelt ones before those that only may be stops.
+    """
     if b"stop" not in text and b"\\" not in text:
         return []
-    likely = [line for line in text.split(b"\n") if _may_be_stop(line)]
+    likely = [line for line in text.split(b"\n") if b'"stop"' in line or b"\\" in line]
+    likely.sort(key=lambda line: b'"stop"' not in line)
     return [line for line in likely[:_LAST_STOPS] if asked_stop(line) is not None]
-
-
-def _may_be_stop(line: bytes) -> bool:
-    return b'"stop"' in line or b"\\" in line
 
 
 def _stop_of(params: Any) -> StopLine:

@@ -121,6 +121,17 @@ def test_the_time_without_power_is_charged_to_no_command() -> None:
         assert torque_bound_nm(sent, measured()) == pytest.approx(PEAK_TORQUE_NM)
 
 
+def test_lowered_damping_comes_back_without_power_too() -> None:
+    last_word = LastWord()
+    thrown = measured(velocity_rad_s=20.0)
+    low, _ = last_word.apply(0.0, pull(0.0), thrown, BOUNDS, RANGES)
+    assert low.kd_nm_s_rad < 0.5
+    for tick in range(1, 100):
+        last_word.unpowered(tick * PERIOD_S)
+    sent = last_word.apply(100 * PERIOD_S, pull(0.0), measured(), BOUNDS, RANGES)
+    assert sent == (pull(0.0), ())
+
+
 def test_a_command_within_all_limits_is_not_touched() -> None:
     for command in (pull(0.05), MitCommand(-0.02, 0.6, 100.0, 2.0, -0.3), pull(0.0, 0.0, 0.0)):
         assert apply(command, measured()) == (command, ())

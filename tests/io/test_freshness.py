@@ -11,6 +11,7 @@ import pytest
 from litegripd.io.connection import Connection
 from litegripd.rpc.session import Session
 from litegripd.rpc.set_point_line import is_set_point, newest_set_point
+from litegripd.rpc.stop_line import stops_in
 from litegripd.rpc.wire import MAX_LINE_BYTES
 from tests.io.loop import Loop, line
 
@@ -86,6 +87,11 @@ def test_stops_without_end_that_a_client_has_left_hold_up_nobody(loop: Loop) -> 
     client.close()
     loop.until(lambda: bool(loop.service.ended))
     assert 0 < len(loop.service.lines) <= 32
+
+
+def test_a_stop_that_a_client_has_left_is_found_behind_many_lines_that_only_may_be_stops() -> None:
+    maybe = line("trajectory.put", 1, content="a\nb")
+    assert stops_in(maybe * 100 + STOP + maybe * 100) == [STOP[:-1]]
 
 
 def test_who_has_only_ended_its_sending_side_is_served(loop: Loop) -> None:
@@ -185,6 +191,41 @@ def test_what_lies_unread_when_a_stop_comes_was_received_before_it(loop: Loop) -
     ]
 
 
+def test_what_comes_behind_what_is_known_to_be_unread_was_received_before_a_stop_too(
+    loop: Loop,
+) -> None:
+    client = loop.connect()
+    loop.until(lambda: loop.server.clients == 1)
+    client.send(line("echo", 2))
+    loop.server.note_stop(10.0)
+    client.send(line("echo", 3))
+    loop.server.note_stop(20.0)
+    client.send(line("echo", 4))
+    loop.read(client, 3)
+    first_s, second_s, third_s = loop.service.received_s
+    assert first_s == math.nextafter(10.0, 0.0)
+    assert second_s < 20.0 < third_s
+
+
+def test_what_a_client_sent_that_was_not_let_in_yet_was_received_before_a_stop(
+    loop: Loop,
+) -> None:
+    first, second = loop.connect(), loop.connect()
+    first.send(line("echo", 1))
+    second.send(line("echo", 2))
+    stopped_s = time.monotonic()
+    loop.server.note_stop(stopped_s)
+    loop.read(first, 1)
+    loop.read(second, 1)
+    assert all(received_s < stopped_s for received_s in loop.service.received_s)
+    later = loop.connect()
+    later.send(line("echo", 3))
+    loop.read(later, 1)
+    first.send(line("echo", 4))
+    loop.read(first, 1)
+    assert all(received_s > stopped_s for received_s in loop.service.received_s[2:])
+
+
 def test_a_second_stop_makes_nothing_newer(loop: Loop) -> None:
     client = loop.connect()
     loop.until(lambda: loop.server.clients == 1)
@@ -208,6 +249,20 @@ def test_a_set_point_is_recognized(text: bytes) -> None:
     assert newest_set_point(b"x\n" + text + b"\ny", 0) == 2
     assert newest_set_point(b"x\n" + text, 0) == -1  # it is not whole
     assert newest_set_point(text + b"\n", 5) == -1
+
+
+def test_blanks_before_what_is_no_set_point_take_no_time() -> None:
+    """A whole read of them; matched one by one they would take seconds."""
+    request = b'{"jsonrpc":"2.0","method":"stream.set","params":1}\n'
+    began_s = time.process_time()
+    assert newest_set_point(b" " * MAX_LINE_BYTES + request, 0) == -1
+    assert not is_set_point(b" " * MAX_LINE_BYTES + request[:-1])
+    assert time.process_time() - began_s < 0.1
+
+
+def test_a_long_line_counts_as_no_set_point() -> None:
+    assert is_set_point(point(1, lease="x" * 300)[:-1])
+    assert not is_set_point(point(1, lease="x" * 600)[:-1])
 
 
 @pytest.mark.parametrize(

@@ -208,6 +208,40 @@ def test_a_half_closed_subscriber_stays(loop: Loop) -> None:
     loop.until(lambda: loop.server.clients == 0)
 
 
+def test_a_stop_after_the_server_has_closed_is_no_error(loop: Loop) -> None:
+    """A daemon that retires still takes stops, for its successor."""
+    loop.connect().send(line("echo", 1))
+    loop.server.close()
+    loop.server.note_stop(1.0)
+
+
+@pytest.mark.parametrize("idle", [True, False], ids=["idle", "subscribed"])
+def test_an_heir_of_a_half_closed_connection_costs_no_time(loop: Loop, idle: bool) -> None:
+    """The process that had opened it is gone; a child of it keeps the descriptor."""
+    loop.service.idle = idle
+    client = loop.connect()
+    client.send(line("echo", 1))
+    loop.read(client, 1)
+    loop.run(1)
+    client.shutdown(socket.SHUT_WR)
+    connection = next(iter(loop.server._connections.values()))
+    connection.forget_unread()  # as when the end of the process is noticed first
+    assert loop.server.clients == (0 if idle else 1)
+    polls = 0
+    on_event = connection.on_event
+
+    def counted(mask: int) -> None:
+        nonlocal polls
+        polls += 1
+        on_event(mask)
+
+    connection.on_event = counted  # type: ignore[method-assign]
+    loop.run(3)
+    assert polls == 0
+    client.close()
+    loop.until(lambda: loop.server.clients == 0)
+
+
 def test_a_stop_that_was_sent_just_before_the_end_of_a_client_is_served(loop: Loop) -> None:
     client = loop.connect()
     client.send(line("stop", 1))

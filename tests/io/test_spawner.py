@@ -1,6 +1,7 @@
 """The spawner: starts that nobody waits for, their failures, its death and its replacement."""
 
 import os
+import resource
 import select
 import signal
 import sys
@@ -49,6 +50,23 @@ def end(process: int | None, number: signal.Signals = signal.SIGKILL) -> None:
 def double(child: Child) -> bytes:
     assert select.select([child.socket], [], [], DEADLINE_S)[0]
     return child.receive() or b""
+
+
+def test_a_process_that_cannot_be_watched_counts_as_not_started(spawner: Spawner) -> None:
+    """All descriptors are in use when its pidfd comes: the kernel leaves that out."""
+    child = spawner.start(MODULE)
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    assert spawner._child is not None
+    assert select.select([spawner._child.socket], [], [], DEADLINE_S)[0]
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, before[1]))
+    try:
+        assert child.pid is None
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    assert child.has_ended
+    assert child.failure is not None
+    assert "no descriptor" in child.failure
+    child.close()
 
 
 def test_a_start_does_not_wait_for_the_process(spawner: Spawner) -> None:

@@ -48,6 +48,22 @@ def test_what_came_before_a_stop_neither_moves_nor_clears(
     assert reason(send(client, "stop.clear", world.now_s)) is None
 
 
+def test_a_take_over_that_came_before_a_stop_drops_nothing_that_the_stop_holds() -> None:
+    world = World()
+    client, other = world.enabled(), world.client()
+    world.gripper.put_object(width_mm=30.0)
+    assert client.result("motion.grasp", force_n=8, until="verdict")["ok"]
+    received_s = world.now_s
+    world.run(0.02)
+    other.result("stop")
+    rest = world.engine.rest
+    answer = send(client, "lease.take", received_s, why="it hangs", jaws="relax")
+    assert reason(answer) == "sent_before_stop"
+    world.run(0.1)
+    assert world.engine.rest is rest
+    assert "result" in send(client, "lease.take", world.now_s, why="it hangs", jaws="relax")
+
+
 def test_what_says_that_it_was_sent_later_than_it_came_is_void_all_the_same() -> None:
     world = World()
     client, other = world.enabled(), world.client()
