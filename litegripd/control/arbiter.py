@@ -26,6 +26,7 @@ class Arbiter(Running):
         before = self.stop_latch.latched
         stop = self.stop_latch.raise_to(level, by, why, now_s)
         refusal = self.stop_latch.refusal()
+        self._owed = None  # what a client who is gone wished for the jaws would undo the stop
         if refusal is not None:
             running = self.jobs.running
             if running is not None and running.kind != "disable":
@@ -83,9 +84,9 @@ class Arbiter(Running):
     def take_over(self, owner: Owner, wish: Wish, why: str, left: OnLost = "hold") -> Grant:
         """Take the lease from whoever has it; the caller has made sure that `owner` may.
 
-        What runs ends, whoever's it is and also what is detached, but for the taker's own motion
-        and for disabling. What the jaws do then is the taker's to say (`left`), not the loser's,
-        unless something goes on.
+        What runs ends, whoever's it is and also what is detached, but for disabling and for the
+        taker's own motion without a lease. What the jaws do then is the taker's to say (`left`),
+        not the loser's, unless something goes on.
         """
         grant, loss = self.lease.take(owner, wish, why, left, self.now_s)
         running = self.jobs.running

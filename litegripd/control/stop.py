@@ -33,7 +33,6 @@ class StopLatch:
         if client != self._latest_client:
             self._latest_client, self._latest_of_others_s = client, self._latest_s
         self._latest_s = now_s
-        self.on_stop(now_s)
         latched, uid = self.latched, None if by is None else by.uid
         if latched is None or STOP_LEVELS.index(level) > STOP_LEVELS.index(latched.level):
             latched = Stop(level, by, now_s, why)
@@ -42,6 +41,7 @@ class StopLatch:
             self.repeats += 1
             if uid not in self.stopped_by:
                 self.stopped_by += (uid,)
+        self.on_stop(now_s)  # after it is latched, whatever comes of this
         return latched
 
     def may_be_cleared_by(self, uid: int, *, alone: bool) -> bool:

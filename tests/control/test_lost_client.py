@@ -61,6 +61,15 @@ class TestLostHolder:
         assert job.state is JobState.DONE
         check_left(world, on_lost)
 
+    def test_one_whose_motion_outlives_it_and_is_stopped(self, on_lost: str) -> None:
+        """The stop decides what the jaws do: what was wished would drop what they hold."""
+        world, client = self.holder(on_lost)
+        client.send("motion.open", wait=False)
+        world.run(0.4)
+        client.leave()
+        world.client().result("stop", level="hold")
+        check_left(world, "hold")
+
     def test_one_whose_motion_outlives_it_and_whom_another_follows(self, on_lost: str) -> None:
         world, client = self.holder(on_lost)
         client.send("motion.open", speed_mm_s=10, wait=False)

@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import select
 import signal
 import subprocess
@@ -166,7 +167,9 @@ def test_a_channel_has_one_daemon(simulated: DaemonProcess, tmp_path: Path) -> N
         tmp_path, "simother", "--simulate", "--socket", str(simulated.socket_path)
     )
     assert third.exit_code() == 3
-    assert f"the process with pid {simulated.process.pid} listens on" in third.log
+    assert re.search(
+        rf"the process with pid {simulated.process.pid} of uid \d+ listens on", third.log
+    )
 
 
 def test_after_a_kill_a_new_daemon_takes_the_place(tmp_path: Path) -> None:
