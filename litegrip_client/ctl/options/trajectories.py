@@ -72,6 +72,7 @@ def actions(parser: LateParser) -> None:
     add("get", help="copy one of the daemon's to this side", fill=_get)
     add("put", help="copy one of this side to the daemon", fill=_put)
     add("delete", help="remove one of the daemon's", fill=_delete)
+    add("keep", help="keep a recording that could not be kept", fill=_keep)
     add("export", help="show one of the daemon's as CSV", fill=_export)
 
 
@@ -105,6 +106,15 @@ def _put(parser: LateParser) -> None:
 def _delete(parser: LateParser) -> None:
     parser.description = "Remove a trajectory that the daemon keeps."
     _kept(parser)
+
+
+def _keep(parser: LateParser) -> None:
+    parser.description = (
+        "Keep the latest recording, which the daemon could not keep for want of room or for its"
+        " disk. It has it until the next one begins."
+    )
+    parser.add_argument("name", metavar="NAME", help="what the daemon shall keep it under")
+    parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
 
 def _export(parser: LateParser) -> None:
