@@ -9,7 +9,7 @@ ACTIONS = {
     "calibration": ["show", "templates", "load", "save", "manual"],
     "config": ["get", "set"],
     "lease": ["show", "take"],
-    "trajectories": ["list", "get", "put", "delete", "export"],
+    "trajectories": ["list", "get", "put", "delete", "keep", "export"],
     "teleop": ["master", "slave", "status", "stop"],
 }
 

@@ -8,7 +8,7 @@ from litegrip_client.blocking import BlockingWire, pause, wait
 from litegrip_client.core.recording import Recording
 from litegrip_client.ctl import render_trajectories as render
 from litegrip_client.ctl import terminal
-from litegrip_client.ctl.commands.trajectory_store import refuse_kept, showing
+from litegrip_client.ctl.commands.trajectory_store import refuse_unkeepable, showing
 from litegrip_client.ctl.motion import finish
 from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Run
 from litegrip_client.errors import CancelledError, CommandError
@@ -25,8 +25,7 @@ _CTRL_C = "Ctrl-C breaks it off and keeps nothing."
 def record(run: Run) -> int:
     """Record for a while; the daemon keeps it under a name. It ends with this program."""
     options = run.options
-    if not options.overwrite:
-        refuse_kept(run, options.name)
+    refuse_unkeepable(run, options.name, overwrite=options.overwrite)
     samples = max(1, round(options.seconds * options.rate))
     told = options.no_zero_gravity
 

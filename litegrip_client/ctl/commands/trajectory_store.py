@@ -140,7 +140,28 @@ def kept_and_usage(run: Run) -> tuple[list[dict[str, Any]], dict[str, Any] | Non
 
 def refuse_kept(run: Run, name: str) -> None:
     """Raise `CommandError` for a name that the daemon has already, usable or not."""
-    if any(row["name"] == name for row in kept(run)):
+    _refuse_name(kept(run), name)
+
+
+def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
+    """Raise `CommandError`, before anything is recorded, where it could not be kept as `name`."""
+    rows, usage = kept_and_usage(run)
+    if not overwrite:
+        _refuse_name(rows, name)
+    replaced = [row for row in rows if row["name"] == name]
+    if usage is None or any(row.get("uid") == usage["uid"] for row in replaced):
+        return
+    if usage["named"] >= usage["most_named"]:
+        text = (
+            f"there is no room for another trajectory of uid {usage['uid']}: {usage['named']} of"
+            f" {usage['most_named']} are there; nothing was recorded"
+        )
+        hint = "make room: litegripctl trajectories delete NAME"
+        raise CommandError(text, reason="trajectories_full", data={"hint": hint, "usage": usage})
+
+
+def _refuse_name(rows: list[dict[str, Any]], name: str) -> None:
+    if any(row["name"] == name for row in rows):
         text = f"the daemon keeps a trajectory {plain(name)} already"
         raise CommandError(text, reason="file_exists", data={"hint": _REPLACE})
 
