@@ -53,6 +53,7 @@ LINES: tuple[str, ...] = (
     "trajectories list",
     "trajectories get taught --overwrite",
     "trajectories put taught --as copied",
+    "trajectories keep another",
     "trajectories delete copied",
     "trajectories export taught",
     "dump",

@@ -20,6 +20,10 @@ What was recorded: the daemon keeps it by name. Without an action it is listed;
 with --local that of this user, in ~/.litegrip/trajectories or where
 LITEGRIP_TRAJ_DIR says.
 """
+_KEEP = """\
+Keep the latest recording, for which there was no room, or whose disk failed.
+The daemon has it until the next one begins, or until it ends.
+"""
 _NAME = "the daemon's name of it"
 
 
@@ -109,10 +113,7 @@ def _delete(parser: LateParser) -> None:
 
 
 def _keep(parser: LateParser) -> None:
-    parser.description = (
-        "Keep the latest recording, which the daemon could not keep for want of room or for its"
-        " disk. It has it until the next one begins."
-    )
+    parser.description = _KEEP
     parser.add_argument("name", metavar="NAME", help="what the daemon shall keep it under")
     parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
