@@ -2,6 +2,7 @@
 
 import errno
 import json
+import os
 from pathlib import Path
 
 import pytest
@@ -132,6 +133,9 @@ def test_an_owner_that_cannot_be_is_none(rig: Rig, text: str) -> None:
     assert owners(rig) == {"a": None}
     (rig.directory / "a.uid").unlink()
     (rig.directory / "a.uid").symlink_to("/proc/self/loginuid")
+    assert owners(rig) == {"a": None}
+    (rig.directory / "a.uid").unlink()
+    os.mkfifo(rig.directory / "a.uid")  # which nobody writes
     assert owners(rig) == {"a": None}
     assert rig.put(TAUGHT, "a")["complete"]
     assert owners(rig) == {"a": UID}
