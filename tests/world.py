@@ -20,6 +20,7 @@ from litegripd.control.recorder import memory_bytes, tick_slots
 from litegripd.control.recording import Recording, read
 from litegripd.io.atomic_file import FileSystem
 from litegripd.io.calibration_files import load_operation, templates_operation
+from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
@@ -150,6 +151,10 @@ class Disk:
             self._folder = Path(tempfile.mkdtemp())
             weakref.finalize(self, shutil.rmtree, self._folder, ignore_errors=True)
         return self._folder / "trajectories"
+
+    def limit(self, limits: Limits) -> None:
+        """Have another helper process, whose users may have no more than this."""
+        self._store = TrajectoryStore(self.trajectories, Unsynced(), lambda: 1e9, limits)
 
     def do(self, errand: Errand) -> ErrandResult:
         """Carry out one errand."""

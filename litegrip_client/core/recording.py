@@ -23,6 +23,9 @@ MOST_MISSED_SHARE = 0.1
 
 _LONGEST_PAUSE_S = 0.1
 _SHORTEST_PAUSE_S = 0.005
+_STAYS = ("recording_failed", "not_saved", "trajectories_full")
+"""Ended by these, a recording is over; the daemon has it until the next one begins."""
+
 _WHATEVER_THERE_IS = {"allow_empty": True, "allow_partial": True}
 
 
@@ -95,7 +98,7 @@ class Recording:
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise
         except BaseException as error:
-            if getattr(error, "reason", None) != "recording_failed" and not wire.closed:
+            if getattr(error, "reason", None) not in _STAYS and not wire.closed:
                 await wire.finish(self._cancel())
             raise
 

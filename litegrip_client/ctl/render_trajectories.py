@@ -54,21 +54,31 @@ def grip_line(grip: TaughtGrip) -> str:
     return f"grip: {span}, {grip.force_n:g} N, {grip.width_mm:.1f} mm wide, {plain(grip.source)}"
 
 
-def listed(rows: Iterable[Data]) -> str:
-    """Show trajectories as a table; of one that cannot be used, why."""
-    table: list[tuple[str, ...]] = [
-        ("NAME", "SAMPLES", "LENGTH", "RATE", "MOUNT", "GRIPS", "CREATED")
-    ]
+def listed(rows: Iterable[Data], *, owners: bool = False) -> str:
+    """Show trajectories as a table, `owners` by their uid; of one that cannot be used, why."""
+    head = ("NAME", "SAMPLES", "LENGTH", "RATE", "MOUNT", "GRIPS", "CREATED")
+    table: list[tuple[str, ...]] = [(*head, "UID") if owners else head]
     broken = []
     for row in rows:
         name = plain(row.get("name"))
         if row.get("error") is not None:
             broken.append(f"{name}: NOT usable: {plain(row['error'])}")
         else:
-            table.append((name, *_figures(row)))
+            uid = row.get("uid")
+            owner = ("-" if uid is None else str(uid),) if owners else ()
+            table.append((name, *_figures(row), *owner))
             if row.get("grip_problem") is not None:
                 broken.append(f"{name}: its grips are NOT usable: {plain(row['grip_problem'])}")
     return "\n".join([aligned(table), *broken])
+
+
+def room(usage: Data | None) -> list[str]:
+    """Show how much of the room a user has taken; nothing where the daemon does not say."""
+    if usage is None:
+        return []
+    most, most_mb = usage["most_named"], usage["most_bytes"] / 1e6
+    has = f"{usage['named']} of {most}, {usage['bytes'] / 1e6:.1f} of {most_mb:g} MB"
+    return [f"of uid {usage['uid']}, who asks: {has}"]
 
 
 def _figures(row: Data) -> tuple[str, ...]:

@@ -15,6 +15,7 @@ from litegripd.app.config_table import KEYS, MAX_CPUS, TABLES
 from litegripd.app.roles import ALLOWED, Access, UnknownEntryError, access_of
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import TEMPLATES
+from litegripd.io.trajectory_owners import MB, Limits
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -75,6 +76,19 @@ class TeleopConfig:
 
 
 @dataclass(frozen=True, slots=True)
+class TrajectoryConfig:
+    """How many named trajectories, and how many megabytes of them, are kept for each user."""
+
+    most_per_user: int = 500
+    most_mb_per_user: int = 500
+
+    @property
+    def limits(self) -> Limits:
+        """The same as the store counts it."""
+        return Limits(self.most_per_user, self.most_mb_per_user * MB)
+
+
+@dataclass(frozen=True, slots=True)
 class Config:
     """The whole configuration of one channel, and the file that it came from, if any."""
 
@@ -85,6 +99,7 @@ class Config:
     control: ControlConfig = field(default_factory=ControlConfig)
     rpc: RpcConfig = field(default_factory=RpcConfig)
     access: Access = field(default_factory=Access)
+    trajectories: TrajectoryConfig = field(default_factory=TrajectoryConfig)
     teleop: TeleopConfig = field(default_factory=TeleopConfig)
     source: Path | None = None
 
@@ -96,6 +111,7 @@ class Config:
             "bus": {"interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate},
             "control": dataclasses.asdict(self.control),
             "rpc": {"group": self.rpc.group},
+            "trajectories": dataclasses.asdict(self.trajectories),
         }
 
 
@@ -171,6 +187,7 @@ def _build(channel: str, content: Mapping[str, Any], source: Path | None) -> Con
         control=ControlConfig(**control),
         rpc=RpcConfig(**content.get("rpc", {})),
         access=_access(where, content.get("access", {})),
+        trajectories=TrajectoryConfig(**content.get("trajectories", {})),
         teleop=teleop,
         source=source,
     )

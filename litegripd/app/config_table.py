@@ -42,6 +42,9 @@ TABLES = {
     "access": "Who may do what. Whoever may connect may read and stop; these lists say who may do"
     " more. Where several entries fit, the highest role counts. Root and the daemon's own user are"
     " admins in any case.",
+    "trajectories": "The named trajectories that the daemon keeps. A limit refuses what would go"
+    " beyond it, and removes nothing. What is there from before the daemon noted who had saved it"
+    " counts for nobody, until it is replaced.",
     "teleop": "Teleoperation.",
 }
 """The tables, in the order in which they are shown, and what each is about."""
@@ -164,6 +167,25 @@ KEYS = (
     ),
     Key("access", "operators", tuple, "[]", "The same for operators."),
     Key("access", "observers", tuple, "[]", "The same for observers."),
+    Key(
+        "trajectories",
+        "most_per_user",
+        int,
+        "500",
+        "How many a user (uid) may have, root and the daemon's own user included.",
+        1,
+        100_000,
+    ),
+    Key(
+        "trajectories",
+        "most_mb_per_user",
+        int,
+        "500",
+        "How many megabytes (10^6 bytes) a user's may have together, with their grips. The longest"
+        " recording has 14.4.",
+        1,
+        1_000_000,
+    ),
     Key(
         "teleop",
         "zenoh_config",

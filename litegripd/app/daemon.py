@@ -91,7 +91,11 @@ class Daemon:
         )
         self._flight, self._memory = make_flight(config, self._machine, self._service)
         self._helper = Helper(
-            self._watch, self._unwatch, memory_fd=self._memory.fd, start=self._spawner.start
+            self._watch,
+            self._unwatch,
+            memory_fd=self._memory.fd,
+            start=self._spawner.start,
+            arguments=config.trajectories.limits.arguments(),
         )
         self._bus = make_bus(config, period_s, self._spawner)
         self._log_handler = make_log_handler(

@@ -21,6 +21,8 @@ def recording_key(number: int) -> str:
 class Keeping:
     """One recording on its way; `on_kept` is called once, with what is known of the whole.
 
+    With a `name` it is a trajectory of the user `uid`.
+
     Only the latest recording is kept: the one before goes when this one comes.
     """
 
@@ -29,13 +31,16 @@ class Keeping:
         engine: Engine,
         capture: Capture,
         number: int,
-        name: str | None,
         on_kept: Callable[[Mapping[str, Any] | Refusal], None],
+        *,
+        name: str | None,
+        uid: int,
     ) -> None:
         self._engine = engine
         self._capture = capture
         self._number = number
         self._name = name
+        self._uid = uid
         self._on_kept = on_kept
         self._grips = json.dumps(capture.grips()).encode()
         self._sent = 0
@@ -62,6 +67,7 @@ class Keeping:
             "sha256": None,
             "data": base64.b64encode(data).decode("ascii"),
             "name": self._name,
+            "uid": self._uid,
             "header": capture.header(self._engine.unit.can_id),
         }
         self._sent += len(data)

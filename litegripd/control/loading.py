@@ -22,7 +22,7 @@ def outcome_of(result: ErrandResult, failed: str) -> Mapping[str, Any] | Refusal
         return Refusal(result.reason or failed, str(result.error))
     refused = result.value.get("refused")
     if refused is not None:
-        return Refusal(refused["reason"], refused["message"])
+        return Refusal(refused["reason"], refused["message"], refused["data"])
     return result.value
 
 

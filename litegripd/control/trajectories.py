@@ -5,6 +5,7 @@ to the helper process, or the next one begins.
 """
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, TypeAlias
 
 from litegripd.control.actions.replay import Replay
@@ -28,6 +29,11 @@ from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motion_limits import damping_conflict, slow_conflict
 from litegripd.model.trajectory import MAX_SAMPLES
+
+STAYS = (
+    "the recording stays until the next one begins: end it again (trajectory.record_stop), under a"
+    " name or, to fetch it (trajectory.get), without one"
+)
 
 OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 
@@ -84,12 +90,18 @@ class Trajectories:
         return capture.job or capture
 
     def stop_recording(
-        self, name: str | None, on_kept: OnKept, *, allow_empty: bool, allow_partial: bool
+        self,
+        name: str | None,
+        uid: int,
+        on_kept: OnKept,
+        *,
+        allow_empty: bool,
+        allow_partial: bool,
     ) -> Refusal | None:
         """End the recording, and have it kept by the helper process, under a name if there is one.
 
-        `on_kept` gets what is known of it then. A recording that is refused or could not be kept
-        stays until the next one begins.
+        Under a name it is the user's `uid`. `on_kept` gets what is known of it then. A recording
+        that is refused or could not be kept stays until the next one begins.
         """
         engine, capture = self._engine, self.capture
         if self._keeping is not None:
@@ -108,11 +120,13 @@ class Trajectories:
 
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
             self._keeping = None
-            if not isinstance(answer, Refusal):
+            if isinstance(answer, Refusal):
+                on_kept(replace(answer, data={**answer.data, "hint": STAYS}))
+            else:
                 capture.let_go()
-            on_kept(answer)
+                on_kept(answer)
 
-        self._keeping = Keeping(engine, capture, engine.recordings, name, kept)
+        self._keeping = Keeping(engine, capture, engine.recordings, kept, name=name, uid=uid)
         self._keeping.begin()
         return None
 

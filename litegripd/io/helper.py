@@ -39,7 +39,7 @@ class Helper:
 
     `watch(child)` and `unwatch(child)` register its descriptors with the event loop, which then
     calls `on_event`; `poll(now_s)`, once per tick, starts the helper where there is none. Every
-    helper gets the shared memory `memory_fd`.
+    helper gets the shared memory `memory_fd` and the `arguments`.
 
     Users' requests take turns by user and leave a few at a time; the daemon's own leave at once.
     """
@@ -51,6 +51,8 @@ class Helper:
         module: str = MODULE,
         memory_fd: int | None = None,
         start: Start = start_here,
+        *,
+        arguments: Sequence[str] = (),
     ) -> None:
         self.deaths = 0
         self.refused = 0
@@ -61,6 +63,7 @@ class Helper:
         self._module = module
         self._memory_fd = memory_fd
         self._start_child = start
+        self._arguments = arguments
         self._requests = HelperRequests()
         self._refused_uid: int | None = None
         self._refused_s = float("-inf")
@@ -175,7 +178,7 @@ class Helper:
 
     def _start(self) -> None:
         try:
-            self._child = self._start_child(self._module, (), self._memory_fd)
+            self._child = self._start_child(self._module, self._arguments, self._memory_fd)
         except OSError as error:
             self._restart_at_s = time.monotonic() + _RESTART_AFTER_S
             _log.error("the helper process cannot be started: %s", error)

@@ -32,6 +32,7 @@ from litegripd.io.saved_files import load_motion, save_calibration, save_motion
 from litegripd.io.spawner import MODULE as SPAWNER
 from litegripd.io.spawner import OPERATION as START_SPAWNER
 from litegripd.io.standard_error import LineWriter
+from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
 
 Parameters = Mapping[str, object]
@@ -217,12 +218,13 @@ def _answers(
 
 
 def main() -> None:
-    """Run the helper with the daemon's operations."""
+    """Run the helper with the daemon's operations; its arguments are the limits of a user."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a successor that fails is reaped at once
     use_all_cpus()
     with contextlib.suppress(OSError):  # there may be none
         os.set_inheritable(MEMORY_FD, False)
-    if serve(OPERATIONS):
+    store = TrajectoryStore(limits=Limits.of(sys.argv[1:]))
+    if serve({**OPERATIONS, **store.operations()}):
         return
     try:
         written = dump_recorder({"cause": "crash", "note": "the control process has gone"})

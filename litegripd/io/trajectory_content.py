@@ -10,6 +10,7 @@ import hashlib
 import math
 import os
 import stat
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -31,11 +32,12 @@ ENDING = ".lgt"
 
 
 class StoreError(ValueError):
-    """Why something cannot be done: a reason of the error table, and a sentence."""
+    """Why something cannot be done: a reason of the error table, a sentence, and figures."""
 
-    def __init__(self, reason: str, message: str) -> None:
+    def __init__(self, reason: str, message: str, data: Mapping[str, object] | None = None) -> None:
         super().__init__(message)
         self.reason = reason
+        self.data = data or {}
 
 
 @dataclass(frozen=True, slots=True)

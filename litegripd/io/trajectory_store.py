@@ -28,6 +28,7 @@ from litegripd.io.trajectory_content import (
     unopened,
 )
 from litegripd.io.trajectory_grips import Grips
+from litegripd.io.trajectory_owners import Limits, Owners, lgt_names
 from litegripd.model.path import PIECE_BYTES
 from litegripd.model.trajectory import HEADER, MAX_BYTES, SAMPLE, Header, name_problem
 
@@ -48,10 +49,12 @@ class TrajectoryStore:
         directory: Callable[[], Path] = lambda: state_directory() / "trajectories",
         file_system: FileSystem = REAL,
         clock: Callable[[], float] = time.time,
+        limits: Limits = Limits(),  # noqa: B008 - frozen
     ) -> None:
         self._directory = directory
         self._file_system = file_system
         self._clock = clock
+        self._owners = Owners(limits, file_system)
         self._coming: dict[str, bytearray] = {}
         self._kept: dict[str, tuple[Content, Grips]] = {}
         self._cached: dict[tuple[str, int, int, int], Content] = {}
@@ -73,25 +76,25 @@ class TrajectoryStore:
     # Reading
 
     def list_names(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """List the files after the name `after`, in order; `more` tells that there are others."""
-        directory, after = self._directory(), parameters["after"]
-        try:
-            found = self._file_system.names(directory)
-        except FileNotFoundError:
-            found = []
-        names = sorted(name.removesuffix(ENDING) for name in found if name.endswith(ENDING))
-        usable = [name for name in names if name_problem(name) is None and name > (after or "")]
+        """List the files after the name `after`, in order; `more` tells that there are others.
+
+        `usage` is what the user `uid`, who asks, has of them all, and may have.
+        """
+        directory, after = self._directory(), parameters["after"] or ""
+        usable = [name for name in lgt_names(directory, self._file_system) if name > after]
         entries: list[dict[str, Any]] = []
         size = 0
         for name in usable:
-            entry, path = entry_of(name, self._path(name)), self._path(name)
+            path = self._path(name)
+            entry = {**entry_of(name, path), "uid": self._owners.owner_of(path)}
             if entry["error"] is None:
                 entry |= trajectory_grips.facts_beside(path)
             entries.append(entry)
             size += len(json.dumps(entries[-1]))
             if size > LISTED_BYTES:
                 break
-        return {"trajectories": entries, "more": len(entries) < len(usable)}
+        usage = self._owners.usage(directory, parameters["uid"])
+        return {"trajectories": entries, "more": len(entries) < len(usable), "usage": usage}
 
     def open(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
         """Judge a whole trajectory and tell what is known of it."""
@@ -134,7 +137,8 @@ class TrajectoryStore:
 
         Whole it is judged, and written under `name`, if there is one. Its last `grip_bytes` are the
         file of its grips. With `header` the pieces are samples, and of each grip what was noted:
-        the files are made here. Whatever is wrong, nothing of it stays.
+        the files are made here. Whatever is wrong, nothing of it stays. What has a name counts
+        for the user `uid`; what is sent is refused with its first piece where there is no room.
         """
         key, offset, total = parameters["key"], int(parameters["offset"]), int(parameters["total"])
         before = self._coming.pop(key, None)
@@ -147,16 +151,18 @@ class TrajectoryStore:
         if offset + len(data) > total or (not data and total > 0):
             text = f"a piece of {len(data)} bytes at {offset} does not go with a total of {total}"
             raise StoreError("out_of_limits", text)
+        name, path = parameters["name"], None
+        if name is not None and offset == 0 and parameters["header"] is None:
+            self._check_room(self._path(name), parameters["uid"], total)
         coming += data
         if len(coming) < total:
             self._coming[key] = coming
             return {"received": len(coming), "complete": False}
         content, grips = self._finished(bytes(coming), parameters)
-        name, path = parameters["name"], None
         if name is None:
             self._kept[key] = content, grips
         else:
-            path = self._write(name, content, grips)
+            path = self._write(name, content, grips, parameters["uid"])
         facts = {**content.facts(), **grips.facts()}
         return {"received": total, "complete": True, "name": name, "path": path, **facts}
 
@@ -166,6 +172,7 @@ class TrajectoryStore:
         try:
             self._file_system.remove(path)
             trajectory_grips.remove(path, self._file_system)
+            self._owners.forget(path)
             self._file_system.sync_directory(path.parent)
         except FileNotFoundError:
             raise unknown(parameters["name"]) from None
@@ -200,16 +207,25 @@ class TrajectoryStore:
         content = Content.of(lgt)
         return content, make(beside, lgt, content.sha256) if beside else Grips()
 
-    def _write(self, name: str, content: Content, grips: Grips) -> str:
+    def _write(self, name: str, content: Content, grips: Grips, uid: int) -> str:
         """Write both files; between the two no grips go with the new one, by its digest."""
         path = self._path(name)
+        self._check_room(path, uid, len(content.whole) + len(grips.whole))
         try:
-            atomic_file.write(path, content.whole, file_system=self._file_system)
-            trajectory_grips.save(path, grips, self._file_system)
+            with self._owners.owned(path, uid):
+                atomic_file.write(path, content.whole, file_system=self._file_system)
+                trajectory_grips.save(path, grips, self._file_system)
         except OSError as error:
             text = f"{path}, or its grips beside it: cannot be written: {error.strerror}"
             raise StoreError("not_saved", text) from None
         return str(path)
+
+    def _check_room(self, path: Path, uid: int, size: int) -> None:
+        try:
+            self._owners.check(path, uid, size)
+        except OSError as error:
+            text = f"{path.parent}: what is kept there cannot be counted: {error.strerror}"
+            raise StoreError("not_saved", text) from None
 
     def _path(self, name: str) -> Path:
         problem = name_problem(name)
@@ -268,6 +284,6 @@ def _refusing(
         try:
             return do(parameters)
         except StoreError as error:
-            return {"refused": {"reason": error.reason, "message": str(error)}}
+            return {"refused": {"reason": error.reason, "message": str(error), "data": error.data}}
 
     return answer

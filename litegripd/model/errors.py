@@ -161,6 +161,15 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         False,
         "No recording came about, or one that was broken off or is empty.",
     ),
+    ErrorKind(
+        "trajectories_full",
+        -32018,
+        "CommandError",
+        4,
+        False,
+        "The user has as many named trajectories, or bytes of them, as the daemon's configuration"
+        " allows.",
+    ),
     ErrorKind("busy", -32020, "BusyError", 6, True, "Another motion is running."),
     ErrorKind(
         "stopped", -32021, "StoppedError", 7, False, "A stop is latched; clear it with stop.clear."

@@ -65,6 +65,7 @@ class TrajectoryMethods:
 
         refusal = name_refusal(name) or self._trajectories.stop_recording(
             name,
+            call.owner.uid,
             kept,
             allow_empty=call.params.get("allow_empty", False),
             allow_partial=call.params.get("allow_partial", False),

@@ -45,7 +45,8 @@ class TrajectoryContents:
             self._do(None, "trajectory.drop", {"keys": keys}, lambda _result: None)
 
     def _list(self, call: Call) -> Answer:
-        return self._errand(call, "trajectory.list", {"after": call.params.get("after")})
+        wanted = {"after": call.params.get("after"), "uid": call.owner.uid}
+        return self._errand(call, "trajectory.list", wanted)
 
     def _get(self, call: Call) -> Answer:
         source, params = self.source("trajectory.get", call), call.params
@@ -79,6 +80,7 @@ class TrajectoryContents:
             "sha256": sha256,
             "data": params["data"],
             "name": name,
+            "uid": call.owner.uid,
             "header": None,
         }
         deferred = Deferred()

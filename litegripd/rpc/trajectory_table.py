@@ -117,7 +117,8 @@ TRAJECTORIES: tuple[Method, ...] = (
     _RECORD,
     Method(
         "trajectory.record_stop",
-        "End the recording and keep it: under a name, or as the latest recording.",
+        "End the recording and keep it: under a name, or as the latest recording. One that cannot"
+        " be kept stays until the next one begins, and may be ended again.",
         "recording (its number; null with a name), name, path, samples, duration_s, max_rate_s,"
         " total (bytes), sha256, missed (samples that were due but not measured), grips (how many"
         " are kept with it), grips_left_out (those beyond 200), and what the file's header says.",
@@ -163,11 +164,14 @@ TRAJECTORIES: tuple[Method, ...] = (
     ),
     Method(
         "trajectory.list",
-        "List the trajectories that the daemon keeps, by name.",
+        "List the trajectories that the daemon keeps, by name, and how much of the room is used.",
         "trajectories: of each name, bytes, samples, sample_hz, created_s (unix time), mount,"
         " duration_s (from the first to the last sample; null for times that cannot be), grips"
         " (how many are kept with it), grip_problem (why its grips cannot be used, else null), and"
-        " error, which says why it cannot be used, if so; more: whether others follow.",
+        " error, which says why it cannot be used, if so, and uid, the user who saved it last (null"
+        " where that is not known, and it counts for nobody); more: whether others follow; usage:"
+        " the asking user's uid, named (how many), bytes (with their grips), most_named and"
+        " most_bytes, which the daemon's configuration allows each user.",
         (replace(_NAME, name="after", description="Only those after this name."),),
         waits=True,
     ),
@@ -201,7 +205,8 @@ TRAJECTORIES: tuple[Method, ...] = (
         "trajectory.put",
         "Send a piece of a trajectory, in order. With the last one it is checked as a whole, and"
         " kept: under a name, in place of any before, or until this connection ends, to be played"
-        " from there. What is wrong leaves nothing behind.",
+        " from there. What is wrong leaves nothing behind. A name for which the user has no room is"
+        " refused with the first piece.",
         "received (bytes) and complete; with the last piece also upload (its number; null with a"
         " name), name, path, samples, duration_s, max_rate_s, grips, and what its header says.",
         (

@@ -9,7 +9,7 @@ ACTIONS = {
     "calibration": ["show", "templates", "load", "save", "manual"],
     "config": ["get", "set"],
     "lease": ["show", "take"],
-    "trajectories": ["list", "get", "put", "delete", "export"],
+    "trajectories": ["list", "get", "put", "delete", "keep", "export"],
     "teleop": ["master", "slave", "status", "stop"],
 }
 
@@ -53,6 +53,7 @@ LINES: tuple[str, ...] = (
     "trajectories list",
     "trajectories get taught --overwrite",
     "trajectories put taught --as copied",
+    "trajectories keep another",
     "trajectories delete copied",
     "trajectories export taught",
     "dump",

@@ -34,6 +34,8 @@ class FakeTrajectories:
         self.grips: dict[str | None, bytes] = {}
         self.uploads: dict[int, bytes] = {}
         self.missed = 0
+        self.usage: dict[str, int] | None = None
+        self.full = False
         self.error: str | None = None
         self._daemon = daemon
         self._looks = looks
@@ -87,6 +89,10 @@ class FakeTrajectories:
             request.fail("recording_failed", -32017, f"broken off: {self.error}", samples=7)
             return None
         name = request.params.get("name")
+        if name is not None and self.full:
+            hint = "it stays: end it again (trajectory.record_stop)"
+            request.fail("trajectories_full", -32018, "there is no room", hint=hint)
+            return None
         if name is not None:
             self.kept[name] = self.recorded
         facts = {"samples": self._wanted, "duration_s": 2.99, "missed": self.missed}
@@ -107,11 +113,13 @@ class FakeTrajectories:
                 "created_s": 1.7e9,
                 "mount": "normal",
                 "grips": int(name in self.grips),
+                "uid": 1000 if name == "pick" else None,
                 "error": None if self.kept[name] == CONTENT else "sample 1 is odd",
             }
             for name in names[:1]
         ]
-        return {"trajectories": rows, "more": len(names) > 1}
+        usage = {} if self.usage is None else {"usage": self.usage}
+        return {"trajectories": rows, "more": len(names) > 1, **usage}
 
     def _get(self, request: Request) -> dict[str, Any] | None:
         params = request.params

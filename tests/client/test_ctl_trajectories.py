@@ -86,6 +86,63 @@ def test_an_interrupted_recording_is_not_kept(
     assert there.kept == {}
 
 
+USAGE = {"uid": 1000, "named": 2, "bytes": 1_530_000, "most_named": 2, "most_bytes": 50_000_000}
+
+
+def test_a_recording_that_had_no_room_is_kept_later(there: FakeTrajectories, ctl: Ctl) -> None:
+    there.full = True
+    code, shown, error = ctl("record", "pick", "--seconds", "3")
+    assert (code, shown) == (4, "")
+    assert error == (
+        f"{SLACK}litegripctl: there is no room\n"
+        "  the recording stays until the next one begins; once there is room: litegripctl"
+        " trajectories keep NAME\n"
+    )
+    assert there.asked("record_stop") == [{"name": "pick"}]  # and not once more, without a name
+    there.full = False
+    shown = "record: 300 samples in 2.99 s, kept as pick; replay it with: litegripctl play pick\n"
+    assert ctl("trajectories", "keep", "pick") == (0, shown, "")
+    assert there.kept == {"pick": CONTENT}
+    code, _, error = ctl("trajectories", "keep", "pick")
+    assert (code, "already" in error) == (4, True)
+    assert ctl("trajectories", "keep", "pick", "--overwrite")[0] == 0
+
+
+def test_a_recording_under_way_is_not_ended_by_keeping_it(
+    daemon: FakeDaemon, there: FakeTrajectories, ctl: Ctl
+) -> None:
+    daemon.handlers["trajectory.status"] = lambda _request: {"active": True, "kind": "record"}
+    code, _, error = ctl("trajectories", "keep", "pick")
+    assert (code, "a recording is under way" in error) == (6, True)
+    assert there.asked("record_stop") == []
+
+
+def test_where_there_is_no_room_nothing_is_recorded(there: FakeTrajectories, ctl: Ctl) -> None:
+    there.usage = USAGE
+    code, shown, error = ctl("record", "more", "--seconds", "3")
+    assert (code, shown) == (4, "")
+    assert error == (
+        "litegripctl: there is no room for another trajectory of uid 1000: 2 of 2 are there;"
+        " nothing was recorded\n  make room: litegripctl trajectories delete NAME\n"
+    )
+    assert there.asked("record_start") == []
+    there.kept = {"pick": CONTENT}
+    assert ctl("record", "pick", "--seconds", "3", "--overwrite")[0] == 0
+
+
+def test_a_list_shows_whose_they_are_and_how_much_room_there_is(
+    there: FakeTrajectories, ctl: Ctl
+) -> None:
+    there.kept = {"other": CONTENT, "pick": CONTENT}
+    there.usage = USAGE
+    code, shown, _ = ctl("trajectories")
+    head, other, pick, room = shown.splitlines()
+    assert (code, head.split()[-1], other.split()[-1], pick.split()[-1]) == (0, "UID", "-", "1000")
+    assert room == "of uid 1000, who asks: 2 of 2, 1.5 of 50 MB"
+    code, shown, _ = ctl("--json", "trajectories")
+    assert json.loads(shown)["usage"] == USAGE
+
+
 def test_record_as_json(there: FakeTrajectories, ctl: Ctl) -> None:
     code, shown, _error = ctl("--json", "record", "pick", "--seconds", "3")
     assert code == 0

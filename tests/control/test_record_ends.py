@@ -7,9 +7,10 @@ import pytest
 
 from litegripd.app import handover
 from litegripd.control.handover import adopt_jobs, export_jobs
+from litegripd.io.trajectory_owners import Limits
 from tests.control.recordings import recording, taken
 from tests.control.states import in_state
-from tests.trajectories import fetched
+from tests.trajectories import fetched, lgt, send
 from tests.world import PERIOD_S, World
 
 
@@ -143,6 +144,32 @@ def test_a_disk_that_fails_loses_no_recording() -> None:
     world.disk.error = None
     assert client.result("trajectory.record_stop", name="pick")["samples"] > 45
     assert [one["name"] for one in client.result("trajectory.list")["trajectories"]] == ["pick"]
+
+
+@pytest.mark.parametrize("way", ["once there is room", "without a name", "by another user"])
+def test_what_has_no_room_under_its_name_is_not_lost(way: str) -> None:
+    world = World()
+    world.disk.limit(Limits(1))
+    client = world.client()
+    send(client, lgt([(0.0, 0.5)]), name="full")
+    recording(world)
+    world.run(0.5)
+    answer = client.call("trajectory.record_stop", name="pick")
+    assert answer["error"]["data"]["reason"] == "trajectories_full"
+    assert answer["error"]["data"]["usage"]["named"] == 1
+    assert "trajectory.record_stop" in answer["error"]["data"]["hint"]
+    assert world.state.mode == "holding"
+    client.leave()
+    other = world.client(uid=1001 if way == "by another user" else 1000)
+    if way == "without a name":
+        assert len(taken(other)) > 45
+        return
+    if way == "once there is room":
+        assert other.refusal("trajectory.record_stop", name="pick") == "trajectories_full"
+        other.result("trajectory.delete", name="full")
+    assert other.result("trajectory.record_stop", name="pick")["samples"] > 45
+    listed = {one["name"]: one["uid"] for one in other.result("trajectory.list")["trajectories"]}
+    assert listed["pick"] == (1001 if way == "by another user" else 1000)
 
 
 def test_while_it_is_taken_to_the_disk_nothing_interferes() -> None:

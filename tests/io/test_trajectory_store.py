@@ -13,6 +13,7 @@ import pytest
 
 from litegripd.io.atomic_file import FileSystem
 from litegripd.io.child import MAX_PACKET_BYTES, start_here
+from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.path import PIECE_BYTES
 from litegripd.model.trajectory import MAX_BYTES, MAX_NAME
@@ -21,6 +22,7 @@ from tests.trajectories import HEADER_BYTES, lgt, pieces, sampled, swing
 DEADLINE_MS = 30_000
 TAUGHT = lgt(sampled(swing(), 3.0))
 LONG = lgt(sampled(swing(), 30.0))
+UID = 1000
 
 RECORDED: dict[str, Any] = {
     "sample_hz": 100,
@@ -35,14 +37,20 @@ RECORDED: dict[str, Any] = {
 class Rig:
     """A store in a directory of its own, spoken to as over a packet."""
 
-    def __init__(self, directory: Path, file_system: FileSystem | None = None) -> None:
+    def __init__(
+        self,
+        directory: Path,
+        file_system: FileSystem | None = None,
+        limits: Limits = Limits(),  # noqa: B008 - frozen
+    ) -> None:
         self.directory = directory
+        self.limits = limits
         system = file_system or FileSystem()
-        self.store = TrajectoryStore(lambda: directory, system, clock=lambda: 1.7e9)
+        self.store = TrajectoryStore(lambda: directory, system, lambda: 1.7e9, limits)
 
     def do(self, which: str, /, **parameters: Any) -> dict[str, Any]:
         operation = self.store.operations()[f"trajectory.{which}"]
-        packed = json.dumps(operation(json.loads(json.dumps(parameters))))
+        packed = json.dumps(operation(json.loads(json.dumps({"uid": UID, **parameters}))))
         assert len(packed) < MAX_PACKET_BYTES - 100
         answer: dict[str, Any] = json.loads(packed)
         return answer
@@ -54,9 +62,11 @@ class Rig:
         reason: str = answer["refused"]["reason"]
         return reason
 
-    def put(self, content: bytes, name: str | None = None, key: str = "upload 1") -> dict[str, Any]:
+    def put(
+        self, content: bytes, name: str | None = None, key: str = "upload 1", uid: int = UID
+    ) -> dict[str, Any]:
         answer: dict[str, Any] = {}
-        for piece in pieces(content, key=key, name=name, header=None):
+        for piece in pieces(content, key=key, name=name, header=None, uid=uid):
             answer = self.do("put", **piece)
             if "refused" in answer:
                 break
@@ -76,6 +86,10 @@ class Rig:
         return [one["name"] for one in self.do("list", after=None)["trajectories"]]
 
     def files(self) -> list[str]:
+        """Return the names of all files but those that say whose the others are."""
+        return [name for name in self.all_files() if not name.endswith(".uid")]
+
+    def all_files(self) -> list[str]:
         return sorted(os.listdir(self.directory)) if self.directory.exists() else []  # noqa: PTH208
 
 
@@ -97,7 +111,7 @@ def test_what_was_put_comes_back_to_the_bit(rig: Rig, content: bytes, length: in
 def test_without_a_name_it_is_kept_until_it_is_dropped(rig: Rig) -> None:
     assert rig.put(TAUGHT)["path"] is None
     assert rig.read({"kept": "upload 1"}) == TAUGHT
-    assert rig.files() == []
+    assert rig.all_files() == []
     rig.do("drop", keys=["upload 1", "never there"])
     assert rig.refusal("open", source={"kept": "upload 1"}) == "unknown_trajectory"
 
@@ -109,7 +123,7 @@ def test_of_one_that_is_half_there_nothing_can_be_had(rig: Rig) -> None:
     assert rig.refusal("open", source={"kept": "k"}) == "unknown_trajectory"
     rig.do("drop", keys=["k"])
     assert rig.refusal("put", **second) == "out_of_limits"
-    assert rig.files() == []
+    assert rig.all_files() == []
 
 
 @pytest.mark.parametrize("wrong", ["later", "again", "longer", "other total", "no base64", "empty"])
@@ -136,7 +150,7 @@ def test_what_does_not_have_its_sum_is_refused(rig: Rig) -> None:
         answer = rig.do("put", **damaged)
     assert answer["refused"]["reason"] == "trajectory_unreadable"
     assert "SHA-256" in answer["refused"]["message"]
-    assert rig.files() == []
+    assert rig.all_files() == []
 
 
 @pytest.mark.parametrize(
@@ -235,13 +249,14 @@ def test_a_deleted_one_is_gone(rig: Rig) -> None:
     rig.put(TAUGHT, "pick")
     rig.read({"name": "pick"})
     assert rig.do("delete", name="pick") == {"name": "pick", "deleted": True}
-    assert rig.files() == []
+    assert rig.all_files() == []
     assert rig.refusal("open", source={"name": "pick"}) == "unknown_trajectory"
     assert rig.refusal("delete", name="pick") == "unknown_trajectory"
 
 
 def test_the_list_tells_what_there_is_and_what_is_wrong_with_it(rig: Rig) -> None:
-    assert rig.do("list", after=None) == {"trajectories": [], "more": False}
+    usage = {"uid": UID, "named": 0, "bytes": 0, "most_named": 500, "most_bytes": 500_000_000}
+    assert rig.do("list", after=None) == {"trajectories": [], "more": False, "usage": usage}
     rig.put(TAUGHT, "b")
     rig.put(lgt([], mount=b"reverse\0"), "a")
     (rig.directory / "cut.lgt").write_bytes(TAUGHT[:-1])
@@ -356,7 +371,7 @@ def test_the_helper_process_does_all_this(tmp_path: Path, monkeypatch: pytest.Mo
         return value
 
     try:
-        for piece in pieces(LONG, key="k", name="pick", header=None):
+        for piece in pieces(LONG, key="k", name="pick", header=None, uid=UID):
             last = ask("put", **piece)
         assert last["path"] == str(tmp_path / "trajectories" / "pick.lgt")
         facts = ask("open", source={"name": "pick"})

@@ -14,6 +14,7 @@ CODES = {
     "health": {0, 1},  # a busy machine makes a tick late
     "doctor": {0, 1},  # as the machine is
     "calibration manual": {2},  # it asks at a terminal
+    "trajectories keep another": {4},  # there is none that could not be kept
     "grasp --force 10": {1},  # there is nothing between the jaws
 }
 LETTING_GO = ("motor_silent", "motor_fault", "not_enabled")

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from litegripd.io.trajectory_owners import Limits
 from litegripd.model.grips import MAX_GRIP_BYTES
 from litegripd.model.trajectory import MAX_BYTES
 from litegripd.rpc.session import Peer
@@ -94,6 +95,25 @@ def test_a_connection_has_so_many_uploads_and_no_more() -> None:
     world.client().result("trajectory.put", **one_more)
     client.result("trajectory.delete", upload=numbers[0])
     client.result("trajectory.put", **one_more)
+
+
+def test_a_name_without_room_is_refused_at_once_and_holds_no_upload() -> None:
+    world = World().start()
+    world.disk.limit(Limits(1, len(SHORT)))
+    client = world.client()
+    for _ in range(2 * MOST_PER_CONNECTION):
+        error = client.call("trajectory.put", **pieces(LONG, name="pick")[0])["error"]
+        assert error["data"] == {
+            "reason": "trajectories_full",
+            "retryable": False,
+            "requested": len(LONG),
+            "usage": client.result("trajectory.list")["usage"],
+        }
+    send(client, SHORT, name="pick")
+    assert client.refusal("trajectory.put", **pieces(SHORT, name="q")[0]) == "trajectories_full"
+    send(world.client(uid=1001), SHORT, name="q")
+    client.result("trajectory.delete", name="pick")
+    send(client, SHORT, name="r")
 
 
 def test_with_a_name_they_are_not_counted() -> None:
@@ -239,4 +259,4 @@ def test_an_answer_for_a_client_that_is_gone_harms_nobody() -> None:
     client.leave()
     world.run(0.1)
     other = world.client()
-    assert other.result("trajectory.list") == {"trajectories": [], "more": False}
+    assert other.result("trajectory.list")["trajectories"] == []

@@ -8,24 +8,24 @@ from litegrip_client.blocking import BlockingWire, pause, wait
 from litegrip_client.core.recording import Recording
 from litegrip_client.ctl import render_trajectories as render
 from litegrip_client.ctl import terminal
-from litegrip_client.ctl.commands.trajectory_store import refuse_kept, showing
+from litegrip_client.ctl.commands.trajectory_store import refuse_unkeepable, showing
 from litegrip_client.ctl.motion import finish
 from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Run
-from litegrip_client.errors import CancelledError
+from litegrip_client.errors import CancelledError, CommandError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
 
 
+_KEEP = "litegripctl trajectories keep NAME"
 _CTRL_C = "Ctrl-C breaks it off and keeps nothing."
 
 
 def record(run: Run) -> int:
     """Record for a while; the daemon keeps it under a name. It ends with this program."""
     options = run.options
-    if not options.overwrite:
-        refuse_kept(run, options.name)
+    refuse_unkeepable(run, options.name, overwrite=options.overwrite)
     samples = max(1, round(options.seconds * options.rate))
     told = options.no_zero_gravity
 
@@ -53,6 +53,12 @@ def record(run: Run) -> int:
         text = "interrupted: nothing was kept, the jaws hold"
         run.output.error(CancelledError(text, reason="interrupted"), "")
         return INTERRUPTED
+    except CommandError as error:
+        if error.reason not in ("not_saved", "trajectories_full"):
+            raise
+        hint = f"the recording stays until the next one begins; once there is room: {_KEEP}"
+        data = {**error.data, "hint": hint}
+        raise CommandError(error.message, reason=error.reason, data=data) from error
     run.output.erase_line()
     run.output.result(data, render.recorded(data))
     return OK

@@ -46,10 +46,13 @@ def show(run: Run) -> int:
     """List what the daemon keeps, or this user."""
     if run.options.local:
         rows = [_row(asdict(file)) for file in list_trajectories()]
-        where = {"directory": str(directory())}
-    else:
-        rows, where = kept(run), {}
-    run.output.result({"trajectories": rows, **where}, render.listed(rows))
+        run.output.result(
+            {"trajectories": rows, "directory": str(directory())}, render.listed(rows)
+        )
+        return OK
+    rows, usage = kept_and_usage(run)
+    text = "\n".join([render.listed(rows, owners=usage is not None), *render.room(usage)])
+    run.output.result({"trajectories": rows, **({"usage": usage} if usage else {})}, text)
     return OK
 
 
@@ -103,21 +106,62 @@ def export(run: Run) -> int:
     return OK
 
 
+def keep(run: Run) -> int:
+    """Have the daemon keep the latest recording, which it could not keep before."""
+    name = run.options.name
+    if not run.options.overwrite:
+        refuse_kept(run, name)
+    status = run.connection.call("trajectory.status")
+    if status["active"] and status["kind"] == "record":
+        text = "a recording is under way: it is kept by the program that records"
+        raise CommandError(text, reason="trajectory_busy", data={"hint": "wait for its end"})
+    data = run.connection.call("trajectory.record_stop", {"name": name}, ACTION_TIMEOUT_S)
+    run.output.result(data, render.recorded(data))
+    return OK
+
+
 def kept(run: Run) -> list[dict[str, Any]]:
     """Return what the daemon tells of all that it keeps."""
+    return kept_and_usage(run)[0]
+
+
+def kept_and_usage(run: Run) -> tuple[list[dict[str, Any]], dict[str, Any] | None]:
+    """Return that, and what this user has of it and may have; None from an older daemon."""
     rows: list[dict[str, Any]] = []
-    more = True
+    usage, more = None, True
     while more:
         params = {"after": rows[-1]["name"]} if rows else {}
         answer = run.connection.call("trajectory.list", params, ACTION_TIMEOUT_S)
         rows += answer["trajectories"]
         more = answer["more"] and bool(answer["trajectories"])
-    return rows
+        usage = answer.get("usage")
+    return rows, usage
 
 
 def refuse_kept(run: Run, name: str) -> None:
     """Raise `CommandError` for a name that the daemon has already, usable or not."""
-    if any(row["name"] == name for row in kept(run)):
+    _refuse_name(kept(run), name)
+
+
+def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
+    """Raise `CommandError`, before anything is recorded, where it could not be kept as `name`."""
+    rows, usage = kept_and_usage(run)
+    if not overwrite:
+        _refuse_name(rows, name)
+    replaced = [row for row in rows if row["name"] == name]
+    if usage is None or any(row.get("uid") == usage["uid"] for row in replaced):
+        return
+    if usage["named"] >= usage["most_named"]:
+        text = (
+            f"there is no room for another trajectory of uid {usage['uid']}: {usage['named']} of"
+            f" {usage['most_named']} are there; nothing was recorded"
+        )
+        hint = "make room: litegripctl trajectories delete NAME"
+        raise CommandError(text, reason="trajectories_full", data={"hint": hint, "usage": usage})
+
+
+def _refuse_name(rows: list[dict[str, Any]], name: str) -> None:
+    if any(row["name"] == name for row in rows):
         text = f"the daemon keeps a trajectory {plain(name)} already"
         raise CommandError(text, reason="file_exists", data={"hint": _REPLACE})
 
@@ -176,6 +220,7 @@ _ACTIONS: Mapping[str, Command] = {
     "get": get,
     "put": put,
     "delete": delete,
+    "keep": keep,
     "export": export,
 }
 

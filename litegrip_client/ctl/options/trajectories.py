@@ -20,6 +20,10 @@ What was recorded: the daemon keeps it by name. Without an action it is listed;
 with --local that of this user, in ~/.litegrip/trajectories or where
 LITEGRIP_TRAJ_DIR says.
 """
+_KEEP = """\
+Keep the latest recording, for which there was no room, or whose disk failed.
+The daemon has it until the next one begins, or until it ends.
+"""
 _NAME = "the daemon's name of it"
 
 
@@ -72,6 +76,7 @@ def actions(parser: LateParser) -> None:
     add("get", help="copy one of the daemon's to this side", fill=_get)
     add("put", help="copy one of this side to the daemon", fill=_put)
     add("delete", help="remove one of the daemon's", fill=_delete)
+    add("keep", help="keep a recording that could not be kept", fill=_keep)
     add("export", help="show one of the daemon's as CSV", fill=_export)
 
 
@@ -105,6 +110,12 @@ def _put(parser: LateParser) -> None:
 def _delete(parser: LateParser) -> None:
     parser.description = "Remove a trajectory that the daemon keeps."
     _kept(parser)
+
+
+def _keep(parser: LateParser) -> None:
+    parser.description = _KEEP
+    parser.add_argument("name", metavar="NAME", help="what the daemon shall keep it under")
+    parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
 
 def _export(parser: LateParser) -> None:
