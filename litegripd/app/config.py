@@ -15,6 +15,7 @@ from litegripd.app.config_table import KEYS, MAX_CPUS, TABLES
 from litegripd.app.roles import ALLOWED, Access, UnknownEntryError, access_of
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import TEMPLATES
+from litegripd.rpc.facts import Configuration
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -88,7 +89,7 @@ class Config:
     teleop: TeleopConfig = field(default_factory=TeleopConfig)
     source: Path | None = None
 
-    def as_info(self) -> dict[str, object]:
+    def as_info(self) -> Configuration:
         """Tell what a client may want to know of it, for `info.get` and `litegripd --check`."""
         bus = self.bus
         return {
