@@ -9,12 +9,13 @@ from typing import Literal, NewType, TypedDict
 
 from litegripd.model.geometry import Mount
 from litegripd.model.jobs import Job, OnLost, StopLevel
+from litegripd.model.results import ZeroResult
 from litegripd.model.trajectory import Header, Summary
 from litegripd.rpc.session import Role
 from litegripd.rpc.type_schema import Shape
 from litegripd.rpc.view import JobNumber, NumberedEvent, OwnerView, StateView
 
-AT_ONCE = Shape("JobNumber", (JobNumber,), closed=True)
+AT_ONCE = Shape("AtOnce", (JobNumber,), closed=True)
 """What a method answers that does not wait for the end of its job."""
 
 
@@ -30,13 +31,17 @@ class Greeting(TypedDict):
     stop_generation: int
 
 
-class Discovered(TypedDict):
-    """The OpenRPC document."""
-
-    openrpc: str
-    info: Mapping[str, object]
-    methods: list[Mapping[str, object]]
-    components: Mapping[str, object]
+Discovered = TypedDict(
+    "Discovered",
+    {
+        "openrpc": str,
+        "info": Mapping[str, object],
+        "methods": list[Mapping[str, object]],
+        "x-notifications": list[Mapping[str, object]],
+        "components": Mapping[str, object],
+    },
+)
+"""The OpenRPC document."""
 
 
 class ClientRow(TypedDict):
@@ -204,8 +209,13 @@ class Nothing(TypedDict):
     """An answer that only says that it is done."""
 
 
-MARKS = Shape("Marks", (Marks,), closed=True)
-NOTHING = Shape("Nothing", (Nothing,), closed=True)
+BY_HAND = (
+    AT_ONCE,
+    Shape("Marks", (Marks,), closed=True),
+    Shape("Nothing", (Nothing,), closed=True),
+    ZeroResult,
+)
+"""The answers to the steps of a calibration by hand."""
 
 
 class RegisterValue(TypedDict):
@@ -316,7 +326,7 @@ class PieceTaken(TypedDict):
 
 
 RECORDED = Shape("TrajectoryRecorded", (_Recorded, _Whole, Header, Summary))
-UPLOADED = Shape("TrajectoryUploaded", (_Complete, _Whole, Header, Summary))
+PUT = (PieceTaken, Shape("TrajectoryUploaded", (_Complete, _Whole, Header, Summary)))
 
 
 class Listed(TypedDict):

@@ -53,8 +53,13 @@ class Schemas:
         self._defined: dict[str, Any] = {}
 
     def of(self, kind: Any) -> Schema:
-        """Return the schema of a type; raises `TypeError` for one that JSON has no form for."""
+        """Return the schema of a type, or of a tuple of alternatives.
+
+        Raises `TypeError` for a type that JSON has no form for.
+        """
         kind = self._wire.get(kind, kind)
+        if isinstance(kind, tuple):
+            return self._union(kind)
         if kind in (Any, object):
             return {}
         if kind in _PRIMITIVES:
