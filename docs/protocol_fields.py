@@ -15,6 +15,7 @@ from litegripd.model.jobs import JobKind, JobState
 from litegripd.model.results import Progress, ReplayProgress
 from litegripd.model.state import GripperState
 from litegripd.model.teleop import TeleopStatus
+from litegripd.rpc.notifications import NOTIFICATIONS
 
 _JSON_NAMES = {
     int: "integer",
@@ -24,52 +25,35 @@ _JSON_NAMES = {
     type(None): "null",
 }
 
-NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
+PARAMS: Mapping[str, str] = {
     "state.sample": (
-        "A subscription to the state.",
-        (
-            "`subscription`, `seq`, `dropped`, `monotonic_s`, `state`. The latest wins: a client"
-            " that does not read loses samples and is told how many. `seq` counts the samples"
-            " that were due, `dropped` those of them that were not sent."
-        ),
+        "`subscription`, `seq`, `dropped`, `monotonic_s`, `state`. The latest wins: a "
+        "client that does not read loses samples and is told how many. `seq` counts the "
+        "samples that were due, `dropped` those of them that were not sent."
     ),
     "state.batch": (
-        'A subscription to the state with `"batch": n`.',
-        (
-            "`subscription`, `seq` (of the last row), `dropped`, `fields`, and `rows`, each the"
-            " values of the fields in one sample. A batch for a client that does not read is"
-            " dropped as a whole."
-        ),
+        "`subscription`, `seq` (of the last row), `dropped`, `fields`, and `rows`, each "
+        "the values of the fields in one sample. A batch for a client that does not read "
+        "is dropped as a whole."
     ),
     "event": (
-        "A subscription to events.",
-        (
-            "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, other"
-            " for each kind; `object_moved` has `moved_mm` and `width_mm`). `seq` counts"
-            " all events since the daemon's start, those of other"
-            " kinds included. No event is dropped."
-        ),
+        "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, "
+        "other for each kind; `object_moved` has `moved_mm` and `width_mm`). `seq` counts"
+        " all events since the daemon's start, those of other kinds included. No event is"
+        " dropped."
     ),
-    "job.progress": (
-        'A motion that was asked for with `"progress": true`, at most 20 times a second.',
-        "See [below](#progress).",
-    ),
+    "job.progress": ("See [below](#progress)."),
     "stream.refused": (
-        (
-            "A `stream.set` without an `id` that was refused. Only the first of several with the"
-            " same reason is told, and again after one that was taken."
-        ),
-        "An error's: `code`, `message`, `data` with `reason` ([errors.md](errors.md)).",
+        "An error's: `code`, `message`, `data` with `reason` ([errors.md](errors.md))."
     ),
     "lease.lost": (
-        "The lease that this connection had is lost. Nobody has to subscribe to it.",
-        (
-            "`client`, `pid` and `uid` of the loser, `cause` (`connection`, `process`, `expired` or"
-            " `taken`), `why` (a text of the taker's, or null), `on_lost` (what the jaws do: hold,"
-            " relax or disable) and, where it was taken, `by` (`pid`, `uid`, `program`)."
-        ),
+        "`client`, `pid` and `uid` of the loser, `cause` (`connection`, `process`, "
+        "`expired` or `taken`), `why` (a text of the taker's, or null), `on_lost` (what "
+        "the jaws do: hold, relax or disable) and, where it was taken, `by` (`pid`, "
+        "`uid`, `program`)."
     ),
 }
+"""What the parameters of each kind of notification say."""
 
 JOB: Mapping[str, str] = {
     "job": "integer: its number",
@@ -141,7 +125,7 @@ TELEOP: Mapping[str, tuple[str, str]] = {
 
 def notifications_section() -> str:
     """Make the section on what comes without being an answer."""
-    rows = ((f"`{kind}`", why, params) for kind, (why, params) in NOTIFICATIONS.items())
+    rows = ((f"`{kind.name}`", kind.summary, PARAMS[kind.name]) for kind in NOTIFICATIONS)
     return _section(
         "## Notifications",
         "Lines of the daemon's with a `method` and no `id`: `params` has these members.",

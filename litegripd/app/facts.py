@@ -23,6 +23,7 @@ from litegripd.rpc.facts import (
     Hello,
     Info,
     Judged,
+    MotionFields,
     MotorFacts,
     Verdict,
 )
@@ -102,7 +103,7 @@ class DaemonFacts:
             "motor_warnings": [] if identity is None else warnings(identity),
             "calibration_file": engine.calibrated.file,
             "calibration": _calibration(engine.calibrated),
-            "motion": engine.config.as_fields(engine.period_s),
+            "motion": MotionFields(engine.config.as_fields(engine.period_s)),
             "configuration": config.as_info(),
         }
 

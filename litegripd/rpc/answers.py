@@ -5,12 +5,13 @@ figures in `litegripd.rpc.facts`; `litegripd.rpc.view` makes the forms that thes
 """
 
 from collections.abc import Mapping
-from typing import Literal, NewType, TypedDict
+from typing import Literal, TypedDict
 
 from litegripd.model.geometry import Mount
 from litegripd.model.jobs import Job, OnLost, StopLevel
 from litegripd.model.results import ZeroResult
 from litegripd.model.trajectory import Header, Summary
+from litegripd.rpc.facts import MotionFields
 from litegripd.rpc.session import Role
 from litegripd.rpc.type_schema import Shape
 from litegripd.rpc.view import JobNumber, NumberedEvent, OwnerView, StateView
@@ -224,10 +225,6 @@ class RegisterValue(TypedDict):
     number: int
     name: str
     value: float | None
-
-
-MotionFields = NewType("MotionFields", dict[str, float])
-"""The wire form of a `MotionConfig`."""
 
 
 class FrameInterval(TypedDict):

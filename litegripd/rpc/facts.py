@@ -90,6 +90,10 @@ class Configuration(TypedDict):
     rpc: RpcFacts
 
 
+MotionFields = NewType("MotionFields", dict[str, float])
+"""The wire form of a `MotionConfig`."""
+
+
 class Info(Hello):
     """What does not change."""
 
@@ -97,7 +101,7 @@ class Info(Hello):
     motor_warnings: list[str]
     calibration_file: str | None
     calibration: CalibrationFacts
-    motion: Mapping[str, float]
+    motion: MotionFields
     configuration: Configuration
 
 

@@ -8,8 +8,8 @@ from litegripd.model.motion_config import MotionConfig
 from litegripd.model.results import Progress, ReplayProgress, Result
 from litegripd.model.state import GripperState, JobSummary
 from litegripd.motor.traffic import MotorCounters
-from litegripd.rpc.answers import FrameInterval, MotionFields
-from litegripd.rpc.facts import ForeignActive, MotorFigures
+from litegripd.rpc.answers import FrameInterval
+from litegripd.rpc.facts import ForeignActive, MotionFields, MotorFigures
 from litegripd.rpc.notifications import PartialState
 from litegripd.rpc.type_schema import Shape
 from litegripd.rpc.view import (

@@ -51,9 +51,9 @@ def document() -> Discovered:
 def result_schema(method: Method, schemas: Schemas) -> Schema:
     """Describe the results of a method; one that can be told not to wait has two."""
     schema = schemas.of(method.returns)
-    if WAIT.name not in method.declared:
-        return schema
-    return {"anyOf": [schema, schemas.of(AT_ONCE)]}
+    if WAIT.name in method.declared:
+        schema = {"anyOf": [schema, schemas.of(AT_ONCE)]}
+    return {"type": "object", **schema}
 
 
 def _method(method: Method, schemas: Schemas) -> dict[str, Any]:

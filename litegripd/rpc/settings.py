@@ -20,12 +20,12 @@ from litegripd.rpc.answers import (
     CalibrationView,
     ConfigView,
     Marks,
-    MotionFields,
     Nothing,
     RegisterValue,
     Templates,
 )
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, Later, later
+from litegripd.rpc.facts import MotionFields
 from litegripd.rpc.view import JobNumber
 
 Authority: TypeAlias = Callable[[], "Refusal | None"]
