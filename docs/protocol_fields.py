@@ -4,6 +4,7 @@ Types come from the daemon's own values; a field without a meaning in these tabl
 """
 
 import inspect
+import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
@@ -15,7 +16,12 @@ from litegripd.model.jobs import JobKind, JobState
 from litegripd.model.results import Progress, ReplayProgress
 from litegripd.model.state import GripperState
 from litegripd.model.teleop import TeleopStatus
+from litegripd.rpc.forms import FORMS
+from litegripd.rpc.method import Method
+from litegripd.rpc.methods import METHODS
 from litegripd.rpc.notifications import NOTIFICATIONS
+from litegripd.rpc.openrpc import result_schema
+from litegripd.rpc.type_schema import REFERENCE, Schema, Schemas
 
 _JSON_NAMES = {
     int: "integer",
@@ -196,6 +202,52 @@ def state_section() -> str:
     """Make the section on the state."""
     rows = ((f"`{name}`", type_name(hint)) for name, hint in get_type_hints(GripperState).items())
     return _section("## The state", _about(GripperState), _table(("field", "type"), rows))
+
+
+def result_form(method: Method) -> str:
+    """Name the forms of a method's result."""
+    schema = dict(result_schema(method, Schemas(FORMS)))
+    del schema["type"]
+    return _form_name(schema)
+
+
+def forms_section() -> str:
+    """Make the section on the forms of answers and notifications that no other section has."""
+    told = {GripperState, TeleopStatus, Progress, ReplayProgress, *get_args(results.Result)}
+    names = {kind.__name__ for kind in told} | {"Job", "PartialState"}
+    forms = Schemas(FORMS)
+    for described in (*METHODS, *NOTIFICATIONS):
+        forms.of(described.returns if isinstance(described, Method) else described.params)
+    rows = (
+        (f"`{name}`", "; ".join(_members(form)) or "none")
+        for name, form in forms.definitions.items()
+        if name not in names
+    )
+    text = (
+        "What `rpc.discover` has as JSON Schema. A member marked (optional) need not be there. The"
+        " forms of the state, of a job, its result and progress, and of the status of"
+        " teleoperation are described above; a `PartialState` has some fields of the state."
+    )
+    return _section("## Forms", text, _table(("form", "members"), rows))
+
+
+def _members(form: Schema) -> Iterable[str]:
+    for name, schema in form["properties"].items():
+        yield f"`{name}`{'' if name in form['required'] else ' (optional)'}: {_form_name(schema)}"
+
+
+def _form_name(schema: Mapping[str, Any]) -> str:
+    """Name what a schema describes."""
+    if "$ref" in schema:
+        return f"`{schema['$ref'].removeprefix(REFERENCE)}`"
+    if "anyOf" in schema:
+        return ", or ".join(map(_form_name, schema["anyOf"]))
+    if "enum" in schema:
+        return ", ".join(json.dumps(choice) for choice in schema["enum"])
+    kinds = schema.get("type", "anything")
+    if kinds == "array":
+        return f"array of {_form_name(schema['items'])}"
+    return kinds if isinstance(kinds, str) else ", or ".join(kinds)
 
 
 def type_name(hint: Any) -> str:

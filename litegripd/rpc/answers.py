@@ -5,7 +5,7 @@ figures in `litegripd.rpc.facts`; `litegripd.rpc.view` makes the forms that thes
 """
 
 from collections.abc import Mapping
-from typing import Literal, TypedDict
+from typing import Any, Literal, TypedDict
 
 from litegripd.model.geometry import Mount
 from litegripd.model.jobs import Job, OnLost, StopLevel
@@ -37,9 +37,9 @@ Discovered = TypedDict(
     {
         "openrpc": str,
         "info": Mapping[str, object],
-        "methods": list[Mapping[str, object]],
-        "x-notifications": list[Mapping[str, object]],
-        "components": Mapping[str, object],
+        "methods": list[Mapping[str, Any]],
+        "x-notifications": list[Mapping[str, Any]],
+        "components": Mapping[str, Mapping[str, Any]],
     },
 )
 """The OpenRPC document."""

@@ -84,7 +84,7 @@ def unusual() -> list[tuple[str, Message]]:
     ]
     world = World()
     client = world.enabled()
-    world.gripper.object_opening_mm = 40.0
+    world.gripper.put_object(width_mm=30.0)
     told.append(("motion.grasp", client.call("motion.grasp", force_n=5, until="verdict")))
     told.append(("state.get", client.call("state.get")))
     told.append(("job.list", client.call("job.list")))
