@@ -216,8 +216,8 @@ def forms_section() -> str:
     told = {GripperState, TeleopStatus, Progress, ReplayProgress, *get_args(results.Result)}
     names = {kind.__name__ for kind in told} | {"Job", "PartialState"}
     forms = Schemas(FORMS)
-    for described in (*METHODS, *NOTIFICATIONS):
-        forms.of(described.returns if isinstance(described, Method) else described.params)
+    for sent in (*(row.returns for row in METHODS), *(kind.params for kind in NOTIFICATIONS)):
+        forms.of(sent)
     rows = (
         (f"`{name}`", "; ".join(_members(form)) or "none")
         for name, form in forms.definitions.items()
