@@ -18,8 +18,10 @@ sys.path.insert(0, str(ROOT))
 from docs.configuration_page import configuration_page, default_file  # noqa: E402
 from docs.manual import client_page, daemon_page, simulator_page  # noqa: E402
 from docs.protocol_fields import (  # noqa: E402
+    forms_section,
     jobs_section,
     notifications_section,
+    result_form,
     results_section,
     state_section,
     teleop_section,
@@ -127,12 +129,14 @@ def protocol_page() -> str:
         jobs_section(),
         teleop_section(),
         state_section(),
+        forms_section(),
     ]
     return "\n".join(sections)
 
 
 def _method_section(method: Method) -> str:
     lines = [f"### `{method.name}`", "", method.summary, "", f"Result: {method.result}", ""]
+    lines += [f"Form: {result_form(method)}", ""]
     if method.params:
         lines += ["| parameter | type | allowed | meaning |", "| --- | --- | --- | --- |"]
         lines += [
@@ -168,6 +172,10 @@ user who may not write there.
   open. So are requests without an `id`, a string or an integer, except `stream.set`: a set-point
   without one gets no answer, and a `stream.refused` where it is refused.
 - Requests of one connection run concurrently: answers come when they are done, by `id`.
+- `rpc.discover` returns an OpenRPC document: the parameters, the JSON Schema of every result, and,
+  as `x-notifications`, that of the `params` of all that comes without a request. Of an event's
+  `data` and an error's `data` it says only what all have in common. Bear members that it does not
+  name: later versions add some.
 - A motion answers with its result when it ends. With `"wait": false` it answers `{{"job": n}}` at
   once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
   does. With `"progress": true` the connection gets `job.progress` [notifications](#notifications).

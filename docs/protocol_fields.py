@@ -4,6 +4,7 @@ Types come from the daemon's own values; a field without a meaning in these tabl
 """
 
 import inspect
+import json
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import fields
@@ -15,6 +16,12 @@ from litegripd.model.jobs import JobKind, JobState
 from litegripd.model.results import Progress, ReplayProgress
 from litegripd.model.state import GripperState
 from litegripd.model.teleop import TeleopStatus
+from litegripd.rpc.forms import FORMS
+from litegripd.rpc.method import Method
+from litegripd.rpc.methods import METHODS
+from litegripd.rpc.notifications import NOTIFICATIONS
+from litegripd.rpc.openrpc import result_schema
+from litegripd.rpc.type_schema import REFERENCE, Schema, Schemas
 
 _JSON_NAMES = {
     int: "integer",
@@ -24,52 +31,35 @@ _JSON_NAMES = {
     type(None): "null",
 }
 
-NOTIFICATIONS: Mapping[str, tuple[str, str]] = {
+PARAMS: Mapping[str, str] = {
     "state.sample": (
-        "A subscription to the state.",
-        (
-            "`subscription`, `seq`, `dropped`, `monotonic_s`, `state`. The latest wins: a client"
-            " that does not read loses samples and is told how many. `seq` counts the samples"
-            " that were due, `dropped` those of them that were not sent."
-        ),
+        "`subscription`, `seq`, `dropped`, `monotonic_s`, `state`. The latest wins: a "
+        "client that does not read loses samples and is told how many. `seq` counts the "
+        "samples that were due, `dropped` those of them that were not sent."
     ),
     "state.batch": (
-        'A subscription to the state with `"batch": n`.',
-        (
-            "`subscription`, `seq` (of the last row), `dropped`, `fields`, and `rows`, each the"
-            " values of the fields in one sample. A batch for a client that does not read is"
-            " dropped as a whole."
-        ),
+        "`subscription`, `seq` (of the last row), `dropped`, `fields`, and `rows`, each "
+        "the values of the fields in one sample. A batch for a client that does not read "
+        "is dropped as a whole."
     ),
     "event": (
-        "A subscription to events.",
-        (
-            "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, other"
-            " for each kind; `object_moved` has `moved_mm` and `width_mm`). `seq` counts"
-            " all events since the daemon's start, those of other"
-            " kinds included. No event is dropped."
-        ),
+        "`subscription`, `seq`, `monotonic_s`, `kind`, `message`, `data` (an object, "
+        "other for each kind; `object_moved` has `moved_mm` and `width_mm`). `seq` counts"
+        " all events since the daemon's start, those of other kinds included. No event is"
+        " dropped."
     ),
-    "job.progress": (
-        'A motion that was asked for with `"progress": true`, at most 20 times a second.',
-        "See [below](#progress).",
-    ),
+    "job.progress": ("See [below](#progress)."),
     "stream.refused": (
-        (
-            "A `stream.set` without an `id` that was refused. Only the first of several with the"
-            " same reason is told, and again after one that was taken."
-        ),
-        "An error's: `code`, `message`, `data` with `reason` ([errors.md](errors.md)).",
+        "An error's: `code`, `message`, `data` with `reason` ([errors.md](errors.md))."
     ),
     "lease.lost": (
-        "The lease that this connection had is lost. Nobody has to subscribe to it.",
-        (
-            "`client`, `pid` and `uid` of the loser, `cause` (`connection`, `process`, `expired` or"
-            " `taken`), `why` (a text of the taker's, or null), `on_lost` (what the jaws do: hold,"
-            " relax or disable) and, where it was taken, `by` (`pid`, `uid`, `program`)."
-        ),
+        "`client`, `pid` and `uid` of the loser, `cause` (`connection`, `process`, "
+        "`expired` or `taken`), `why` (a text of the taker's, or null), `on_lost` (what "
+        "the jaws do: hold, relax or disable) and, where it was taken, `by` (`pid`, "
+        "`uid`, `program`)."
     ),
 }
+"""What the parameters of each kind of notification say."""
 
 JOB: Mapping[str, str] = {
     "job": "integer: its number",
@@ -141,7 +131,7 @@ TELEOP: Mapping[str, tuple[str, str]] = {
 
 def notifications_section() -> str:
     """Make the section on what comes without being an answer."""
-    rows = ((f"`{kind}`", why, params) for kind, (why, params) in NOTIFICATIONS.items())
+    rows = ((f"`{kind.name}`", kind.summary, PARAMS[kind.name]) for kind in NOTIFICATIONS)
     return _section(
         "## Notifications",
         "Lines of the daemon's with a `method` and no `id`: `params` has these members.",
@@ -212,6 +202,52 @@ def state_section() -> str:
     """Make the section on the state."""
     rows = ((f"`{name}`", type_name(hint)) for name, hint in get_type_hints(GripperState).items())
     return _section("## The state", _about(GripperState), _table(("field", "type"), rows))
+
+
+def result_form(method: Method) -> str:
+    """Name the forms of a method's result."""
+    schema = dict(result_schema(method, Schemas(FORMS)))
+    del schema["type"]
+    return _form_name(schema)
+
+
+def forms_section() -> str:
+    """Make the section on the forms of answers and notifications that no other section has."""
+    told = {GripperState, TeleopStatus, Progress, ReplayProgress, *get_args(results.Result)}
+    names = {kind.__name__ for kind in told} | {"Job", "PartialState"}
+    forms = Schemas(FORMS)
+    for sent in (*(row.returns for row in METHODS), *(kind.params for kind in NOTIFICATIONS)):
+        forms.of(sent)
+    rows = (
+        (f"`{name}`", "; ".join(_members(form)) or "none")
+        for name, form in forms.definitions.items()
+        if name not in names
+    )
+    text = (
+        "What `rpc.discover` has as JSON Schema. A member marked (optional) need not be there. The"
+        " forms of the state, of a job, its result and progress, and of the status of"
+        " teleoperation are described above; a `PartialState` has some fields of the state."
+    )
+    return _section("## Forms", text, _table(("form", "members"), rows))
+
+
+def _members(form: Schema) -> Iterable[str]:
+    for name, schema in form["properties"].items():
+        yield f"`{name}`{'' if name in form['required'] else ' (optional)'}: {_form_name(schema)}"
+
+
+def _form_name(schema: Mapping[str, Any]) -> str:
+    """Name what a schema describes."""
+    if "$ref" in schema:
+        return f"`{schema['$ref'].removeprefix(REFERENCE)}`"
+    if "anyOf" in schema:
+        return ", or ".join(map(_form_name, schema["anyOf"]))
+    if "enum" in schema:
+        return ", ".join(json.dumps(choice) for choice in schema["enum"])
+    kinds = schema.get("type", "anything")
+    if kinds == "array":
+        return f"array of {_form_name(schema['items'])}"
+    return kinds if isinstance(kinds, str) else ", or ".join(kinds)
 
 
 def type_name(hint: Any) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
@@ -33,11 +33,13 @@ from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
+from litegripd.rpc.facts import Hello, Info, MotionFields
 from litegripd.rpc.restarting import OnRestart, OnRestarted, no_restart
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.session import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from tests.answers import described
 
 PERIOD_S = 0.005
 CAN_ID = 0x08
@@ -47,14 +49,55 @@ FRAME_TIME_S = 130e-6
 class FixedFacts:
     """Facts that need no daemon."""
 
-    def hello(self) -> dict[str, object]:
-        return {"daemon": "litegripd", "stop_socket": None}
+    def hello(self) -> Hello:
+        return {
+            "daemon": "litegripd",
+            "version": "0",
+            "protocol": 1,
+            "channel": "virtual",
+            "pid": 1,
+            "epoch": "0",
+            "simulated": True,
+            "stop_socket": None,
+            "motor": {"type": "DM4310", "can_id": 8, "master_id": None, "serial": None},
+            "gripper": {
+                "calibrated": False,
+                "mount": None,
+                "travel_mm": None,
+                "closed_rad": None,
+                "open_rad": None,
+                "rad_to_mm": None,
+                "stroke_mm": 120.0,
+                "kp": 100.0,
+                "kd": 2.0,
+            },
+            "limits": {
+                "rate_hz": 200.0,
+                "max_line_bytes": 16_384,
+                "max_connections": 256,
+                "max_connections_per_uid": 64,
+            },
+        }
 
     def health(self, now_s: float) -> dict[str, object]:
         return {"verdict": "ok", "at_s": now_s}
 
-    def info(self) -> dict[str, object]:
-        return {"channel": "virtual"}
+    def info(self) -> Info:
+        return {
+            **self.hello(),
+            "registers": {},
+            "motor_warnings": [],
+            "calibration_file": None,
+            "calibration": {"file": None, "nominal": False, "channel": None, "saved_s": None},
+            "motion": MotionFields(MotionConfig().as_fields(PERIOD_S)),
+            "configuration": {
+                "file": None,
+                "bus": {"interface": "virtual", "channel": "virtual", "bitrate": 1_000_000},
+                "control": {},
+                "rpc": {"group": "litegrip"},
+                "trajectories": {"most_per_user": 500, "most_mb_per_user": 500},
+            },
+        }
 
 
 @dataclass(slots=True)
@@ -69,23 +112,29 @@ class Sent:
 class Client:
     """A client of the service: sends requests, keeps what it is sent."""
 
+    is_checked: ClassVar[bool] = False
     world: "World"
     session: Session
     last_id: int = 0
     notifications: list[dict[str, Any]] = field(default_factory=list)
     answers: dict[int, dict[str, Any]] = field(default_factory=dict)
+    asked: dict[int, str] = field(default_factory=dict)
 
     def send(self, method: str, **params: Any) -> int:
         """Send a request; return its id."""
         self.last_id += 1
         request = {"jsonrpc": "2.0", "id": self.last_id, "method": method, "params": params}
+        self.asked[self.last_id] = method
         self.world.service.handle(self.session, json.dumps(request).encode(), self.world.now_s)
         return self.last_id
 
     def read(self) -> None:
-        """Take what has been written to this client."""
+        """Take what has been written to this client; where that is checked, all as described."""
         for line in self.session.outgoing:
             message = json.loads(line)
+            method = self.asked.get(message.get("id"))
+            if self.is_checked and method != "health":  # `FixedFacts` make a figure of their own
+                described().check(message, method)
             if "method" in message:
                 self.notifications.append(message)
             else:

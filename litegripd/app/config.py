@@ -16,6 +16,7 @@ from litegripd.app.roles import ALLOWED, Access, UnknownEntryError, access_of
 from litegripd.io.bus import BusSettings
 from litegripd.io.calibration_files import TEMPLATES
 from litegripd.io.trajectory_owners import MB, Limits
+from litegripd.rpc.facts import Configuration
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -103,7 +104,7 @@ class Config:
     teleop: TeleopConfig = field(default_factory=TeleopConfig)
     source: Path | None = None
 
-    def as_info(self) -> dict[str, object]:
+    def as_info(self) -> Configuration:
         """Tell what a client may want to know of it, for `info.get` and `litegripd --check`."""
         bus = self.bus
         return {
@@ -111,7 +112,10 @@ class Config:
             "bus": {"interface": bus.interface, "channel": bus.channel, "bitrate": bus.bitrate},
             "control": dataclasses.asdict(self.control),
             "rpc": {"group": self.rpc.group},
-            "trajectories": dataclasses.asdict(self.trajectories),
+            "trajectories": {
+                "most_per_user": self.trajectories.most_per_user,
+                "most_mb_per_user": self.trajectories.most_mb_per_user,
+            },
         }
 
 

@@ -17,6 +17,16 @@ from litegripd.control.teleop.base import TeleopAction
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.motor import MotorIdentity, MotorPhase
 from litegripd.motor.look import warnings
+from litegripd.rpc.facts import (
+    CalibrationFacts,
+    GripperFacts,
+    Hello,
+    Info,
+    Judged,
+    MotionFields,
+    MotorFacts,
+    Verdict,
+)
 from litegripd.rpc.openrpc import PROTOCOL_VERSION
 from litegripd.rpc.wire import MAX_LINE_BYTES
 
@@ -62,7 +72,7 @@ class DaemonFacts:
         """Take the parts whose figures `health` tells."""
         self._parts = parts
 
-    def hello(self) -> dict[str, object]:
+    def hello(self) -> Hello:
         """Describe the daemon, the motor and the limits."""
         return {
             "daemon": "litegripd",
@@ -83,7 +93,7 @@ class DaemonFacts:
             },
         }
 
-    def info(self) -> dict[str, object]:
+    def info(self) -> Info:
         """Tell what does not change."""
         config, identity = self._config, self._machine.motor.view().identity
         engine = self._machine.engine
@@ -93,18 +103,18 @@ class DaemonFacts:
             "motor_warnings": [] if identity is None else warnings(identity),
             "calibration_file": engine.calibrated.file,
             "calibration": _calibration(engine.calibrated),
-            "motion": engine.config.as_fields(engine.period_s),
+            "motion": MotionFields(engine.config.as_fields(engine.period_s)),
             "configuration": config.as_info(),
         }
 
-    def health(self, now_s: float) -> dict[str, object]:
+    def health(self, now_s: float) -> Mapping[str, object]:
         """Tell the verdict and the figures."""
         verdict, reasons = self.verdict()
         parts, uptime_s = self._parts, now_s - self._began_s
-        figures = {} if parts is None else parts.figures(uptime_s, self._machine)
-        return {"verdict": verdict, "reasons": reasons, **figures}
+        judged: Judged = {"verdict": verdict, "reasons": reasons}
+        return judged if parts is None else {**judged, **parts.figures(uptime_s, self._machine)}
 
-    def verdict(self) -> tuple[str, list[str]]:
+    def verdict(self) -> tuple[Verdict, list[str]]:
         """Return ok, degraded or down, and why."""
         starting, parts = ["the daemon is still starting"], self._parts
         down, degraded = (starting, []) if parts is None else self._complaints(parts)
@@ -160,7 +170,7 @@ class DaemonFacts:
             found.append(complaint)
         return found
 
-    def _motor(self) -> dict[str, object]:
+    def _motor(self) -> MotorFacts:
         identity: MotorIdentity | None = self._machine.motor.view().identity
         return {
             "type": self._config.motor.type,
@@ -169,7 +179,7 @@ class DaemonFacts:
             "serial": None if identity is None else identity.registers.get("SN"),
         }
 
-    def _gripper(self) -> dict[str, object]:
+    def _gripper(self) -> GripperFacts:
         engine = self._machine.engine
         geometry = engine.geometry
         return {
@@ -208,7 +218,7 @@ def _process_complaints(parts: Parts) -> list[str]:
     return found
 
 
-def _calibration(in_use: CalibrationInUse) -> Mapping[str, object]:
+def _calibration(in_use: CalibrationInUse) -> CalibrationFacts:
     """Tell where the calibration came from; `saved_s` is the file's date, in Unix time."""
     calibration = in_use.calibration
     return {

@@ -4,7 +4,6 @@ import dataclasses
 import math
 import resource
 import time
-from collections.abc import Mapping
 from pathlib import Path
 
 from litegripd.app.machine import Machine
@@ -17,6 +16,7 @@ from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
 from litegripd.io.spawner import Spawner
 from litegripd.io.teleop_links import TeleopLinks
+from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
 from litegripd.rpc.service import RpcService
 
 
@@ -69,7 +69,7 @@ class Parts:
         self.bus_load = (bits - self._window_bits) / elapsed_s / self._bitrate
         self._window_began_s, self._window_cpu_s, self._window_bits = now_s, cpu_s, bits
 
-    def figures(self, uptime_s: float, machine: Machine) -> Mapping[str, object]:
+    def figures(self, uptime_s: float, machine: Machine) -> Figures:
         """Return all figures by their rooms."""
         reactor, counters = self.reactor, self.bus.counters
         return {
@@ -92,7 +92,13 @@ class Parts:
                 "state": machine.engine.bus.state,
                 "error": machine.engine.bus.error,
                 "load": round(self.bus_load, 4),
-                **{name: getattr(counters, name) for name in _BUS_COUNTERS},
+                "sent": counters.sent,
+                "received": counters.received,
+                "send_failures": counters.send_failures,
+                "ignored": counters.ignored,
+                "error_frames": counters.error_frames,
+                "errors": counters.errors,
+                "reopened": counters.reopened,
             },
             "motor": motor_figures(machine),
             "heat": _heat(machine.engine.output.heat),
@@ -129,24 +135,14 @@ class Parts:
         }
 
 
-_BUS_COUNTERS = (
-    "sent",
-    "received",
-    "send_failures",
-    "ignored",
-    "error_frames",
-    "errors",
-    "reopened",
-)
-
-
-def motor_figures(machine: Machine) -> Mapping[str, object]:
+def motor_figures(machine: Machine) -> MotorFigures:
     """Tell the motor's counters, and whether somebody else commands it just now."""
     is_active = machine.engine.second_master.is_active
-    return {**dataclasses.asdict(machine.motor.counters), "foreign_active": is_active}
+    own: ForeignActive = {"foreign_active": is_active}
+    return MotorFigures({**dataclasses.asdict(machine.motor.counters), **own})
 
 
-def _heat(heat: HeatGuard) -> Mapping[str, object]:
+def _heat(heat: HeatGuard) -> HeatFigures:
     """Tell the coil's temperature as the model has it, and how long the present load may last."""
     coil_c, limit_s = heat.model.coil_c, heat.model.time_to_limit_s()
     return {

@@ -25,7 +25,8 @@ from litegripd.io.places import Places
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
-from litegripd.rpc.restarting import OnRestarted, Restarted
+from litegripd.model.restarted import Restarted
+from litegripd.rpc.restarting import OnRestarted
 from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)

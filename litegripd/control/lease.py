@@ -7,7 +7,7 @@ told by a callback.
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, TypedDict
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import OnLost, Owner
@@ -49,6 +49,26 @@ class Grant:
     since_s: float
 
 
+class Taker(TypedDict):
+    """The process that took a lease."""
+
+    pid: int
+    uid: int
+    program: str
+
+
+class _LossData(TypedDict):
+    cause: LossCause
+    why: str | None
+    on_lost: OnLost
+
+
+class LossData(_LossData, total=False):
+    """Why a lease was lost, for programs; `by` is there where it was taken."""
+
+    by: Taker
+
+
 @dataclass(frozen=True, slots=True)
 class Loss:
     """A lease that was lost, why, and to whom, if it was taken.
@@ -76,9 +96,9 @@ class Loss:
         return f"{LOSS_TEXTS[self.cause]} by {by.program} (pid {by.pid}, uid {by.uid}): {self.why}"
 
     @property
-    def data(self) -> dict[str, object]:
+    def data(self) -> LossData:
         """Return the same for programs."""
-        data: dict[str, object] = {"cause": self.cause, "why": self.why, "on_lost": self.on_lost}
+        data: LossData = {"cause": self.cause, "why": self.why, "on_lost": self.on_lost}
         if self.by is not None:
             data["by"] = _who(self.by)
         return data
@@ -274,7 +294,7 @@ def _owner_data(holder: Grant) -> dict[str, object]:
     return {**_who(holder.owner), "purpose": purpose, "since_s": since_s}
 
 
-def _who(owner: Owner) -> dict[str, object]:
+def _who(owner: Owner) -> Taker:
     return {"pid": owner.pid, "uid": owner.uid, "program": owner.program}
 
 

@@ -34,6 +34,7 @@ from litegripd.io.spawner import OPERATION as START_SPAWNER
 from litegripd.io.standard_error import LineWriter
 from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
+from litegripd.model.saved import Dumped
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]
@@ -57,7 +58,7 @@ def write_log(parameters: Parameters) -> None:
     _LOG.write(str(parameters["text"]))
 
 
-def dump_recorder(parameters: Parameters) -> dict[str, object]:
+def dump_recorder(parameters: Parameters) -> Dumped:
     """Write the flight recorder, as the operation `recorder.dump`."""
     # What a dump needs takes longer to import than all the rest of the helper.
     from litegripd.io.recorder_files import dump  # noqa: PLC0415

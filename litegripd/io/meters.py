@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+from litegripd.rpc.facts import Durations
+
 _BUCKET_S = 10e-6
 _BUCKETS = 1000  # 10 ms; what is longer counts as the last bucket, the worst is kept exactly
 
@@ -39,16 +41,19 @@ class LatenessMeter:
             edges.append(min((index + 1) * _BUCKET_S, self.worst_s))
         return edges
 
-    def summary_us(self) -> dict[str, float | None]:
-        """Return p50, p99, p99.9 and the worst in microseconds, under those names."""
-        named = dict(
-            zip(("p50", "p99", "p99_9"), self.percentiles_s((0.5, 0.99, 0.999)), strict=True)
-        )
-        named["worst"] = self.worst_s if self._total else None
+    def summary_us(self) -> Durations:
+        """Return p50, p99, p99.9 and the worst in microseconds."""
+        p50_s, p99_s, p99_9_s = self.percentiles_s((0.5, 0.99, 0.999))
         return {
-            f"{name}_us": None if value is None else round(value * 1e6, 1)
-            for name, value in named.items()
+            "p50_us": _us(p50_s),
+            "p99_us": _us(p99_s),
+            "p99_9_us": _us(p99_9_s),
+            "worst_us": _us(self.worst_s if self._total else None),
         }
+
+
+def _us(duration_s: float | None) -> float | None:
+    return None if duration_s is None else round(duration_s * 1e6, 1)
 
 
 class RecentLateness:

@@ -17,6 +17,7 @@ from litegripd.io.calibration_files import own_directory
 from litegripd.io.child import MEMORY_FD
 from litegripd.io.recorder_mcap import to_mcap
 from litegripd.io.shared_memory import copy_of
+from litegripd.model.saved import Dumped
 
 KEPT_FILES = 10
 KEPT_BYTES = 64_000_000
@@ -27,7 +28,7 @@ _NAME = re.compile(r"\.?(\d+)-\d{8}T.+\.mcap")
 """Of a dump, or of one that is being written; what has another name is not the daemon's."""
 
 
-def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> dict[str, object]:
+def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> Dumped:
     """Write what the recorder holds now to a new file; return its path, and what is in it.
 
     Raises `FileError` where it cannot be written, and where nothing has been recorded yet.

@@ -14,11 +14,10 @@ from litegripd.io import atomic_file
 from litegripd.io.atomic_file import REAL, FileError, FileSystem
 from litegripd.io.calibration_files import MAX_FILE_BYTES, own_file
 from litegripd.model.calibration import CalibrationError, parse_calibration
+from litegripd.model.saved import Saved
 
 
-def save_calibration(
-    parameters: Mapping[str, object], file_system: FileSystem = REAL
-) -> dict[str, object]:
+def save_calibration(parameters: Mapping[str, object], file_system: FileSystem = REAL) -> Saved:
     """Save `content` as the calibration of `channel`, as the operation `calibration.save`.
 
     Keeps the file before as `<channel>_calibration.previous.json`. Raises `CalibrationError`, and

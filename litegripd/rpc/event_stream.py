@@ -12,6 +12,7 @@ from typing import get_args
 
 from litegripd.model.events import Event, EventKind
 from litegripd.rpc.session import Session
+from litegripd.rpc.view import NumberedEvent
 from litegripd.rpc.wire import encode, notification_line
 
 EVENT_KINDS: tuple[str, ...] = get_args(EventKind)
@@ -36,7 +37,7 @@ class _Numbered:
         """Return the members of its JSON object, without the braces."""
         if self._encoded is None:
             event = self.event
-            view = {
+            view: NumberedEvent = {
                 "seq": self.sequence,
                 "monotonic_s": self._at_s,
                 "kind": event.kind,

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+from litegripd.rpc.answers import Granted, LeaseNumber, LeaseView, Released, Taken
 from litegripd.rpc.method import LEASE, Method
 from litegripd.rpc.schema import Param
 
@@ -23,11 +24,17 @@ _ON_LOST = Param(
 _GRANTED = "The token (lease), its number, and the state."
 
 LEASE_METHODS: tuple[Method, ...] = (
-    Method("lease.get", "Tell who has the lease, and how many wait.", "owner (or null), waiting."),
+    Method(
+        "lease.get",
+        "Tell who has the lease, and how many wait.",
+        "owner (or null), waiting.",
+        LeaseView,
+    ),
     Method(
         "lease.acquire",
         "Have the gripper for this connection alone, until lease.release or the connection's end.",
         _GRANTED,
+        Granted,
         (
             _PURPOSE,
             _TTL,
@@ -48,6 +55,7 @@ LEASE_METHODS: tuple[Method, ...] = (
         "lease.release",
         "Give the lease back, if it is the present one; a running motion goes on.",
         "released.",
+        Released,
         (LEASE,),
         role="operator",
     ),
@@ -55,6 +63,7 @@ LEASE_METHODS: tuple[Method, ...] = (
         "lease.renew",
         "Let the time to live begin anew, as every request of the holder does.",
         "The number of the lease.",
+        LeaseNumber,
         (LEASE,),
         role="operator",
         needs_lease=False,
@@ -63,6 +72,7 @@ LEASE_METHODS: tuple[Method, ...] = (
         "lease.resume",
         "Get the lease of this token again after a lost connection, if nobody has had it since.",
         _GRANTED,
+        Granted,
         (replace(LEASE, required=True),),
         role="operator",
     ),
@@ -74,6 +84,7 @@ LEASE_METHODS: tuple[Method, ...] = (
         "As of lease.acquire; from whom it was taken (taken_from, as the owner of lease.get, or"
         " null), the motion that has ended by it (ended_job, or null), and what the jaws do (jaws;"
         " null where the taker's own motion, or disabling, goes on).",
+        Taken,
         (
             Param("why", "string", "The reason, told to the loser and to the log.", required=True),
             Param(

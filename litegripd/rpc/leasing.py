@@ -7,6 +7,7 @@ from typing import Any
 from litegripd.control.engine import Engine
 from litegripd.control.lease import Grant, Wish
 from litegripd.model.errors import Refusal
+from litegripd.rpc.answers import Granted, Holder, LeaseNumber, LeaseView, Released, Taken
 from litegripd.rpc.calls import Answer, Call, Deferred, Function
 from litegripd.rpc.reporter import Reporter
 
@@ -60,7 +61,7 @@ class Leasing:
             "lease.take": self._take,
         }
 
-    def _get(self, call: Call) -> Answer:
+    def _get(self, call: Call) -> LeaseView:
         lease = self._engine.lease
         return {
             "owner": None if lease.holder is None else self._holder(lease.holder),
@@ -68,7 +69,7 @@ class Leasing:
             "waiting": lease.waiting,
         }
 
-    def _holder(self, grant: Grant) -> dict[str, Any]:
+    def _holder(self, grant: Grant) -> Holder:
         owner, wish = grant.owner, grant.wish
         return {
             "client": owner.client,
@@ -97,7 +98,7 @@ class Leasing:
         return refusal or deferred
 
     def _release(self, call: Call) -> Answer:
-        return self._engine.release(call.owner) or {"released": True}
+        return self._engine.release(call.owner) or Released(released=True)
 
     def _renew(self, call: Call) -> Answer:
         holder = self._engine.lease.holder
@@ -105,7 +106,7 @@ class Leasing:
         if refusal is not None or holder is None:
             return refusal or Refusal("lease_lost", "nobody has the lease: acquire one")
         self._engine.lease.renew(holder.owner.client, call.now_s)
-        return {"number": holder.number}
+        return LeaseNumber(number=holder.number)
 
     def _resume(self, call: Call) -> Answer:
         grant = call.owner.grant
@@ -131,17 +132,18 @@ class Leasing:
         left = params.get("jaws", "hold")
         grant = engine.take_over(call.owner, _wish(params, Wish()), params["why"], left)
         goes_on = engine.jobs.running
-        return {
+        taken: Taken = {
             **self._grant_view(grant),
             "taken_from": None if holder is None else self._holder(holder),
             "ended_job": None if running is None or goes_on is running else running.number,
             "jaws": left if goes_on is None else None,
         }
+        return taken
 
-    def _granted(self, answer: Grant | Refusal) -> Mapping[str, Any] | Refusal:
+    def _granted(self, answer: Grant | Refusal) -> Granted | Refusal:
         return answer if isinstance(answer, Refusal) else self._grant_view(answer)
 
-    def _grant_view(self, answer: Grant) -> dict[str, Any]:
+    def _grant_view(self, answer: Grant) -> Granted:
         self._reporter.refresh()
         return {
             "lease": self._tokens.of(answer.number),

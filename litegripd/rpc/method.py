@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from litegripd.rpc.schema import Param
 from litegripd.rpc.session import Role
@@ -47,6 +48,7 @@ SPEED_MM_S = (0.1, 500.0)
 class Method:
     """One method.
 
+    `returns` is the type of the result when all is done: the schema of it is made from there.
     `role` is the least that its caller must be; `needs_lease` marks those that are for the holder
     of the lease alone, as long as somebody holds it; `stop_voids` those that a stop makes void when
     they were sent before it; `waits` those whose answer comes when a job has ended; `may_notify`
@@ -57,6 +59,7 @@ class Method:
     name: str
     summary: str
     result: str
+    returns: Any
     params: tuple[Param, ...] = ()
     role: Role = "observer"
     needs_lease: bool = False

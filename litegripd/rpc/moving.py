@@ -11,8 +11,10 @@ from litegripd.control.motions import Motions
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job
 from litegripd.model.motion_config import MotionConfig
+from litegripd.rpc.answers import Cleared, Stopped
 from litegripd.rpc.calls import Answer, Call, Function, later
 from litegripd.rpc.reporter import Reporter
+from litegripd.rpc.view import JobNumber, StateView
 
 QUANTITIES: tuple[Literal["opening_mm", "position_rad", "openness"], ...] = (
     "opening_mm",
@@ -133,9 +135,9 @@ class Moving:
             speed_mm_s=call.params.get("speed_mm_s"),
             torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
         )
-        return job if isinstance(job, Refusal) else {"job": job.number}
+        return job if isinstance(job, Refusal) else JobNumber(job=job.number)
 
-    def _stop(self, call: Call) -> Answer:
+    def _stop(self, call: Call) -> Stopped:
         level, why = call.params.get("level", "hold"), call.params.get("why")
         self._engine.stop(level, call.owner, why, call.now_s)
         latched = self._engine.stop_latch.latched
@@ -145,7 +147,7 @@ class Moving:
             "state": self._changed_state(),
         }
 
-    def _clear_stop(self, call: Call) -> Answer:
+    def _clear_stop(self, call: Call) -> Cleared:
         self._engine.clear_stop(call.owner)
         return {"generation": self._engine.stop_latch.generation, "state": self._changed_state()}
 
@@ -160,7 +162,7 @@ class Moving:
             return job
         return {"job": job.number, **figures, "state": self._changed_state()}
 
-    def _changed_state(self) -> dict[str, Any]:
+    def _changed_state(self) -> StateView:
         self._reporter.refresh()
         return self._reporter.state_view()
 

@@ -2,8 +2,19 @@
 
 from dataclasses import replace
 
-from litegripd.model.jobs import STOP_LEVELS
+from litegripd.model.jobs import STOP_LEVELS, Job
 from litegripd.model.motion_config import RANGES
+from litegripd.model.results import (
+    ClearFaultResult,
+    DisableResult,
+    EnableResult,
+    ForceResult,
+    GraspResult,
+    HoldResult,
+    MoveResult,
+    SlackResult,
+)
+from litegripd.rpc.answers import Cleared, Stopped
 from litegripd.rpc.method import (
     CONFIG,
     DETACH,
@@ -15,6 +26,7 @@ from litegripd.rpc.method import (
     target_params,
 )
 from litegripd.rpc.schema import Param
+from litegripd.rpc.view import JobNumber
 
 _FORCE = Param(
     "force_n",
@@ -29,6 +41,7 @@ _GRASP = Method(
     "motion.grasp",
     "Close until something is gripped, then hold it by force.",
     "ok, outcome, width_mm, force_n, held_s, cycles, and the state.",
+    GraspResult,
     (
         _FORCE,
         Param(
@@ -72,6 +85,7 @@ _MOVE = Method(
     "motion.move",
     "Move to a position inside the calibrated travel, then hold.",
     "The move's result and the state.",
+    MoveResult,
     (
         *target_params(),
         speed_param("speed_mm_s"),
@@ -93,6 +107,7 @@ _SET_FORCE = Method(
     "motion.set_force",
     "Squeeze with this force from now on: what is gripped, else from where the jaws are.",
     "The force and the state.",
+    ForceResult,
     (_FORCE_DUE, CONFIG),
     role="operator",
     needs_lease=True,
@@ -104,6 +119,7 @@ _STREAM = Method(
     " second. When none comes in time, the jaws hold where they are. It counts from sent_s, else"
     " from when it was received.",
     "The number of the stream's job.",
+    JobNumber,
     (
         *target_params(),
         Param(
@@ -131,6 +147,7 @@ _ZERO_GRAVITY = Method(
     "motion.zero_gravity",
     "Let the jaws go: enabled, but moved freely by hand, until motion.hold or a motion.",
     "The position and the state.",
+    SlackResult,
     role="operator",
     needs_lease=True,
     stop_voids=True,
@@ -142,6 +159,7 @@ MOVING: tuple[Method, ...] = (
         "motor.enable",
         "Energise the motor and hold the measured position.",
         "ok, tries, message and the state.",
+        EnableResult,
         (
             Param("retries", "integer", "Attempts at most.", minimum=1, maximum=20),
             CONFIG,
@@ -157,6 +175,7 @@ MOVING: tuple[Method, ...] = (
         "motor.disable",
         "De-energise the motor, confirmed.",
         "ok and the state.",
+        DisableResult,
         (WAIT, DETACH),
         role="operator",
         needs_lease=True,
@@ -167,6 +186,7 @@ MOVING: tuple[Method, ...] = (
         "Clear the fault that the motor has latched, confirmed, and accept a position that has"
         " jumped. It energises nothing: motor.enable does.",
         "ok, cleared (the fault's name, null without one) and the state.",
+        ClearFaultResult,
         (WAIT, DETACH),
         role="operator",
         needs_lease=True,
@@ -176,6 +196,7 @@ MOVING: tuple[Method, ...] = (
         "motion.open",
         "Open until the mechanical stop ends the move, then hold.",
         "The move's result and the state.",
+        MoveResult,
         (speed_param("speed_mm_s"), *RUN_PARAMS),
         role="operator",
         needs_lease=True,
@@ -186,6 +207,7 @@ MOVING: tuple[Method, ...] = (
         "motion.close",
         "Close until the mechanical stop ends the move, then hold.",
         "The move's result and the state.",
+        MoveResult,
         (speed_param("speed_mm_s"), *RUN_PARAMS),
         role="operator",
         needs_lease=True,
@@ -198,6 +220,7 @@ MOVING: tuple[Method, ...] = (
         "motion.hold",
         "Hold from now on: what is held already, else the measured position.",
         "The position and the state.",
+        HoldResult,
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -210,6 +233,7 @@ MOVING: tuple[Method, ...] = (
         "stop",
         "Stop and latch: nothing moves until stop.clear. Anybody may.",
         "The latched level, the generation and the state.",
+        Stopped,
         (
             Param(
                 "level",
@@ -226,6 +250,7 @@ MOVING: tuple[Method, ...] = (
         " stopped (by uid); an observer only what nobody else has stopped, too. Refused where a"
         " stop came after it was sent: look, clear again.",
         "The generation and the state.",
+        Cleared,
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -235,6 +260,7 @@ MOVING: tuple[Method, ...] = (
         "job.cancel",
         "End a job, running or queued; the jaws go on holding what they hold.",
         "The job.",
+        Job,
         (JOB,),
         role="operator",
     ),

@@ -2,11 +2,24 @@
 
 from dataclasses import fields
 
+from litegripd.model.jobs import Job
 from litegripd.model.state import GripperState
+from litegripd.rpc.answers import (
+    ClientList,
+    Discovered,
+    EventsSubscribed,
+    Greeting,
+    JobList,
+    StateSubscribed,
+    SubscriptionNumber,
+)
 from litegripd.rpc.event_stream import EVENT_KINDS
+from litegripd.rpc.facts import Figures, Hello, Info, Judged
 from litegripd.rpc.method import JOB, Method
 from litegripd.rpc.samples import MAX_BATCH
 from litegripd.rpc.schema import Param
+from litegripd.rpc.type_schema import Shape
+from litegripd.rpc.view import StateView
 
 STATE_FIELDS = tuple(field.name for field in fields(GripperState))
 MAX_RATE_HZ = 1000.0
@@ -21,15 +34,22 @@ READING: tuple[Method, ...] = (
         " before everything else (stop_socket; null where there is no such socket), and the time"
         " by the daemon's CLOCK_MONOTONIC (monotonic_s), by which a client of another machine knows"
         " that its own clock is no use for sent_s.",
+        Shape("Hello", (Hello, Greeting)),
         (Param("client", "string", "The program's name, for the log and for other clients."),),
     ),
-    Method("rpc.discover", "Describe the methods.", "An OpenRPC document."),
-    Method("health", "Tell how the daemon fares.", "A verdict, its reasons, and the figures."),
-    Method("state.get", "Tell the gripper's present state.", "The state."),
+    Method("rpc.discover", "Describe the methods.", "An OpenRPC document.", Discovered),
+    Method(
+        "health",
+        "Tell how the daemon fares.",
+        "A verdict, its reasons, and the figures.",
+        Shape("Health", (Judged, Shape("Figures", (Figures,), partial=True))),
+    ),
+    Method("state.get", "Tell the gripper's present state.", "The state.", StateView),
     Method(
         "state.subscribe",
         "Send the state again and again, as state.sample or state.batch notifications.",
         "The number of the subscription and the present state, with all its fields.",
+        StateSubscribed,
         (
             Param(
                 "hz",
@@ -53,12 +73,14 @@ READING: tuple[Method, ...] = (
         "state.unsubscribe",
         "End a subscription of this connection to the state.",
         "The number of the subscription.",
+        SubscriptionNumber,
         (_SUBSCRIPTION,),
     ),
     Method(
         "events.subscribe",
         "Tell what happens from now on, as event notifications; none is ever left out.",
         "The number of the subscription, the present state, and the last 32 events of these kinds.",
+        EventsSubscribed,
         (
             Param(
                 "kinds",
@@ -73,6 +95,7 @@ READING: tuple[Method, ...] = (
         "events.unsubscribe",
         "End a subscription of this connection to events.",
         "The number of the subscription.",
+        SubscriptionNumber,
         (_SUBSCRIPTION,),
     ),
     Method(
@@ -81,6 +104,7 @@ READING: tuple[Method, ...] = (
         "clients: of each its number (client), pid, uid, program, role, connected_s, what is"
         " counted of it (requests, refused, bytes_in, bytes_out, dropped samples,"
         " worst_latency_ms), its subscriptions, its requests that wait (waiting), and is_me.",
+        ClientList,
     ),
     Method(
         "info.get",
@@ -88,8 +112,9 @@ READING: tuple[Method, ...] = (
         "Facts: what hello tells, the motor's registers, motor_warnings, the calibration's file,"
         " channel and date (saved_s, Unix time; nominal: a template's figures, measured on no"
         " gripper), motion, configuration.",
+        Info,
     ),
-    Method("job.list", "List the jobs that are kept, the oldest first.", "The jobs."),
-    Method("job.get", "Tell about one job.", "The job.", (JOB,)),
-    Method("job.wait", "Wait until a job has ended.", "The job.", (JOB,), waits=True),
+    Method("job.list", "List the jobs that are kept, the oldest first.", "The jobs.", JobList),
+    Method("job.get", "Tell about one job.", "The job.", Job, (JOB,)),
+    Method("job.wait", "Wait until a job has ended.", "The job.", Job, (JOB,), waits=True),
 )

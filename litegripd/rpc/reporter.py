@@ -2,14 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from litegripd.control.engine import Engine
 from litegripd.control.jobs import KEPT_JOBS
 from litegripd.control.snapshot import snapshot
 from litegripd.model.jobs import Job
 from litegripd.model.state import GripperState
-from litegripd.rpc.view import job_line, result_line, state_view
+from litegripd.rpc.view import StateView, job_line, result_line, state_view
 from litegripd.rpc.wire import encode
 
 
@@ -56,7 +55,7 @@ class Reporter:
             self._state = snapshot(self._engine, self._now_s, self._period_s)
         return self._state
 
-    def state_view(self) -> dict[str, Any]:
+    def state_view(self) -> StateView:
         """Return the present state in its wire form."""
         return state_view(self.state())
 

@@ -1,20 +1,12 @@
 """The method by which the daemon is restarted without letting go of what the jaws hold."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
+from litegripd.model.restarted import Restarted
 from litegripd.rpc.calls import Answer, Call, Deferred, Function
-
-
-@dataclass(frozen=True, slots=True)
-class Restarted:
-    """The successor that has taken over, and the time between the commands of the two."""
-
-    pid: int
-    gap_s: float
-
 
 OnRestarted: TypeAlias = Callable[[Restarted | Refusal], None]
 """Is told which successor has taken over, or why none has."""

@@ -15,7 +15,18 @@ from litegripd.model.motion_config import RANGES
 from litegripd.model.motion_limits import fast_conflict
 from litegripd.model.motor import RegisterReply
 from litegripd.motor.registers import REGISTERS, Register
+from litegripd.rpc.answers import (
+    CalibrationLoaded,
+    CalibrationView,
+    ConfigView,
+    Marks,
+    Nothing,
+    RegisterValue,
+    Templates,
+)
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, Later, later
+from litegripd.rpc.facts import MotionFields
+from litegripd.rpc.view import JobNumber
 
 Authority: TypeAlias = Callable[[], "Refusal | None"]
 """Returns why what was asked for may not take effect any more, or None."""
@@ -46,7 +57,7 @@ class Settings:
             "config.set": self._set_config,
         }
 
-    def _calibration(self) -> dict[str, Any]:
+    def _calibration(self) -> CalibrationView:
         engine, in_use = self._engine, self._engine.calibrated
         calibration = in_use.calibration
         geometry = None if calibration is None else calibration.geometry
@@ -67,7 +78,10 @@ class Settings:
         }
 
     def _templates(self, call: Call) -> Answer:
-        return self._errand(call, "calibration.templates", {}, lambda value: {"templates": value})
+        def told(value: Any) -> Templates:
+            return {"templates": value}
+
+        return self._errand(call, "calibration.templates", {}, told)
 
     def _load(self, call: Call) -> Answer:
         params = call.params
@@ -92,8 +106,12 @@ class Settings:
             calibration = read_content(params["content"])
         except CalibrationError as error:
             return Refusal("calibration_unreadable", f"the content cannot be used: {error}")
-        found = {"loaded": True, "factory": False, "skipped": []}
-        return self._calibrating.load(calibration, None) or {**self._calibration(), **found}
+        refusal = self._calibrating.load(calibration, None)
+        return refusal or self._loaded(loaded=True, factory=False, skipped=[])
+
+    def _loaded(self, *, loaded: bool, factory: bool, skipped: list[str]) -> CalibrationLoaded:
+        found = self._calibration()
+        return {**found, "loaded": loaded, "factory": factory, "skipped": skipped}
 
     def _authority(self, call: Call) -> Authority:
         """Return what to ask when a request takes effect that had to wait for the helper.
@@ -114,19 +132,17 @@ class Settings:
 
         return refusal
 
-    def _adopt_found(self, value: Any, authority: Authority) -> Mapping[str, Any] | Refusal:
+    def _adopt_found(self, value: Any, authority: Authority) -> CalibrationLoaded | Refusal:
         """Take what the helper found, unless a motion has begun or somebody else decides now."""
         refusal = authority()
         if refusal is not None:
             return refusal
         skipped = list(value["skipped"])
         if value["calibration"] is None:
-            found = {"loaded": False, "factory": False, "skipped": skipped}
-            return {**self._calibration(), **found}
+            return self._loaded(loaded=False, factory=False, skipped=skipped)
         calibration = from_plain(value["calibration"])
         refusal = self._calibrating.load(calibration, value["path"])
-        found = {"loaded": True, "factory": value["factory"], "skipped": skipped}
-        return refusal or {**self._calibration(), **found}
+        return refusal or self._loaded(loaded=True, factory=value["factory"], skipped=skipped)
 
     def _save(self, call: Call) -> Answer:
         deferred = Deferred()
@@ -154,16 +170,16 @@ class Settings:
         step, calibrating, engine = call.params["step"], self._calibrating, self._engine
         if step == "begin":
             job = calibrating.by_hand(call.owner, engine.config)
-            return job if isinstance(job, Refusal) else {"job": job.number}
+            return job if isinstance(job, Refusal) else JobNumber(job=job.number)
         if step == "finish":
             job = calibrating.finish(call.owner, keep=call.params.get("save", True))
             return job if isinstance(job, Refusal) else Later(job)
         if step == "cancel":
-            return calibrating.give_up(call.owner) or {}
+            return calibrating.give_up(call.owner) or Nothing()
         marks = calibrating.mark(step, call.owner)
         if isinstance(marks, Refusal):
             return marks
-        return {"closed_rad": marks.get("closed"), "open_rad": marks.get("open")}
+        return Marks(closed_rad=marks.get("closed"), open_rad=marks.get("open"))
 
     def _read_register(self, call: Call) -> Answer:
         register = find_register(call.params["register"])
@@ -172,15 +188,16 @@ class Settings:
         deferred = Deferred()
 
         def replied(reply: RegisterReply) -> None:
-            named = {"number": register.number, "name": register.name, "value": reply.value}
+            number, name = register.number, register.name
+            named = RegisterValue(number=number, name=name, value=reply.value)
             deferred.resolve(reply.failure or named)
 
         return self._engine.inquiries.add(register.number, replied) or deferred
 
-    def _config(self) -> dict[str, Any]:
+    def _config(self) -> ConfigView:
         engine = self._engine
         return {
-            "config": engine.config.as_fields(engine.period_s),
+            "config": MotionFields(engine.config.as_fields(engine.period_s)),
             "ranges": {name: list(limits) for name, limits in RANGES.items()},
             "kept": engine.config_is_kept,
         }

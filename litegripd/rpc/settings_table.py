@@ -2,6 +2,17 @@
 
 from dataclasses import replace
 
+from litegripd.model.restarted import Restarted
+from litegripd.model.results import SetZeroResult, ZeroResult
+from litegripd.model.saved import Saved
+from litegripd.rpc.answers import (
+    BY_HAND,
+    CalibrationLoaded,
+    CalibrationView,
+    ConfigView,
+    RegisterValue,
+    Templates,
+)
 from litegripd.rpc.method import CONFIG, DETACH, RUN_PARAMS, WAIT, Method
 from litegripd.rpc.schema import Param
 
@@ -15,13 +26,16 @@ _MOUNT = Param(
 _SAVE = Param("save", "boolean", "Write it to the daemon's own file (default true).")
 
 SETTINGS: tuple[Method, ...] = (
-    Method("calibration.get", "Tell the calibration in use.", "The calibration."),
-    Method("calibration.templates", "Tell the templates of the mounts.", "The templates."),
+    Method("calibration.get", "Tell the calibration in use.", "The calibration.", CalibrationView),
+    Method(
+        "calibration.templates", "Tell the templates of the mounts.", "The templates.", Templates
+    ),
     Method(
         "calibration.load",
         "Take another calibration: a template, a file's content, or what the daemon's own files"
         " have.",
         "loaded, factory, skipped (files that were passed over), and the calibration.",
+        CalibrationLoaded,
         (
             replace(_MOUNT, name="template", description="The mount to declare."),
             Param("content", "object", "What a calibration file holds."),
@@ -35,6 +49,7 @@ SETTINGS: tuple[Method, ...] = (
         "calibration.save",
         "Write the calibration in use to the daemon's own file.",
         "The path, and that of the file before, which is kept.",
+        Saved,
         role="operator",
         needs_lease=True,
         waits=True,
@@ -43,6 +58,7 @@ SETTINGS: tuple[Method, ...] = (
         "calibration.zero",
         "Measure the travel by probing both stops, and take it. The jaws move to both stops.",
         "ok, outcome, the calibration, and the state.",
+        ZeroResult,
         (_MOUNT, _SAVE, *RUN_PARAMS),
         role="operator",
         needs_lease=True,
@@ -53,6 +69,7 @@ SETTINGS: tuple[Method, ...] = (
         "calibration.manual",
         "Measure the travel by hand: begin (the jaws go slack), mark closed and open, finish.",
         "The job, the marks, or as calibration.zero.",
+        BY_HAND,
         (
             Param(
                 "step",
@@ -72,6 +89,7 @@ SETTINGS: tuple[Method, ...] = (
         "motor.read_register",
         "Read a register of the motor.",
         "Its number, name and value.",
+        RegisterValue,
         (Param("register", "string", 'Its name or number: "PMAX", "21", "0x15".', required=True),),
         waits=True,
     ),
@@ -80,18 +98,22 @@ SETTINGS: tuple[Method, ...] = (
         "Take the present position as the motor's zero; disables the motor first. The calibration"
         " fits no longer then.",
         "ok, shift_rad, position_rad, and the state.",
+        SetZeroResult,
         (WAIT, DETACH),
         role="operator",
         needs_lease=True,
         stop_voids=True,
         waits=True,
     ),
-    Method("config.get", "Tell the daemon's motion configuration.", "Fields and ranges."),
+    Method(
+        "config.get", "Tell the daemon's motion configuration.", "Fields and ranges.", ConfigView
+    ),
     Method(
         "config.set",
         "Change the daemon's motion configuration, for everybody who does not say otherwise."
         " A speed_mm_s that does not go with stop_lead_mm is refused, as the motions would.",
         "As config.get.",
+        ConfigView,
         (
             replace(CONFIG, required=True, description="The fields that change."),
             Param("keep", "boolean", "Also over a restart of the daemon (default false)."),
@@ -106,6 +128,7 @@ SETTINGS: tuple[Method, ...] = (
         " end after the answer; a lease may be resumed by its token.",
         "The pid of the successor, which has taken over, and gap_s, the time between the last"
         " command of the one and the first of the other.",
+        Restarted,
         (
             Param(
                 "hold_through_restart",

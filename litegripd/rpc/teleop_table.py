@@ -6,6 +6,7 @@ from litegripd.model.teleop import (
     DEFAULT_PORT,
     DEFAULT_REFLECT_GAIN,
     DEFAULT_WATCHDOG_S,
+    TeleopStatus,
 )
 from litegripd.rpc.method import CONFIG, DETACH, Method
 from litegripd.rpc.schema import Param
@@ -121,6 +122,7 @@ TELEOP: tuple[Method, ...] = (
         "teleop.start",
         "Begin to lead another gripper, or to follow one, until teleop.stop. It answers at once.",
         "The status.",
+        TeleopStatus,
         (*_WHERE, *_HOW, CONFIG, DETACH),
         role="operator",
         needs_lease=True,
@@ -131,6 +133,7 @@ TELEOP: tuple[Method, ...] = (
         "End teleoperation, if it runs: the jaws hold where they are, except those that the torque"
         " guard has let go of: they stay free.",
         "The status, as at the end.",
+        TeleopStatus,
         role="operator",
         needs_lease=True,
     ),
@@ -138,5 +141,6 @@ TELEOP: tuple[Method, ...] = (
         "teleop.status",
         "Tell how teleoperation goes, or how the last one went.",
         "The status.",
+        TeleopStatus,
     ),
 )

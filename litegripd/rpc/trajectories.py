@@ -10,6 +10,7 @@ from litegripd.control.trajectories import Trajectories
 from litegripd.model.errors import Refusal
 from litegripd.model.results import ReplayResult
 from litegripd.model.trajectory import MAX_SAMPLES
+from litegripd.rpc.answers import CaptureStatus, NoTrajectory, ReplayStatus
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, later
 from litegripd.rpc.session import Session
 from litegripd.rpc.trajectory_contents import TrajectoryContents, name_refusal
@@ -118,7 +119,7 @@ class TrajectoryMethods:
             replay.is_paused = action == "pause"
         return self._status()
 
-    def _status(self) -> dict[str, Any]:
+    def _status(self) -> NoTrajectory | CaptureStatus | ReplayStatus:
         """Tell of what runs, else of what came last."""
         trajectories = self._trajectories
         capture, job = trajectories.capture, trajectories.replay_job
@@ -126,7 +127,7 @@ class TrajectoryMethods:
             return _capture_status(capture)
         return self._replay_status()
 
-    def _replay_status(self) -> dict[str, Any]:
+    def _replay_status(self) -> NoTrajectory | ReplayStatus:
         replay, job = self._trajectories.replay, self._trajectories.replay_job
         if replay is None or job is None:
             return {"active": False, "kind": None, "job": None, "samples": 0, "error": None}
@@ -148,7 +149,7 @@ class TrajectoryMethods:
         }
 
 
-def _capture_status(capture: Capture) -> dict[str, Any]:
+def _capture_status(capture: Capture) -> CaptureStatus:
     return {
         "active": not capture.is_over,
         "kind": "record",

@@ -12,6 +12,7 @@ from litegripd.control.loading import outcome_of
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.trajectory import name_problem
+from litegripd.rpc.answers import Deleted
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, Result
 from litegripd.rpc.session import Session
 from litegripd.rpc.trajectory_table import MAX_PIECE_BYTES
@@ -114,9 +115,9 @@ class TrajectoryContents:
         upload = self._uploads.get(call.session.identity, call.params["upload"])
         if upload is not None:
             self._uploads.drop(upload)
-        return self._errand(
-            call, "trajectory.drop", {"keys": [source["kept"]]}, lambda _value: {"deleted": True}
-        )
+        dropped: Deleted = {"deleted": True}
+        keys = {"keys": [source["kept"]]}
+        return self._errand(call, "trajectory.drop", keys, lambda _value: dropped)
 
     def source(self, method: str, call: Call) -> dict[str, Any] | Refusal:
         """Find which trajectory is meant: exactly one of name, upload and recording."""

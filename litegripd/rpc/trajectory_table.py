@@ -3,7 +3,18 @@
 from dataclasses import replace
 
 from litegripd.model.grips import MAX_GRIP_BYTES
+from litegripd.model.results import ReplayResult
 from litegripd.model.trajectory import MAX_BYTES, MAX_NAME, MAX_SAMPLES
+from litegripd.rpc.answers import (
+    PUT,
+    RECORDED,
+    CaptureStatus,
+    Deleted,
+    NoTrajectory,
+    Piece,
+    ReplayStatus,
+    TrajectoryList,
+)
 from litegripd.rpc.method import DETACH, JOB, LEASE, RUN_PARAMS, Method
 from litegripd.rpc.schema import Param
 
@@ -35,6 +46,7 @@ _RECORD = Method(
     "Record the jaws' motion in the background: taught by hand, the jaws being slack, or watched"
     " while others drive.",
     "As trajectory.status, and the job that makes the jaws slack (null where others drive).",
+    CaptureStatus,
     (
         Param(
             "rate_hz",
@@ -69,6 +81,7 @@ _PLAY = Method(
     "ok, outcome, loops, frames, largest_lag_mm, final_command_rad, grips (that held something),"
     " width_mm (of the latest, else null), width_difference_mm (the largest to the taught width),"
     " and the state.",
+    ReplayResult,
     (
         _NAME,
         _UPLOAD,
@@ -122,6 +135,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         "recording (its number; null with a name), name, path, samples, duration_s, max_rate_s,"
         " total (bytes), sha256, missed (samples that were due but not measured), grips (how many"
         " are kept with it), grips_left_out (those beyond 200), and what the file's header says.",
+        RECORDED,
         (
             _NAME,
             Param("allow_empty", "boolean", "One without samples is fine, too (default false)."),
@@ -140,6 +154,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         "Pause the replay that runs, let it go on, or change its speed; in force with the next"
         " tick. Cancel it with job.cancel.",
         "As trajectory.status.",
+        ReplayStatus,
         (
             Param(
                 "action",
@@ -161,6 +176,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         "active, kind (record, play or null), samples, error; of a recording also rate_hz,"
         " zero_gravity, loop_hz, missed, duration_s; of a replay frames, speed, openness,"
         " completed, loops, phase, grips. And job.",
+        NoTrajectory | CaptureStatus | ReplayStatus,
     ),
     Method(
         "trajectory.list",
@@ -172,6 +188,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         " where that is not known, and it counts for nobody); more: whether others follow; usage:"
         " the asking user's uid, named (how many), bytes (with their grips), most_named and"
         " most_bytes, which the daemon's configuration allows each user.",
+        TrajectoryList,
         (replace(_NAME, name="after", description="Only those after this name."),),
         waits=True,
     ),
@@ -179,6 +196,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         "trajectory.get",
         "Fetch a piece of a trajectory.",
         "data (base64), offset, total (bytes) and sha256 of the whole.",
+        Piece,
         (
             _NAME,
             _UPLOAD,
@@ -209,6 +227,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         " refused with the first piece.",
         "received (bytes) and complete; with the last piece also upload (its number; null with a"
         " name), name, path, samples, duration_s, max_rate_s, grips, and what its header says.",
+        PUT,
         (
             _NAME,
             replace(_OFFSET, required=True),
@@ -243,6 +262,7 @@ TRAJECTORIES: tuple[Method, ...] = (
         "trajectory.delete",
         "Remove a trajectory that the daemon keeps, or an upload of this connection.",
         "deleted.",
+        Deleted,
         (_NAME, _UPLOAD),
         role="operator",
         waits=True,

@@ -3,15 +3,96 @@
 What is the same for many, such as the state of a tick, is encoded once and spliced in as it is.
 """
 
+from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, NewType, TypedDict
 
-from litegripd.model.jobs import Job, Owner
+from litegripd.model.events import EventKind
+from litegripd.model.jobs import Job, JobKind, Owner
 from litegripd.model.results import Progress, Result
-from litegripd.model.state import GripperState
-from litegripd.rpc.wire import RequestId, encode, error_object
+from litegripd.model.state import GripperState, JobSummary
+from litegripd.rpc.wire import ErrorObject, RequestId, encode, error_object
 
 _STATE_FIELDS = tuple(field.name for field in fields(GripperState))
+
+StateView = NewType("StateView", dict[str, Any])
+"""The wire form of a `GripperState`, or of some of its fields."""
+
+
+class JobNumber(TypedDict):
+    """The number of a job."""
+
+    job: int
+
+
+class EndState(TypedDict):
+    """The state in which a job ended."""
+
+    state: StateView
+
+
+class Program(TypedDict):
+    """A process."""
+
+    program: str
+    pid: int
+
+
+class OwnerView(Program):
+    """Who asked for something: the number of a connection, and the process at its other end."""
+
+    client: int
+    uid: int
+
+
+class JobSummaryView(JobNumber):
+    """The running job, in brief."""
+
+    kind: str
+    phase: str | None
+    owner: Program
+
+
+class JobHead(JobNumber):
+    """A job, but for its result; `state` is the value of a `JobState`."""
+
+    kind: JobKind
+    state: str
+    owner: OwnerView
+    detached: bool
+    started_s: float
+    ended_s: float | None
+    phase: str | None
+    error: ErrorObject | None
+
+
+class JobEnd(TypedDict):
+    """The result of a job."""
+
+    result: Result | None
+
+
+class NumberedEvent(TypedDict):
+    """An event; `data` is other for each kind."""
+
+    seq: int
+    monotonic_s: float
+    kind: EventKind
+    message: str
+    data: Mapping[str, object]
+
+
+class ProgressHead(JobNumber):
+    """Whose progress it is: the job's, and the id of the request that wants it."""
+
+    request: str | int
+    kind: JobKind
+
+
+class ProgressEnd(TypedDict):
+    """Where the jaws are, where that is known."""
+
+    opening_mm: float | None
 
 
 def _plain(value: Any) -> dict[str, Any]:
@@ -19,19 +100,22 @@ def _plain(value: Any) -> dict[str, Any]:
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
-def state_view(state: GripperState, names: tuple[str, ...] = ()) -> dict[str, Any]:
+def state_view(state: GripperState, names: tuple[str, ...] = ()) -> StateView:
     """Give a state its wire form, or only these fields of it, in this order."""
     view: dict[str, Any] = {name: getattr(state, name) for name in names or _STATE_FIELDS}
     if view.get("job") is not None:
-        job = view["job"]
-        owner = {"program": job.program, "pid": job.pid}
-        view["job"] = {"job": job.job, "kind": job.kind, "phase": job.phase, "owner": owner}
+        view["job"] = _summary_view(view["job"])
     if view.get("stop") is not None:
         view["stop"] = _plain(view["stop"])
-    return view
+    return StateView(view)
 
 
-def owner_view(owner: Owner) -> dict[str, Any]:
+def _summary_view(job: JobSummary) -> JobSummaryView:
+    owner: Program = {"program": job.program, "pid": job.pid}
+    return {"job": job.job, "kind": job.kind, "phase": job.phase, "owner": owner}
+
+
+def owner_view(owner: Owner) -> OwnerView:
     """Give an owner its wire form."""
     return {
         "client": owner.client,
@@ -48,7 +132,7 @@ def result_line(job: Job, result: Result, state: bytes) -> bytes:
 
 def job_line(job: Job, phase: str | None, result: bytes | None) -> bytes:
     """Encode a job, with its encoded result, if it has one."""
-    view = {
+    view: JobHead = {
         "job": job.number,
         "kind": job.kind,
         "state": job.state.value,

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from litegripd.model.errors import Refusal
+from litegripd.rpc.answers import SubscriptionNumber
 from litegripd.rpc.calls import Answer, Call, Function
 from litegripd.rpc.event_stream import UNASKED_KINDS
 from litegripd.rpc.reporter import Reporter
@@ -50,7 +51,7 @@ class Watching:
     def _unsubscribe_from_state(self, call: Call) -> Answer:
         number = call.params["subscription"]
         found = self._subscriptions.remove_samples(number, call.session)
-        return {"subscription": number} if found else _no_subscription(number, "the state")
+        return _ended(number) if found else _no_subscription(number, "the state")
 
     def _subscribe_to_events(self, call: Call) -> Answer:
         kinds = frozenset(call.params.get("kinds", UNASKED_KINDS))
@@ -66,7 +67,7 @@ class Watching:
     def _unsubscribe_from_events(self, call: Call) -> Answer:
         number = call.params["subscription"]
         found = self._subscriptions.remove_events(number, call.session)
-        return {"subscription": number} if found else _no_subscription(number, "events")
+        return _ended(number) if found else _no_subscription(number, "events")
 
 
 def _refusal_of_fields(names: Sequence[str], batch: int) -> Refusal | None:
@@ -78,6 +79,10 @@ def _refusal_of_fields(names: Sequence[str], batch: int) -> Refusal | None:
     else:
         return None
     return Refusal("invalid_params", f"state.subscribe: {text}", {"parameter": "fields"})
+
+
+def _ended(number: int) -> SubscriptionNumber:
+    return {"subscription": number}
 
 
 def _no_subscription(number: int, what: str) -> Refusal:

@@ -8,7 +8,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypedDict, cast
 
 from litegripd.model import strict_json
 from litegripd.model.errors import Refusal
@@ -24,6 +24,21 @@ MAX_ID_CHARACTERS = 128
 RequestId: TypeAlias = str | int | None
 
 _encoder = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
+
+
+class ErrorData(TypedDict):
+    """What programs compare with; by its reason an error has further members."""
+
+    reason: str
+    retryable: bool
+
+
+class ErrorObject(TypedDict):
+    """Why a request was refused, or a job could not run its course."""
+
+    code: int
+    message: str
+    data: ErrorData
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,11 +119,11 @@ def notification_line(method: str, params: bytes) -> bytes:
     return b'{"jsonrpc":"2.0","method":"%b","params":%b}\n' % (method.encode(), params)
 
 
-def error_object(refusal: Refusal) -> dict[str, object]:
+def error_object(refusal: Refusal) -> ErrorObject:
     """Give a refusal the form that it has on the wire."""
     kind = refusal.kind
     data = {"reason": kind.reason, "retryable": kind.retryable, **refusal.data}
-    return {"code": kind.code, "message": refusal.message, "data": data}
+    return {"code": kind.code, "message": refusal.message, "data": cast(ErrorData, data)}
 
 
 def encode(value: object) -> bytes:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from docs.protocol_fields import JOB, NOTIFICATIONS, TELEOP
+from docs.protocol_fields import JOB, PARAMS, TELEOP
 from litegripd.rpc.methods import METHODS
 from tests.rpc.transcripts import FOLDER, talk
 
@@ -28,9 +28,9 @@ def sent() -> Iterator[dict[str, Any]]:
 
 def test_every_notification_that_the_daemon_sends_has_a_row() -> None:
     sources = "".join(path.read_text("utf-8") for path in (ROOT / "litegripd/rpc").glob("*.py"))
-    assert set(re.findall(r'notification_line\(\s*"([\w.]+)"', sources)) == set(NOTIFICATIONS)
+    assert set(re.findall(r'notification_line\(\s*"([\w.]+)"', sources)) == set(PARAMS)
     section = PAGE.split("## Notifications\n")[1].split("\n## ")[0]
-    assert all(f"| `{kind}` |" in section for kind in NOTIFICATIONS)
+    assert all(f"| `{kind}` |" in section for kind in PARAMS)
 
 
 def test_the_fields_of_jobs_progress_and_teleoperation_are_those_that_are_sent() -> None:

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 
 from litegripd.model.errors import ERRORS
+from litegripd.model.restarted import Restarted
 from litegripd.rpc.methods import METHODS
-from litegripd.rpc.restarting import Restarted
 from litegripd.rpc.waiting import MAX_PER_SESSION
 from tests.rpc.raw import answered
 from tests.trajectories import lgt, pieces

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from litegripd.model.restarted import Restarted
 from litegripd.rpc.methods import METHODS
-from litegripd.rpc.restarting import Restarted
 from tests.trajectories import lgt, pieces
 from tests.world import Client, World
 
