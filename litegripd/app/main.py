@@ -90,6 +90,7 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="litegripd",
+        allow_abbrev=False,  # a typo must not start another daemon than was meant
         description="Own one CAN channel with a LiteGrip gripper and let many processes use it.",
         epilog=f"Exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}.",
     )

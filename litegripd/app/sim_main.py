@@ -77,6 +77,7 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="litegrip-sim",
+        allow_abbrev=False,
         description="A simulated LiteGrip gripper on a CAN bus.",
         epilog=f"commands, as lines on its standard input while it runs:\n{help_text()}\n\n"
         f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",

@@ -146,6 +146,28 @@ def test_json_has_the_hint_too(ctl: Ctl) -> None:
 
 
 @pytest.mark.parametrize(
+    ("line", "wrong"),
+    [
+        ("cancel abc", "'abc' is not a whole number of 1 or more"),
+        ("grasp --width 48 --tolerance -1", "'-1' is not a number of 0 or more"),
+        ("grasp --hold nan", "'nan' is not a number of 0 or more"),
+        ("grasp --width 0 --tolerance 1", "'0' is not a number above 0"),
+    ],
+)
+def test_a_wrong_value_is_met_with_what_is_allowed(ctl: Ctl, line: str, wrong: str) -> None:
+    code, _, error = ctl(*line.split())
+    assert code == 2
+    assert wrong in error
+
+
+def test_what_the_daemon_takes_as_zero_the_shell_takes_too(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["motion.grasp"] = lambda request: request.fail("busy", -32020, "later")
+    ctl("grasp", "--width", "48", "--tolerance", "0", "--hold", "0")
+    [request] = [asked for asked in daemon.requests if asked.method == "motion.grasp"]
+    assert (request.params["tolerance_mm"], request.params["hold_s"]) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize(
     ("line", "helps"),
     [
         ("grasp --force x", "litegripctl grasp"),

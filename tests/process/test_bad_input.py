@@ -107,3 +107,9 @@ def fill(writer: int) -> None:
             while True:
                 os.write(writer, b"x" * size)
     os.set_blocking(writer, True)
+
+
+def test_an_option_that_is_not_whole_starts_no_daemon(tmp_path: Path) -> None:
+    running = DaemonProcess(tmp_path, f"typo-{os.getpid()}", "--simulat")
+    assert running.process.wait(20.0) == 2
+    assert "--simulat" in running.log

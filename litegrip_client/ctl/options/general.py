@@ -118,7 +118,7 @@ def restart(parser: LateParser) -> None:
 
 def cancel(parser: LateParser) -> None:
     """Take the job."""
-    parser.add_argument("job", type=int, metavar="JOB", help="the number that 'jobs' shows")
+    parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
     parser.words["job"] = "jobs"
 
 

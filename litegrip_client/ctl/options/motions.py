@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from litegrip_client.ctl.options.late import LateParser
-from litegrip_client.ctl.options.values import positive, target
+from litegrip_client.ctl.options.values import not_negative, positive, target
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -48,13 +48,13 @@ def grasp(parser: LateParser) -> None:
     )
     parser.add_argument(
         "--tolerance",
-        type=positive,
+        type=not_negative,
         metavar="MM",
         help="how far the width may be off, in mm; give both",
     )
     parser.add_argument(
         "--hold",
-        type=positive,
+        type=not_negative,
         metavar="S",
         help="wait while it is held for S seconds, and see whether it still is",
     )

@@ -44,13 +44,27 @@ def setting(text: str) -> tuple[str, float]:
 
 def positive(text: str) -> float:
     """Read a number above 0."""
+    value = _number(text)
+    if not value > 0.0:
+        raise ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """Read a number of 0 or more."""
+    value = _number(text)
+    if not value >= 0.0:
+        raise ArgumentTypeError(f"{text!r} is not a number of 0 or more")
+    return value
+
+
+def _number(text: str) -> float:
+    """Return the number, NaN for what is none or not finite."""
     try:
         value = float(text)
     except ValueError:
-        value = math.nan
-    if not (math.isfinite(value) and value > 0.0):
-        raise ArgumentTypeError(f"{text!r} is not a number above 0")
-    return value
+        return math.nan
+    return value if math.isfinite(value) else math.nan
 
 
 def count(text: str) -> int:
