@@ -26,8 +26,9 @@ def test_the_same_from_the_command_line(
     assert main(["close"]) == 0
     capsys.readouterr()
     assert main(["trajectories"]) == 0
-    (line,) = capsys.readouterr().out.splitlines()[1:]
+    line, usage = capsys.readouterr().out.splitlines()[1:]
     assert line.split()[:4] == ["pick", "100", "0.99", "s"]
+    assert "1 of 500" in usage
     assert main(["play", "pick", "--repeat", "3"]) == 0
     assert daemon.gripper.opening_mm == pytest.approx(taught_mm, abs=2.5)
     assert "3 passes" in capsys.readouterr().out
