@@ -140,9 +140,11 @@ ROWS: tuple[Row, ...] = (
     _counter("rpc.refused_connections", "rpc_connections_refused", "Connections not let in."),
     _counter("rpc.budget_exhausted", "rpc_budget_exhausted", "Periods that left requests waiting."),
     _counter("rpc.late_shares", "rpc_late_shares", "Ticks that requests ran into."),
+    Row("spawner.is_running", "spawner_process", "gauge", "Whether it runs that starts others."),
     _counter("spawner.deaths", "spawner_deaths", "Deaths of the process that starts the others."),
     _counter("helper.deaths", "helper_deaths", "Deaths of the helper process."),
     _counter("helper.refused", "helper_requests_refused", "Requests that it did not take."),
+    Row("helper.waiting", "helper_requests_waiting", "gauge", "Requests that wait for it."),
     Row("teleop.is_running", "teleop_link_process", "gauge", "Whether the link process runs."),
     _counter("teleop.deaths", "teleop_link_deaths", "Deaths of the link process."),
     Row(
@@ -152,6 +154,7 @@ ROWS: tuple[Row, ...] = (
         "Whether anybody on the network can take part in teleoperation; absent without a link.",
     ),
     _counter("log.dropped", "log_lines_dropped", "Lines of the log that were lost."),
+    Row("log.is_stuck", "log_stuck", "gauge", "Whether nobody reads the standard error."),
 )
 
 SUMMARIES = {

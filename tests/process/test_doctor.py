@@ -14,7 +14,7 @@ from litegrip_client import metrics
 from litegrip_client.doctor import gather_configuration
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess
 
-NO_METRICS = {"control.cpus", "helper.pid", "bus.error", "teleop.pid", "teleop.link"}
+NO_METRICS = {"control.cpus", "helper.pid", "spawner.pid", "bus.error", "teleop.pid", "teleop.link"}
 """Figures of health that are no quantities."""
 
 
