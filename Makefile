@@ -53,7 +53,7 @@ nightly: $(STAMP)
 	LITEGRIPD_FUZZ_MUTATIONS=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 \
 		tests/model/test_grips.py tests/model/test_trajectory.py tests/client/test_trajectory.py tests/client/test_taught_grips.py
 	LITEGRIPD_PROPERTIES=nightly $(BIN)/python -m pytest --timeout=7200 --numprocesses auto --dist worksteal \
-		--hypothesis-seed=$(SEED) $(PROPERTIES)
+		--hypothesis-seed=$(SEED) $(PROPERTIES) tests/control/test_many_grasps.py
 
 format: $(STAMP)
 	$(BIN)/ruff format .

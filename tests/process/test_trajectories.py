@@ -122,5 +122,5 @@ def test_a_programmed_motion_goes_through_the_daemons_store_and_back(
     assert "completed, 1 pass" in ctl("play", "--local", "back", "--speed", "2")
     ctl("record", "more", "--seconds", "0.3")
     ctl("trajectories", "delete", "there")
-    assert [line.split()[0] for line in ctl("trajectories").splitlines()] == ["NAME", "more"]
+    assert [line.split()[0] for line in ctl("trajectories").splitlines()] == ["NAME", "more", "of"]
     ctl("disable")
