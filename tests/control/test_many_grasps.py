@@ -1,4 +1,4 @@
-"""Five hundred grasps of random objects, a thousand at night, against what the physics says is true.
+"""Random grasps, five hundred or by night a thousand, against what the physics says is true.
 
 A failure names the seed: `complaints(scene_of(SEED))` plays it again.
 """
