@@ -188,7 +188,7 @@ def test_a_channel_that_was_asked_for_must_be_the_daemons(
         ["cancel"],
         ["cancel", "x"],
         ["grasp", "--force", "0"],
-        ["grasp", "--hold", "0"],
+        ["grasp", "--hold", "-1"],
         ["grasp", "--tolerance", "2"],
         ["grasp", "--width", "48"],
         ["release", "--by", "-5"],
