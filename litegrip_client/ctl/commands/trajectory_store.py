@@ -145,6 +145,7 @@ def refuse_kept(run: Run, name: str) -> None:
 
 def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
     """Raise `CommandError`, before anything is recorded, where it could not be kept as `name`."""
+    _refuse_no_name(run, name)
     rows, usage = kept_and_usage(run)
     if not overwrite:
         _refuse_name(rows, name)
@@ -158,6 +159,15 @@ def refuse_unkeepable(run: Run, name: str, *, overwrite: bool) -> None:
         )
         hint = "make room: litegripctl trajectories delete NAME"
         raise CommandError(text, reason="trajectories_full", data={"hint": hint, "usage": usage})
+
+
+def _refuse_no_name(run: Run, name: str) -> None:
+    """Raise `CommandError` where no trajectory can have this name: the daemon's is the rule."""
+    try:
+        run.connection.call("trajectory.get", {"name": name, "offset": 0, "length": 1})
+    except CommandError as error:
+        if error.reason == "invalid_params":
+            raise
 
 
 def _refuse_name(rows: list[dict[str, Any]], name: str) -> None:
