@@ -79,7 +79,9 @@ class Keeping:
             self._on_kept(answer)
         elif answer["complete"]:
             number = None if self._name is not None else self._number
-            known = {key: answer[key] for key in answer.keys() - {"received", "complete"}}
+            known = {
+                key: value for key, value in answer.items() if key not in ("received", "complete")
+            }
             self._on_kept({"recording": number, **known})
         else:
             self._send()
