@@ -97,12 +97,11 @@ _ENGINE = Carried(
         "unit",
         "_is_ending",
         "_owed",
-        "_queue",
         "_replaced",
         "_starting",
     ),
     jobs=Carried(
-        JobBook, left=("running", "_ended", "_jobs"), _last=int
+        JobBook, left=("running", "queue", "_ended", "_jobs"), _last=int
     ),  # the others: `export_jobs`
     lease=_LEASE,
     stop_latch=Carried(
@@ -178,7 +177,7 @@ _GRIP = Carried(
     _slice_began_s=float,
     _slice_rad=float | None,
 )
-_JOBS = Carried(JobBook, left=("running", "_ended", "_last"), _jobs=OrderedDict[int, Job])
+_JOBS = Carried(JobBook, left=("running", "queue", "_ended", "_last"), _jobs=OrderedDict[int, Job])
 
 
 def export(engine: Engine) -> dict[str, Any]:
