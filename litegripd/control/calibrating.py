@@ -7,12 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeAlias
 
-from litegripd.control.actions.by_hand import CalibrateByHand, Side
-from litegripd.control.actions.calibrate import Calibrate
-from litegripd.control.actions.set_zero import SetZero
+from litegripd.control.actions.by_hand import CalibrateByHand, SetZero, Side
+from litegripd.control.actions.zero import Calibrate
 from litegripd.control.admission import NO_FEEDBACK, busy_refusal, busy_with, motor_refusal
+from litegripd.control.calibration import Saving, content_of, save_errand
 from litegripd.control.engine import Engine
-from litegripd.control.saving import Saving, content_of, save_errand
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal

@@ -21,17 +21,14 @@ from litegripd.control.admission import (
     motor_refusal,
     stopped_under_way,
 )
+from litegripd.control.calibration import CalibrationInUse, content_of, save_errand
 from litegripd.control.capture import Capture
-from litegripd.control.filter import bounds_of
 from litegripd.control.gains import Gains
-from litegripd.control.grip import Grip
-from litegripd.control.in_use import CalibrationInUse
+from litegripd.control.holds import Grip, Hold, Relax, Rest
 from litegripd.control.inquiries import Inquiries
 from litegripd.control.jobs import JobBook, Start
 from litegripd.control.lease import Grant, Lease, Loss, LossCause, OnAnswer, Wish
-from litegripd.control.output import Output
-from litegripd.control.rest import Hold, Relax, Rest
-from litegripd.control.saving import content_of, save_errand
+from litegripd.control.limiter import Output, bounds_of
 from litegripd.control.second_master import SecondMaster
 from litegripd.control.stop import StopLatch
 from litegripd.model.bus import NOT_OPENED, BusCondition

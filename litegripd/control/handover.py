@@ -9,20 +9,17 @@ from collections import OrderedDict, deque
 from dataclasses import replace
 from typing import Any
 
+from litegripd.control.calibration import CalibrationInUse
+from litegripd.control.detectors import Lasting, SpeedWindow
 from litegripd.control.engine import Engine
-from litegripd.control.filter import LastWord
 from litegripd.control.gains import Gains
-from litegripd.control.grip import Grip, GripSettings
 from litegripd.control.grip_watch import GripWatch, WatchLimits, WatchState
 from litegripd.control.heat import HeatGuard, HeatModel, Readings
-from litegripd.control.in_use import CalibrationInUse
+from litegripd.control.holds import Grip, GripSettings, Hold, Relax, Rest
 from litegripd.control.jobs import JobBook
-from litegripd.control.lasting import Lasting
 from litegripd.control.lease import Grant, Lease
-from litegripd.control.output import Output
-from litegripd.control.rest import Hold, Relax, Rest
+from litegripd.control.limiter import LastWord, Output
 from litegripd.control.second_master import SecondMaster
-from litegripd.control.speed_window import SpeedWindow
 from litegripd.control.stop import StopLatch
 from litegripd.model.bus import BusCondition
 from litegripd.model.calibration import Calibration

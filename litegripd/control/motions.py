@@ -3,9 +3,8 @@
 A motion's `config` is the caller's own; it counts for this motion only.
 """
 
-from litegripd.control.actions.grasp import Grasp, GraspRequest
-from litegripd.control.actions.move_to import MoveTo
-from litegripd.control.actions.move_to_stop import Direction, MoveToStop
+from litegripd.control.actions.grasp import BUDGET_NM, Grasp, GraspRequest
+from litegripd.control.actions.move import Direction, MoveTo, MoveToStop
 from litegripd.control.actions.power import ClearFault, Disable, Enable
 from litegripd.control.actions.stream import SetPoint, Stream
 from litegripd.control.admission import (
@@ -20,10 +19,8 @@ from litegripd.control.admission import (
     position_refusal,
     target_refusal,
 )
-from litegripd.control.approach import BUDGET_NM
 from litegripd.control.engine import Engine
-from litegripd.control.grip import Grip, GripSettings
-from litegripd.control.rest import Hold, Relax
+from litegripd.control.holds import Grip, GripSettings, Hold, Relax
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.jobs import Job, Owner

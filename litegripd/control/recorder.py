@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from typing import get_args
 
 from litegripd.control.engine import Engine
-from litegripd.control.rest import Relax
-from litegripd.control.ring import OVERHEAD_BYTES, Ring
+from litegripd.control.holds import Relax
+from litegripd.control.recording import OVERHEAD_BYTES, Ring
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobKind, Owner

@@ -3,8 +3,7 @@
 from typing import Literal
 
 from litegripd.control.engine import Engine
-from litegripd.control.grip import Grip
-from litegripd.control.rest import Relax
+from litegripd.control.holds import Grip, Relax
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job
 from litegripd.model.motor import Feedback, MotorPhase, MotorView, Status, status_name

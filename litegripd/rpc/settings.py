@@ -6,8 +6,8 @@ from typing import Any, TypeAlias
 
 from litegripd.control.admission import ENDING, conflict_refusal
 from litegripd.control.calibrating import Calibrating
+from litegripd.control.calibration import content_of
 from litegripd.control.engine import Engine
-from litegripd.control.saving import content_of
 from litegripd.model.calibration import CalibrationError, from_plain, read_content
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal

@@ -9,10 +9,9 @@ from dataclasses import replace
 from itertools import combinations
 
 from litegripd.control.actions.by_hand import CalibrateByHand
-from litegripd.control.actions.calibrate import Calibrate
+from litegripd.control.actions.zero import Calibrate
 from litegripd.control.engine import Engine
-from litegripd.control.grip import Grip
-from litegripd.control.rest import Hold, Relax, Rest
+from litegripd.control.holds import Grip, Hold, Relax, Rest
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobState
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges

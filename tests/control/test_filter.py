@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.control.filter import (
+from litegripd.control.limiter import (
     PEAK_IMPULSE_NM_S,
     PEAK_TORQUE_NM,
     RATED_TORQUE_NM,

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from litegripd.app import handover
 from litegripd.app.machine import Machine
-from litegripd.control.grip import Grip
-from litegripd.control.rest import Relax
+from litegripd.control.holds import Grip, Relax
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
 from litegripd.model.plain import PlainError

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from litegripd.control.gains import Gains
-from litegripd.control.teleop.leading import Leading
+from litegripd.control.teleop.follower import Leading
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, Status

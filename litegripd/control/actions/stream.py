@@ -7,10 +7,8 @@ whatever the jaws meet with no more than its torque.
 from dataclasses import dataclass
 
 from litegripd.control.actions.base import PlainAction, Step
-from litegripd.control.budget import budgeted
-from litegripd.control.gains import Gains
-from litegripd.control.lead import led
-from litegripd.control.rest import Hold, Rest
+from litegripd.control.gains import Gains, budgeted, led
+from litegripd.control.holds import Hold, Rest
 from litegripd.model.motor import MotorView
 from litegripd.model.results import StreamResult
 

@@ -1,5 +1,12 @@
-"""Teleoperation as clients ask for it: admitted or refused at once, then run by the engine."""
+"""Begins and ends teleoperation; a leader that is not there can be feigned.
 
+A leader without a second gripper and without a network: it sweeps open, closed, open.
+
+It is for benching a single follower, and its torque guard, with a rigid object between the jaws.
+"""
+
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from litegripd.control.admission import (
@@ -11,7 +18,6 @@ from litegripd.control.admission import (
 from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
 from litegripd.control.teleop.base import TeleopAction, ended
-from litegripd.control.teleop.fake_leader import FakeLeader
 from litegripd.control.teleop.follower import Course, Follow
 from litegripd.control.teleop.leader import Lead
 from litegripd.control.teleop.link import Link, Links
@@ -21,7 +27,48 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motion_limits import damping_conflict, fast_conflict
-from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish, TeleopSettings, TeleopStatus
+from litegripd.model.teleop_frame import TeleopFrame, encode_frame
+
+SWEEP_S = 6.0
+"""From open to closed and back: 63 mm/s at most on a travel of 120 mm."""
+
+
+class FakeLeader:
+    """A link over which a synthetic leader is heard, `rate_hz` times a second."""
+
+    status = LinkStatus("open", is_protected=True)
+
+    def __init__(self, geometry: Geometry, rate_hz: float) -> None:
+        self._geometry = geometry
+        self._every_s = 1.0 / rate_hz
+        self._began_s: float | None = None
+        self._sent = 0
+
+    def publish(self, _payload: bytes, _now_s: float) -> bool:
+        """Nobody listens to a follower."""
+        return False
+
+    def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
+        """Tell nobody: a synthetic leader has no hand."""
+        return False
+
+    def receive(self, now_s: float) -> Sequence[Arrival]:
+        """Return the frame that is due, if one is."""
+        if self._began_s is None:
+            self._began_s = now_s
+        due = 1 + math.floor((now_s - self._began_s) / self._every_s + 1e-6)
+        if due <= self._sent:
+            return ()
+        self._sent = due
+        at_s = (due - 1) * self._every_s
+        openness = 0.5 + 0.5 * math.cos(2.0 * math.pi * at_s / SWEEP_S)
+        frame = TeleopFrame(openness, openness * self._geometry.travel_mm, 0.0, at_s)
+        return (Arrival(encode_frame(frame), now_s),)
+
+    def close(self) -> None:
+        """There is nothing to give back."""
+
 
 _RATE_ROUNDING = 1.001
 

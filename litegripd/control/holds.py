@@ -1,4 +1,6 @@
-"""Holding something by force: how hard, how fast, and whether it is still there.
+"""What the jaws do while no action runs: held in place, held by force, or slack.
+
+Holding something by force: how hard, how fast, and whether it is still there.
 
 The force is a torque, not a stiffness: around an old position reading, kp = 150 turned 20 N into
 5 N when the object yielded at 3 mm/s. The motor damps what is faster than the object yields: the
@@ -15,13 +17,61 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.friction import ASSUMED_NM, LARGE_NM, USUAL_NM
-from litegripd.control.gains import CALM_KD_NM_S_RAD
+from litegripd.control.detectors import Lasting
+from litegripd.control.gains import CALM_KD_NM_S_RAD, Gains
 from litegripd.control.grip_watch import STILL_RAD_S, GripWatch, WatchLimits
-from litegripd.control.lasting import Lasting
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
+
+STEADY = (0.7, 1.3)
+"""Shares of the commanded speed between which the jaws travel steadily."""
+AVERAGE_S = 0.03
+LARGEST_NM = 0.6
+"""Four times what is usual; more is something that the jaws press on from the beginning."""
+LARGE_NM = 0.45
+"""Three times what is usual: where nothing was measured, no less is relied on."""
+
+USUAL_NM = 0.15
+"""An estimate; where nothing was measured, what bounds a speed counts on no more."""
+ASSUMED_NM = 0.3
+"""Twice as much; where nothing was measured, what lets go of no object counts on no less."""
+
+
+class FrictionGauge:
+    """Takes torques of a free travel; the smallest mean over `AVERAGE_S` counts.
+
+    Something soft that the jaws press on while they still travel takes torque, too: its part of
+    the way is not the smallest.
+    """
+
+    def __init__(self) -> None:
+        self._began_s: float | None = None
+        self._sum_nm = 0.0
+        self._count = 0
+        self._least_nm: float | None = None
+
+    @property
+    def friction_nm(self) -> float | None:
+        """The friction, at least 0; None where the jaws have not travelled freely long enough."""
+        least_nm = self._least_nm
+        return None if least_nm is None or least_nm > LARGEST_NM else max(least_nm, 0.0)
+
+    def add(self, now_s: float, speed_share: float, torque_nm: float) -> None:
+        """Take the torque at a share of the commanded speed."""
+        if not STEADY[0] <= speed_share <= STEADY[1]:
+            self._began_s = None
+            return
+        if self._began_s is None:
+            self._began_s, self._sum_nm, self._count = now_s, 0.0, 0
+        self._sum_nm += torque_nm
+        self._count += 1
+        if now_s - self._began_s < AVERAGE_S * 0.999:
+            return
+        mean_nm = self._sum_nm / self._count
+        self._least_nm = mean_nm if self._least_nm is None else min(self._least_nm, mean_nm)
+        self._began_s = None
+
 
 HoldBy: TypeAlias = Literal["torque", "gains"]
 
@@ -379,3 +429,56 @@ class Grip:
             self._below_s += elapsed_s
             if self._watch.stands or self._below_s >= BELOW_WITHIN_S:
                 self._below_nm, self._return_nm = None, self._applied_nm
+
+
+STANDING_RAD_S = 0.05
+"""Jaws that press on something are slower than this, 4 mm/s."""
+PRESSING_SHARE = 0.5
+FAINT_NM = 0.1
+"""What friction leaves of the way to a target does not count."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Hold a position."""
+
+    position_rad: float
+    gains: Gains
+
+    def command(self, _now_s: float, _feedback: Feedback) -> MitCommand:
+        """Return the command of this tick."""
+        return self.gains.at(self.position_rad)
+
+    def presses(self, feedback: Feedback) -> bool:
+        """Whether jaws that stand are where this hold leaves them, for its torque is there already.
+
+        A command that leads jaws which it has not reached yet would move them further.
+        """
+        asked_nm = self.gains.kp_nm_rad * (self.position_rad - feedback.position_rad)
+        sign = 1.0 if asked_nm > 0.0 else -1.0
+        stands = abs(feedback.velocity_rad_s) <= STANDING_RAD_S
+        return stands and sign * feedback.torque_nm >= PRESSING_SHARE * abs(asked_nm) - FAINT_NM
+
+    def eased(self, position_rad: float, geometry: Geometry) -> "Hold":
+        """Return the hold for jaws that are at `position_rad` now.
+
+        One that a hand has pressed beyond a calibrated stop comes back as far as the stop springs
+        back: the motor must not press on for ever with what the hand has done. It never leads.
+        """
+        low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad))
+        low_rad, high_rad = min(low_rad, position_rad), max(high_rad, position_rad)
+        if low_rad <= self.position_rad <= high_rad:
+            return self
+        return replace(self, position_rad=min(max(self.position_rad, low_rad), high_rad))
+
+
+@dataclass(frozen=True, slots=True)
+class Relax:
+    """Let the jaws be moved by hand: no stiffness, no damping, no torque."""
+
+    def command(self, _now_s: float, feedback: Feedback) -> MitCommand:
+        """Return the command of this tick."""
+        return MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
+
+
+Rest: TypeAlias = Hold | Relax | Grip

@@ -1,4 +1,6 @@
-"""The last word on every command before it is packed, whatever the action above it asked for.
+"""The way of every command to the motor: through the last word, with an eye on the coil's heat.
+
+The last word on every command before it is packed, whatever the action above it asked for.
 
 What it changes it names: the names appear as `limited` in the state.
 """
@@ -6,6 +8,7 @@ What it changes it names: the names appear as `limited` in the state.
 import math
 from dataclasses import dataclass, replace
 
+from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, Ranges
@@ -235,3 +238,30 @@ def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:
 
 def _clamp(value: float, limit: float) -> float:
     return min(max(value, -limit), limit)
+
+
+class Output:
+    """Keeps what was wanted and what is sent in its place, and why they differ."""
+
+    def __init__(self) -> None:
+        self.requested: MitCommand | None = None
+        self.command: MitCommand | None = None
+        self.limited: tuple[str, ...] = ()
+        self.heat = HeatGuard()
+        self._last_word = LastWord()
+
+    def send(
+        self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges
+    ) -> HeatChange | None:
+        """Make `command` what may be sent; tell of a change in what the heat allows."""
+        self.requested = command
+        self.command, self.limited = self._last_word.apply(
+            now_s, command, feedback, bounds, ranges, allowance_nm=self.heat.allowance_nm
+        )
+        return self.heat.update(now_s, feedback, torque_bound_nm(self.command, feedback))
+
+    def unpowered(self, now_s: float, feedback: Feedback | None) -> HeatChange | None:
+        """Take note that the motor is told nothing from now on."""
+        self.requested, self.command, self.limited = None, None, ()
+        self._last_word.unpowered(now_s)
+        return None if feedback is None else self.heat.update(now_s, feedback, 0.0)
