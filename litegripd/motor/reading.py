@@ -10,7 +10,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import RegisterReply, RegisterRequest
 from litegripd.motor.faults import SILENT
-from litegripd.motor.look import ANSWER_WITHIN_S
+from litegripd.motor.identity import ANSWER_WITHIN_S
 from litegripd.motor.phases import Phase
 from litegripd.motor.registers import REGISTERS, Answer, Register, read_request
 

@@ -8,7 +8,7 @@ import pytest
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import EnableMotor, MotorIdentity, MotorOrder, MotorPhase, Ranges
 from litegripd.motor import registers as reg
-from litegripd.motor.look import LONGEST_WATCHDOG_S, Look, unsuitable, warnings
+from litegripd.motor.identity import LONGEST_WATCHDOG_S, Look, unsuitable, warnings
 from litegripd.motor.motor import Motor
 from litegripd.sim.parameters import SimulatorParameters
 from tests.motor.helpers import MASTER_ID, Registers, world_with

@@ -1,4 +1,10 @@
-"""One enabling of the motor: its registers first, then a fault cleared, then armed and confirmed.
+"""Enabling the motor, and clearing a fault that it has latched.
+
+Clearing a latched fault for its own sake: asked again until the motor says that it is gone.
+
+Clearing disarms, so it energises nothing. A fault whose cause lasts comes back at once.
+
+One enabling of the motor: its registers first, then a fault cleared, then armed and confirmed.
 
 What decides how the motor is talked to is read before every enabling: a power cycle undoes what
 was written, another program may have written, and either may have gone unnoticed.
@@ -13,10 +19,33 @@ from litegripd.model.frame import CanFrame
 from litegripd.model.motor import EnableMotor, Feedback, is_fault
 from litegripd.motor import codec
 from litegripd.motor.faults import SILENT, fault_refusal
-from litegripd.motor.identification import Identification
+from litegripd.motor.identity import Identification, is_watchdog_on
 from litegripd.motor.phases import Phase
 from litegripd.motor.registers import VERIFIED, status_request
-from litegripd.motor.verifying import is_watchdog_on
+
+RETRY_S = 0.02
+GIVES_UP_S = 0.25
+
+
+class Unfaulting:
+    """One clearing, from its request to its end."""
+
+    def __init__(self, can_id: int, now_s: float) -> None:
+        self._can_id = can_id
+        self._began_s = now_s
+        self._next_try_s = now_s
+
+    def has_failed(self, now_s: float) -> bool:
+        """Whether the fault has lasted for so long that it will not go."""
+        return now_s - self._began_s >= GIVES_UP_S
+
+    def step(self, now_s: float) -> list[CanFrame]:
+        """Return the frame that is due, if any; the motor answers it with its status."""
+        if now_s < self._next_try_s:
+            return []
+        self._next_try_s = now_s + RETRY_S
+        return [CanFrame(self._can_id, codec.CLEAR_FAULT)]
+
 
 _PREPARE_WITHIN_S = 0.4
 """For twenty tries of each register: with half of the frames lost each way, 98 % are enough."""
