@@ -14,8 +14,15 @@ from litegripd.control.teleop.follower import Course, Follow
 from litegripd.control.teleop.intake import MAX_FRAME_GAP_S
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import MitCommand, MotorView
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish, TeleopSettings
-from litegripd.model.teleop_frame import TeleopFrame, decode_frame, encode_frame
+from litegripd.model.teleop import (
+    Arrival,
+    LinkStatus,
+    LinkWish,
+    TeleopFrame,
+    TeleopSettings,
+    decode_frame,
+    encode_frame,
+)
 
 ON_ITS_WAY_S = 0.0005
 """What zenoh and two schedulers take on one machine or a quiet network."""

@@ -25,7 +25,7 @@ from litegripd.io.places import Places
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
-from litegripd.model.restarted import Restarted
+from litegripd.model.results import Restarted
 from litegripd.rpc.restarting import OnRestarted
 from litegripd.rpc.service import RpcService
 

@@ -23,12 +23,11 @@ from litegripd.control.second_master import SecondMaster
 from litegripd.control.stop import StopLatch
 from litegripd.model.bus import BusCondition
 from litegripd.model.calibration import Calibration
-from litegripd.model.carried import Carried
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Stop
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase, MotorView, ZeroView
-from litegripd.model.plain import TYPE_KEY, PlainError, plain_of, value_of
+from litegripd.model.plain import TYPE_KEY, Carried, PlainError, plain_of, value_of
 
 _OUTPUT = Carried(
     Output,

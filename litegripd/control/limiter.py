@@ -1,8 +1,7 @@
 """The way of every command to the motor: through the last word, with an eye on the coil's heat.
 
-The last word on every command before it is packed, whatever the action above it asked for.
-
-What it changes it names: the names appear as `limited` in the state.
+`LastWord` bounds each command before it is packed, whatever the action above it asked for. What it
+changes it names: the names appear as `limited` in the state.
 """
 
 import math

@@ -24,8 +24,8 @@ from litegripd.control.holds import Grip, GripSettings, Hold, Relax
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import (
+from litegripd.model.motion_config import (
+    MotionConfig,
     damping_conflict,
     fast_conflict,
     move_conflict,

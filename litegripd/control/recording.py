@@ -1,13 +1,9 @@
-"""A recording as it lies in the shared memory: its ring, and how it is read.
+"""A recording as it lies in shared memory: rings of slots, and how they are read back as values.
 
-Rings of slots in a memory of fixed size: the newest records, each whole or not at all.
-
-Another process may read while this one writes, and this one may die at any byte. So every record
-carries its own checksum, and nothing else tells which records there are: no counter can be wrong.
-
-What a flight recorder's memory holds, read back as values: the other side of `recorder`.
-
-Takes a copy of the memory, made at any moment, even while a record was being written.
+A ring keeps the newest records, each whole or not at all. Another process may read while this one
+writes, and this one may die at any byte. So every record carries its own checksum, and nothing else
+tells which records there are: no counter can be wrong. `read` takes a copy of the memory, made at
+any moment, even while a record was being written.
 """
 
 import json

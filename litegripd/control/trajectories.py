@@ -27,10 +27,8 @@ from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import damping_conflict, slow_conflict
-from litegripd.model.path import PIECE_BYTES
-from litegripd.model.trajectory import MAX_SAMPLES
+from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_conflict
+from litegripd.model.trajectory import MAX_SAMPLES, PIECE_BYTES
 
 
 def recording_key(number: int) -> str:

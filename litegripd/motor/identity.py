@@ -1,17 +1,15 @@
-"""What the motor is: read from its registers, read again, and found again after a silence.
+"""What the motor is: found by a look at its registers, read again, found anew after a silence.
 
-Reading again the registers that decide how the motor is talked to, in whatever phase it is.
+Nothing here sends more than read requests. `Look` reads what the motor tells about itself, without
+energising it; `Identification` keeps the finished identity and what follows from it: where its
+answers come, in which ranges its frames are coded, why it cannot be used.
 
-They may change unheard: another program writes them, a power cycle takes back what was not saved.
-A register counts as verified once an answer equals what is known of it, or what has been claimed
-of it before: by another program's write, by the motor's own answer to that, or by an earlier answer
+`Verifier` reads again, in whatever phase, the registers that decide how the motor is talked to. They
+may change unheard: another program writes them, a power cycle takes back what was not saved. A
+register counts as verified once an answer equals what is known of it, or what has been claimed of
+it before: by another program's write, by the motor's own answer to that, or by an earlier answer
 that differed. So one disturbed frame changes nothing for good. Until then all that was claimed is
 possible, and a torque is coded so that it is no larger than wanted by any of it.
-
-What the motor is: found by a look at its registers, and found anew after a silence.
-
-Keeps the finished identity and what follows from it: where its answers come, in which ranges its
-frames are coded, why it cannot be used. It sends nothing but read requests.
 """
 
 import math

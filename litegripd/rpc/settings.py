@@ -11,8 +11,7 @@ from litegripd.control.engine import Engine
 from litegripd.model.calibration import CalibrationError, from_plain, read_content
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
-from litegripd.model.motion_config import RANGES
-from litegripd.model.motion_limits import fast_conflict
+from litegripd.model.motion_config import RANGES, fast_conflict
 from litegripd.model.motor import RegisterReply
 from litegripd.motor.registers import REGISTERS, Register
 from litegripd.rpc.answers import (

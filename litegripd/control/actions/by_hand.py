@@ -1,13 +1,9 @@
 """Calibrating without a stroke: marks set by hand, and the motor's own zero.
 
-Calibrating by hand: the jaws are slack, and a person marks where the two stops are.
-
-The marks alone say which way closing runs.
-
-Setting the motor's own zero: disabled first, then set, watched until the position confirms it.
-
-The jaws do not move. What the positions of a calibration mean is changed by it: the result says by
-how much.
+By hand the jaws are slack, and a person marks where the two stops are: the marks alone say which way
+closing runs. The motor's own zero is set while it is disabled, and watched until the position
+confirms it. The jaws do not move. What the positions of a calibration mean is changed by it: the
+result says by how much.
 """
 
 from dataclasses import replace

@@ -1,16 +1,13 @@
-"""Moves: to a place, and to a stop, which is pressed gently.
+"""Moves: to a position, and to a stop, which is pressed gently.
 
-Moving to a position inside the travel, at a speed: a ramp with velocity feed-forward.
+`MoveTo` goes to a position inside the travel, at a speed: a ramp with velocity feed-forward. Moves
+may be slow. Static friction holds slow jaws for longer than a stall window, so on the way they
+count as stalled only while the ramp is ahead of them by more than friction can hold.
 
-The lead over the measured position is capped as in opening and closing, with the same two tiers.
-Moves may be slow. Static friction holds slow jaws for longer than a stall window, so on the way
-they count as stalled only while the ramp is ahead of them by more than friction can hold.
-
-Opening and closing: a ramp past the calibrated stop, which the mechanical stop ends.
-
-The command is an absolute ramp in time; only the part of it that leads the measured position is
-capped: by `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm`
-within `press_zone_mm` of the stop, so that the jaws press gently.
+`MoveToStop` opens and closes: a ramp past the calibrated stop, which the mechanical stop ends. The
+command is an absolute ramp in time; only the part of it that leads the measured position is capped:
+by `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm` within
+`press_zone_mm` of the stop, so that the jaws press gently. A move's lead is capped alike.
 
 Damping turns the velocity of the command into torque as soon as something stops the jaws. So what
 comes of lead and velocity together is bounded: by kp times the lead, and at most a quarter more

@@ -1,19 +1,13 @@
-"""Replaying a trajectory: what was asked, its path, and its grips.
-
-Leading the jaws along a target that moves, with no more than a torque, whatever they meet.
-
-The command moves towards the target at no more than a speed: jaws that were held up do not jump
-when they come free.
-
-The grips of a replay, one after the other: each a grasp like any other, with the taught force.
-
-It knows no path: when a grip begins and ends is the replay's to say.
-
-Replaying a trajectory: to its start first, then along its path by the clock, then a hold.
+"""Replaying a trajectory: to its start first, then along its path by the clock, then a hold.
 
 It commands positions: recorded torques are never fed forward. The path is one of openness, gone by
 the calibration in use now, whatever it was taught on. With `force` "replay" the jaws leave the path
 for each grip that is kept with it, hold by its force, and come back.
+
+`Follower` leads the jaws along a target that moves, with no more than a torque, whatever they meet,
+and at no more than a speed: jaws that were held up do not jump when they come free. `ReplayGrips`
+does the grips one after the other, each a grasp like any other, with the taught force. It knows no
+path: when a grip begins and ends is the replay's to say.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,7 +24,6 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.grips import TaughtGrip
 from litegripd.model.motion_config import RANGES, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.path import Path
 from litegripd.model.results import (
     GraspResult,
     Progress,
@@ -38,6 +31,7 @@ from litegripd.model.results import (
     ReplayProgress,
     ReplayResult,
 )
+from litegripd.model.trajectory import Path
 
 _SLOWEST_RAD_S = 1e-3
 

@@ -1,22 +1,13 @@
-"""A follower: it follows what a leader commands, and tells it what it feels.
+"""The follower: its jaws go where a leader's are, as a share of its own travel.
 
-How a follower's jaws are led to where its leader is: with a lead and a force that are bounded.
+It aligns to the first frame at a bounded speed, follows then with the leader's velocity fed forward
+as far as the bounds allow, holds its last target when frames stop coming, and aligns again when
+they come back. The command's lead over the measured position is capped as in every motion, whatever
+the frames say. Damping relative to a velocity is a torque as well: jaws that are held up would be
+pushed by kd times the leader's whole speed.
 
-The command's lead over the measured position is capped as in every motion, whatever the frames say.
-Damping relative to a velocity is a torque as well: jaws that are held up would be pushed by kd
-times the leader's whole speed. So the leader's velocity is fed forward as far as the bounds allow.
-
-The follower's torque guard: what presses too hard for too long is let go of.
-
-Times and thresholds are the vendor's SDK's, counted in seconds and not in cycles, so that they are
-the same at every rate.
-
-The follower: its jaws go where a leader's are, as a share of its own travel.
-
-It aligns to the first frame at a bounded speed, follows then with the leader's velocity fed
-forward, holds its last target when frames stop coming, and aligns again when they come back. The
-command's lead over the measured position is capped as in every motion: whatever the frames say,
-the jaws are pushed by no more than that.
+What presses too hard for too long is let go of. Times and thresholds of that guard are the vendor's
+SDK's, counted in seconds and not in cycles, so that they are the same at every rate.
 """
 
 from collections import deque
@@ -29,12 +20,11 @@ from litegripd.control.holds import Hold, Relax, Rest
 from litegripd.control.teleop.base import TeleopAction, Tell
 from litegripd.control.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.control.teleop.link import Link
-from litegripd.model.force_frame import ForceFrame, encode_force
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
-from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
+from litegripd.model.teleop import ForceFrame, LinkWish, TeleopSettings, TeleopStatus, encode_force
 
 MOST_NM = 5.5
 """By no more the jaws are pushed, however stiff the follow gains are: what the lead cap of 4 mm is

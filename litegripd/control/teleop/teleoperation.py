@@ -1,8 +1,7 @@
-"""Begins and ends teleoperation; a leader that is not there can be feigned.
+"""Begins and ends teleoperation.
 
-A leader without a second gripper and without a network: it sweeps open, closed, open.
-
-It is for benching a single follower, and its torque guard, with a rigid object between the jaws.
+A feigned leader, without a second gripper and without a network, sweeps open, closed, open. It is
+for benching a single follower, and its torque guard, with a rigid object between the jaws.
 """
 
 import math
@@ -25,10 +24,16 @@ from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import damping_conflict, fast_conflict
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish, TeleopSettings, TeleopStatus
-from litegripd.model.teleop_frame import TeleopFrame, encode_frame
+from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
+from litegripd.model.teleop import (
+    Arrival,
+    LinkStatus,
+    LinkWish,
+    TeleopFrame,
+    TeleopSettings,
+    TeleopStatus,
+    encode_frame,
+)
 
 SWEEP_S = 6.0
 """From open to closed and back: 63 mm/s at most on a travel of 120 mm."""
