@@ -1,7 +1,7 @@
 """Calibrating without a stroke: marks set by hand, and the motor's own zero.
 
-By hand the jaws are slack, and a person marks where the two stops are: the marks alone say which way
-closing runs. The motor's own zero is set while it is disabled, and watched until the position
+By hand the jaws are slack, and a person marks where the two stops are: the marks alone say which
+way closing runs. The motor's own zero is set while it is disabled, and watched until the position
 confirms it. The jaws do not move. What the positions of a calibration mean is changed by it: the
 result says by how much.
 """
