@@ -5,8 +5,9 @@ openness, position, force and the sender's time. Nothing is clamped here: what i
 frame. Nor is one whose openness or position is subnormal: no measurement is that small, but a
 double in the other byte order looks like that, and would close the jaws.
 
-A follower's frame, 40 bytes of our own, tells the leader's hand how hard it presses. It has a key of
-its own, and a length and a mark that no frame of a leader has: neither is ever taken for the other.
+A follower's frame, 40 bytes of our own, tells the leader's hand how hard it presses. It has a key
+of its own, and a length and a mark that no frame of a leader has: neither is ever taken for the
+other.
 """
 
 import math

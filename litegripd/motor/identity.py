@@ -4,8 +4,8 @@ Nothing here sends more than read requests. `Look` reads what the motor tells ab
 energising it; `Identification` keeps the finished identity and what follows from it: where its
 answers come, in which ranges its frames are coded, why it cannot be used.
 
-`Verifier` reads again, in whatever phase, the registers that decide how the motor is talked to. They
-may change unheard: another program writes them, a power cycle takes back what was not saved. A
+`Verifier` reads again, in whatever phase, the registers that decide how the motor is talked to.
+They may change unheard: another program writes them, a power cycle takes back what was not saved. A
 register counts as verified once an answer equals what is known of it, or what has been claimed of
 it before: by another program's write, by the motor's own answer to that, or by an earlier answer
 that differed. So one disturbed frame changes nothing for good. Until then all that was claimed is

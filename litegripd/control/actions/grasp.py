@@ -1,10 +1,10 @@
 """Grasping: close until something resists, then hold it by force and watch that it stays.
 
-`Approach` closes with a torque budget. Its command never pushes jaws that are stopped with more than
-`BUDGET_NM`, whatever has stopped them and however old the feedback is: the position part is bounded
-by the lead, the damping part by the speed commanded. (Jaws that are thrown back, or shot forward,
-are braked harder.) A ramp of full stiffness reaches 3.2 N·m 50 ms after it has met an object of
-250 N·m/rad.
+`Approach` closes with a torque budget. Its command never pushes jaws that are stopped with more
+than `BUDGET_NM`, whatever has stopped them and however old the feedback is: the position part is
+bounded by the lead, the damping part by the speed commanded. (Jaws that are thrown back, or shot
+forward, are braked harder.) A ramp of full stiffness reaches 3.2 N·m 50 ms after it has met an
+object of 250 N·m/rad.
 
 The hold is `Grip`, which goes on when this action has ended: at the verdict or after `hold_s`, as
 the caller wanted.

@@ -6,19 +6,19 @@ The direction is the one declared before: a stall cannot tell one stop from the 
 anew from the measured position in every tick: an accumulated target went on leading further at a
 stop until the structure gave way (field use of the gripper). The torque ceiling does not depend on
 standing still, which a structure that yields never does. Only torque towards the probed side
-counts: the first feedback still has the torque of what was before, such as the press onto the
-other stop.
+counts: the first feedback still has the torque of what was before, such as the press onto the other
+stop.
 
-`Stroke` comes to a stop with a run-up, and confirms or corrects what a probe has found. Standing and
-slow jaws may stick where moving ones pass (the closing side does, in front of its stop), and a
+`Stroke` comes to a stop with a run-up, and confirms or corrects what a probe has found. Standing
+and slow jaws may stick where moving ones pass (the closing side does, in front of its stop), and a
 probe that pushes gently is slow. So the jaws come with the speed of an `open` or `close`, bounded
 by a torque whatever they meet. Where they slow down, they are left to a probe, which presses no
 harder than the first one did: a stop that yields is met as deep as before.
 
-`Pressing` presses on a stop that was found: an end stays where it is, jaws that only stick come loose.
-They may stick by more than a probe pushes with, after a stroke with a run-up, too; so they are
-pressed harder, but below the ceiling of a calibration, and slowly. Ends are soft: what tells them
-from jaws that came loose is where the jaws are met again by the same probe as before, once the
+`Pressing` presses on a stop that was found: an end stays where it is, jaws that only stick come
+loose. They may stick by more than a probe pushes with, after a stroke with a run-up, too; so they
+are pressed harder, but below the ceiling of a calibration, and slowly. Ends are soft: what tells
+them from jaws that came loose is where the jaws are met again by the same probe as before, once the
 press has been taken back. It is taken back by what friction keeps.
 
 `Confirming` repeats strokes until two in a row end at the same place, and presses there. A stop is

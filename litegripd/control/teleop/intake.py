@@ -3,11 +3,11 @@
 `Intake` gives a follower the newest frame, how old it is, and how fast it moves. It knows no
 geometry: openness in, openness out. Nothing is clamped.
 
-`Backlog` tells what lay in the network during a silence from what is fresh: old motion is no target.
-A cut cable keeps frames: TCP delivers them when it is mended, seconds old and all at once. Two
-machines share no clock, but the time of arrival less the sender's own time is constant, but for the
-network's delay: what has much more of it than before the silence is old. Unless it stays like that:
-then the sender's clock is another one now.
+`Backlog` tells what lay in the network during a silence from what is fresh: old motion is no
+target. A cut cable keeps frames: TCP delivers them when it is mended, seconds old and all at once.
+Two machines share no clock, but the time of arrival less the sender's own time is constant, but for
+the network's delay: what has much more of it than before the silence is old. Unless it stays like
+that: then the sender's clock is another one now.
 
 `ForceIntake` gives a leader who presses now, and how hard. A force is felt only as the answer to a
 recent position: its echo must be a time at which this leader published, by the leader's own clock,
