@@ -11,7 +11,7 @@ from typing import get_args
 
 from litegripd.control.engine import Engine
 from litegripd.control.holds import Relax
-from litegripd.control.recording import OVERHEAD_BYTES, Ring
+from litegripd.control.ring import OVERHEAD_BYTES, Ring
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobKind, Owner
