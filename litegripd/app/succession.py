@@ -150,7 +150,7 @@ class Succession:
         return None
 
     def _not_now(self, *, is_under_way: bool = False) -> Refusal | None:
-        refusal = handover.unsettled(self._machine)
+        refusal = handover.why_not_restartable(self._machine)
         refusal = refusal or self._bus.condition.refusal()
         has_work = self._helper.is_busy or self._machine.engine.errands
         if refusal is None and is_under_way and has_work:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
-from litegripd.control.holds import Grip, Relax
+from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
 from litegripd.model.grips import MAX_SOURCE, MOST_GRIPS
@@ -276,7 +276,7 @@ class Teach(PlainAction):
         if feedback is None:
             return Step()
         self._feedback = feedback
-        return Step(Relax().command(now_s, feedback))
+        return Step(Slack().command(now_s, feedback))
 
     def progress(self) -> Progress | None:
         """Tell how many samples there are, and where the jaws are."""

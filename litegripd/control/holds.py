@@ -472,7 +472,7 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True)
-class Relax:
+class Slack:
     """Let the jaws be moved by hand: no stiffness, no damping, no torque."""
 
     def command(self, _now_s: float, feedback: Feedback) -> MitCommand:
@@ -480,4 +480,4 @@ class Relax:
         return MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
 
 
-Rest: TypeAlias = Hold | Relax | Grip
+Rest: TypeAlias = Hold | Slack | Grip

@@ -7,7 +7,7 @@ Before the first enable frame the motor has answered one with zero gains, and on
 each: a command that arrived while the motor was disabled is stored and applied by enable at once,
 and a jump on enable is the commonest complaint about such grippers.
 
-`Unfaulting` clears a latched fault for its own sake: asked again until the motor says that it is
+`FaultClearing` clears a latched fault for its own sake: asked again until the motor says that it is
 gone. Clearing disarms, so it energises nothing. A fault whose cause lasts comes back at once.
 """
 
@@ -24,7 +24,7 @@ RETRY_S = 0.02
 GIVES_UP_S = 0.25
 
 
-class Unfaulting:
+class FaultClearing:
     """One clearing, from its request to its end."""
 
     def __init__(self, can_id: int, now_s: float) -> None:

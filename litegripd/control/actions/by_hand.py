@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.calibration import Saving
-from litegripd.control.holds import Relax
+from litegripd.control.holds import Slack
 from litegripd.control.limiter import Bounds, probe_bounds
 from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import MotionConfig
@@ -58,7 +58,7 @@ class CalibrateByHand(PlainAction):
         if feedback is None:
             return Step()
         self._feedback = feedback
-        command = Relax().command(now_s, feedback)
+        command = Slack().command(now_s, feedback)
         if self._saving is None:
             return Step(command)
         return replace(self._saving.step(now_s, motor), command=command)

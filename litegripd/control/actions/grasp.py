@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
-from litegripd.control.gains import Gains, budgeted, led
+from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Rest
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -104,7 +104,7 @@ class Approach:
         lead_rad = self._arrived_lead_rad if arrived else self._lead_rad
         if arrived:
             wanted_rad = self.target_rad
-        command_rad = led(wanted_rad, position_rad, lead_rad)
+        command_rad = clamp_lead(wanted_rad, position_rad, lead_rad)
         held_back = (wanted_rad - command_rad) * self._sign > 0.0
         if arrived:
             if self._arrived_s is None:

@@ -16,7 +16,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step
 from litegripd.control.actions.grasp import Grasp, GraspRequest
-from litegripd.control.gains import Gains, budgeted, led
+from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import Grip, Hold, Rest
 from litegripd.control.loading import Loading
 from litegripd.model.errors import Refusal
@@ -72,7 +72,7 @@ class Follower:
         velocity_rad_s = step_rad / elapsed_s if elapsed_s > 0.0 else 0.0
         speed = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
         gains, lead_rad = budgeted(self._torque_nm, speed, self._gains, self._period_s)
-        reference_rad = led(self._was_rad + step_rad, feedback.position_rad, lead_rad)
+        reference_rad = clamp_lead(self._was_rad + step_rad, feedback.position_rad, lead_rad)
         self._was_s, self._was_rad = now_s, reference_rad
         self.rest = Hold(reference_rad, gains)
         return gains.at(reference_rad, velocity_rad_s)
@@ -105,7 +105,7 @@ class ReplayRequest:
     force: Force = "path"
 
 
-def unfit(
+def check_fits(
     request: ReplayRequest, path: Path, geometry: Geometry, config: MotionConfig, here_rad: float
 ) -> Refusal | None:
     """Say that a path takes too long, or begins too far from jaws that shall not align, if so."""
@@ -377,7 +377,7 @@ class Replay(PlainAction):
             return Step(outcome=loading.failure)
         if loading.path is None:
             return Step(errand=errand)
-        refusal = unfit(
+        refusal = check_fits(
             self._request, loading.path, self._geometry, self._config, feedback.position_rad
         )
         refusal = refusal or self._speed_refusal(self.speed)

@@ -15,7 +15,7 @@ import math
 from dataclasses import replace
 
 from litegripd.control.actions.base import Step, progress_of
-from litegripd.control.holds import Relax
+from litegripd.control.holds import Slack
 from litegripd.control.teleop.base import TeleopAction, Tell
 from litegripd.control.teleop.intake import ForceIntake
 from litegripd.control.teleop.link import Link
@@ -108,7 +108,7 @@ _EARLY_S = 0.00025
 """A tick that comes so little early, as ticks do, is the one that is due."""
 
 
-class Lead(TeleopAction):
+class TeleopLeader(TeleopAction):
     """Publishes `rate_hz` times a second; when it ends, the jaws hold where they are."""
 
     def __init__(
@@ -188,7 +188,7 @@ class Lead(TeleopAction):
     def _command(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Return slack jaws, or jaws that push back with what the followers press with."""
         if not self.wish.reflects:
-            return Relax().command(now_s, feedback)
+            return Slack().command(now_s, feedback)
         return self._push.step(now_s, self._forces.force_n(now_s), feedback)
 
     def _is_due(self, now_s: float) -> bool:
