@@ -13,6 +13,7 @@ from litegrip_client.discovery import (
     connect,
     is_enabled,
     is_socket_given,
+    is_unit_installed,
     socket_paths,
 )
 from litegrip_client.doctor import gather_configuration, gather_system
@@ -58,7 +59,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         ctl=f"litegripctl{where}",
         asked_channel=asked,
         is_unit_enabled=not is_socket_given(socket) and is_enabled(channel),
-        is_unit_installed=gather_system.is_unit_installed(),
+        is_unit_installed=is_unit_installed(),
         is_channel_known=is_channel_known,
         hung_pid=hung_pid,
         configuration=file,

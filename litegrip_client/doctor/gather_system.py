@@ -18,10 +18,6 @@ from litegrip_client.doctor.link_reading import ARPHRD_CAN, from_files, from_ip
 
 NET = Path("/sys/class/net")
 IP_WITHIN_S = 5.0
-UNIT_DIRECTORIES = tuple(
-    Path(directory, "systemd/system")
-    for directory in ("/etc", "/run", "/usr/local/lib", "/usr/lib", "/lib")
-)
 _ADMIN_PATHS = ("/usr/sbin", "/sbin")
 _FILES = ("type", "flags", "tx_queue_len")
 
@@ -44,11 +40,6 @@ def system(interface: str, bus_channel: str, net: Path = NET) -> System:
 def is_can(name: str) -> bool:
     """Whether there is a CAN interface of a name."""
     return name in _can_links(NET)
-
-
-def is_unit_installed() -> bool:
-    """Whether systemd finds the unit of the daemons."""
-    return any((directory / "litegripd@.service").exists() for directory in UNIT_DIRECTORIES)
 
 
 def user(group: str) -> User:

@@ -34,7 +34,7 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     monkeypatch.setattr(gather_configuration, "DIRECTORY", tmp_path / "etc")
     monkeypatch.setattr(gather_system, "system", system)
-    monkeypatch.setattr(gather_system, "is_unit_installed", lambda: True)
+    monkeypatch.setattr(gather, "is_unit_installed", lambda: True)
     monkeypatch.setattr(gather_system, "is_can", lambda name: name in asked.get("links", ()))
     monkeypatch.setattr(gather_system, "user", lambda group: User("alice", 1000, group))
     return asked
@@ -192,7 +192,7 @@ def test_a_configuration_that_was_not_checked_hides_no_interface_of_the_channels
 def test_before_the_installation_no_unit_is_named(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gather_system, "is_unit_installed", lambda: False)
+    monkeypatch.setattr(gather, "is_unit_installed", lambda: False)
     assert main(["-c", "nodaemon7", "doctor"]) == 1
     out = capsys.readouterr().out
     assert "systemctl" not in out

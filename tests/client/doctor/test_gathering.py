@@ -58,6 +58,16 @@ def test_iproute2_is_asked_for_one_link(net: Path, programs: Path) -> None:
     )
 
 
+def test_whether_systemd_has_the_unit_is_asked(
+    tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directories = (str(tmp_path / "a"), str(programs))
+    monkeypatch.setattr("litegrip_client.discovery.UNIT_DIRECTORIES", directories)
+    assert not gather("can4", None, channel_chosen=True).is_unit_installed
+    (programs / "litegripd@.service").touch()
+    assert gather("can4", None, channel_chosen=True).is_unit_installed
+
+
 def test_whether_systemd_should_run_the_daemon_is_asked(
     tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -167,16 +177,6 @@ def test_root_has_a_configuration_read_as_the_user_that_the_daemons_run_as(
         found = gather_configuration.configuration("can0")
         assert found is not None
         assert (found.as_user, "user" in asked) == (None, False)
-
-
-def test_whether_systemd_has_the_unit_is_asked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(gather_system, "UNIT_DIRECTORIES", (tmp_path / "a", tmp_path / "b"))
-    assert not gather_system.is_unit_installed()
-    (tmp_path / "b").mkdir()
-    (tmp_path / "b/litegripd@.service").touch()
-    assert gather_system.is_unit_installed()
 
 
 def test_whether_there_is_a_can_interface_is_asked(
