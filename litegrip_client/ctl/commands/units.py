@@ -29,6 +29,10 @@ def install_units(run: Run) -> int:
         done = install.install(root, wishes, plan.program_directory())
         following = _after_installation(root, done, options.can)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
+    if install.is_packaged(root):
+        notes.append(
+            "the units are those of the Debian package: no copy is installed"
+        )
     data = {"files": [asdict(one) for one in done], "next": following, "notes": notes}
     run.output.result(data, _text(done, following, notes))
     return OK
@@ -80,7 +84,7 @@ def _after_removal(done: Sequence[Done]) -> list[str]:
 
 
 def _text(done: Sequence[Done], following: Sequence[str], notes: Sequence[str]) -> str:
-    lines = [f"{one.what:9}  {one.path}" for one in done] or ["nothing to remove"]
+    lines = [f"{one.what:9}  {one.path}" for one in done] or ["nothing to do"]
     if following:
         lines += ["next, as root:", *(f"  {command}" for command in following)]
     return "\n".join([*lines, *(f"note: {note}" for note in notes)])
