@@ -30,9 +30,7 @@ def install_units(run: Run) -> int:
         following = _after_installation(root, done, options.can)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
     if install.is_packaged(root):
-        notes.append(
-            "the units are those of the Debian package: no copy is installed"
-        )
+        notes.append("the units are those of the Debian package: no copy is installed")
     data = {"files": [asdict(one) for one in done], "next": following, "notes": notes}
     run.output.result(data, _text(done, following, notes))
     return OK
