@@ -120,7 +120,9 @@ def restart_holding(daemon: Restartable) -> None:
     assert "result" in answer, answer
     wait_for_end(pid)
     with daemon.connect() as client:
-        assert holds(client.result("state.get")) or daemon.disturbed_since(mark)
+        state = client.result("state.get")
+        client.result("calibration.templates")  # by now the helper has written the log
+        assert holds(state) or daemon.disturbed_since(mark), state
 
 
 def answer_to_restart(daemon: Restartable) -> dict[str, Any]:
