@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 SEED ?= $(shell date -u +%Y%m%d)
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run demo test check nightly format bench chaos clean
+.PHONY: help run demo test check nightly format bench chaos deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper, in the foreground"
@@ -18,6 +18,7 @@ help:
 	@echo "make format  put all sources into the project's format"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
 	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
+	@echo "make deb     Debian packages for this release of Debian, in dist/ (two minutes)"
 	@echo "make clean   remove the virtual environment and all caches"
 
 $(STAMP): pyproject.toml
@@ -64,6 +65,9 @@ bench: $(STAMP)
 
 chaos: $(STAMP)
 	$(BIN)/python -m tests.faults.chaos_main --hours 24
+
+deb:
+	packaging/debian/build
 
 clean:
 	rm -rf $(VENV) build dist *.egg-info .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

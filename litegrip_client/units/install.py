@@ -40,6 +40,11 @@ def uses_networkd(root: Path) -> bool:
     return any(root.glob(_NETWORKD))
 
 
+def is_packaged(root: Path) -> bool:
+    """Whether a system has the units from the Debian package."""
+    return (root / plan.PACKAGED).is_file()
+
+
 def enabled(root: Path) -> list[str]:
     """Return which units are enabled in a system: litegripd@can0, say, and litegripd.target."""
     return sorted({link.name.removesuffix(".service") for link in root.glob(_ENABLED)})
@@ -68,10 +73,16 @@ def channels(root: Path) -> list[str]:
 def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
     """Install what is wished for, and anew what was installed before.
 
-    Raises `CommandError` where a file cannot be written.
+    Where the package has brought the units, only what belongs beside them; copies of an earlier
+    installation, which would be used in their place, are removed. Raises `CommandError` where a
+    file cannot be written.
     """
-    files = plan.units(programs)
+    files: list[Planned] = []
     done: list[Done] = []
+    if is_packaged(root):
+        done += _remove_all(root, plan.units(programs))
+    else:
+        files += plan.units(programs)
     if wishes.serial or (root / plan.serial()[0].path).is_file():
         files += plan.serial()
     named = list(dict.fromkeys([*channels(root), *wishes.channels]))
@@ -82,8 +93,8 @@ def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
 
 
 def uninstall(root: Path) -> list[Done]:
-    """Remove what `install` has installed; raises `CommandError` while a unit is enabled."""
-    running = enabled(root)
+    """Remove what `install` has installed; raises `CommandError` while a unit of it is enabled."""
+    running = [] if is_packaged(root) else enabled(root)
     if running:
         raise CommandError(
             f"enabled: {', '.join(running)}",

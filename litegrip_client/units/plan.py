@@ -18,6 +18,13 @@ DATA = Path(__file__).resolve().parent.parent / "data"
 PROGRAMS = "/opt/litegripd/bin/"
 """The path of the programs as the files have it; that of the running environment replaces it."""
 
+VERSIONS = "-versions"
+"""Environments below a directory of this ending are versions, one of which a link without it leads
+to: /opt/litegripd to one of those in /opt/litegripd-versions."""
+
+PACKAGED = "usr/lib/systemd/system/litegripd@.service"
+"""The unit of the Debian package; a copy in usr/local/lib would be used in place of it."""
+
 EXAMPLE_CHANNEL = "can0"
 _UNITS = "usr/local/lib/systemd/system"
 RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
@@ -78,17 +85,37 @@ def channels_in(content: str) -> list[str]:
 def program_directory() -> str:
     """Return where the programs of the running environment are, and the unit can run them.
 
-    Raises `CommandError` where it could not.
+    Of a version that is reached by a link it is the path by the link, so that the unit stays right
+    when that is switched. Raises `CommandError` where the unit could not run them.
     """
-    directory = sysconfig.get_path("scripts")
-    if not Path(directory, "litegripd").is_file():
-        raise _unusable(f"there is no program litegripd in {directory}")
+    scripts = sysconfig.get_path("scripts")
+    if not Path(scripts, "litegripd").is_file():
+        raise _unusable(f"there is no program litegripd in {scripts}")
+    directory = str(_by_link(Path(scripts)))
     for needed in (directory, str(Path(sys.executable).resolve())):
         if not _PLAIN.fullmatch(needed):
             raise _unusable(f"{needed} has characters that a unit file gives a meaning of its own")
         if any(needed.startswith(f"{hidden}/") for hidden in _HIDDEN):
             raise _unusable(f"{needed} is where the daemon, shut off by its unit, cannot see it")
     return directory
+
+
+def _by_link(scripts: Path) -> Path:
+    """Return the path by the link that leads to this version, where there are versions."""
+    version = scripts.parent
+    versions = version.parent
+    if not versions.name.endswith(VERSIONS):
+        return scripts
+    link = versions.with_name(versions.name.removesuffix(VERSIONS))
+    if link.resolve() != version.resolve():
+        new = f"{link}.new"
+        switch = f"ln -s {versions.name}/{version.name} {new} && mv -T {new} {link}"
+        raise CommandError(
+            f"{link} does not lead to {version}, the version that this program is of",
+            reason="wrong_usage",
+            data={"hint": f"run {link}/bin/litegripctl, or have it lead there: {switch}"},
+        )
+    return link / scripts.name
 
 
 def _unusable(why: str) -> CommandError:

@@ -10,8 +10,10 @@ import logging
 import os
 import select
 import signal
+import sys
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from litegripd.app import handover
@@ -32,6 +34,7 @@ from litegripd.rpc.service import RpcService
 _log = logging.getLogger(__name__)
 
 MODULE = "litegripd.app.main"
+PROGRAM = "litegripd"
 SUCCESSOR_OPTION = "--successor"
 
 READY_WITHIN_S = 60.0  # so long a successor may take until it has taken over
@@ -47,6 +50,18 @@ SAME_TABLES = ("bus", "motor", "gripper", "rpc")
 def same_settings(config: Config) -> dict[str, Any]:
     """Return the tables that a successor must find as they are."""
     return {table: plain_of(getattr(config, table)) for table in SAME_TABLES}
+
+
+def installed_program() -> str | None:
+    """Return the installed program that this process runs, by the path by which it was started.
+
+    A link in that path may lead to another version by the time of a restart, which is then to run
+    that. None where the process was started as a module of Python's.
+    """
+    program = Path(sys.argv[0])
+    if program.name != PROGRAM or not os.access(program, os.X_OK):
+        return None
+    return str(program.absolute())
 
 
 class Succession:
@@ -65,6 +80,7 @@ class Succession:
         places: Places,
     ) -> None:
         self._config = config
+        self._program = installed_program()
         self._arguments = arguments
         self._epoch = epoch
         self._machine = machine
@@ -97,7 +113,7 @@ class Succession:
             arguments = [MODULE, SUCCESSOR_OPTION, *self._arguments]
             self._helper.request(
                 "successor.start",
-                {"arguments": arguments},
+                {"program": self._program, "arguments": arguments},
                 self._note_start,
                 (inherited.fileno(),),
             )

@@ -12,6 +12,7 @@ import socket
 import struct
 import sys
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import TypeAlias, TypeVar
 
 CHILD_FD = 3
@@ -24,6 +25,11 @@ _DESCRIPTOR = struct.Struct("i")
 _BUFFER_BYTES = 212_992  # the kernel's usual ceiling without privileges (net.core.wmem_max)
 MAX_PACKET_BYTES = 65_536
 
+_PYTHON = str(Path(sys.executable).parent.resolve() / Path(sys.executable).name)
+_PATH = [os.path.realpath(directory) for directory in sys.path]
+"""Where this version's interpreter and modules are, without links on the way: one that leads to
+another version from now on must not mix the two."""
+
 _RUN = """import sys; sys.path[:] = {path!r}; import runpy
 runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)"""
 
@@ -34,7 +40,7 @@ def module_command(module: str, arguments: Sequence[str] = ()) -> list[str]:
     `python -m module` would look in the current directory first, and run what lies there: any
     `json.py`, for one.
     """
-    return [sys.executable, "-c", _RUN.format(path=sys.path), module, *arguments]
+    return [_PYTHON, "-c", _RUN.format(path=_PATH), module, *arguments]
 
 
 class Child:
@@ -175,7 +181,7 @@ def spawn(
     if memory_fd is not None:
         inherited.append((os.POSIX_SPAWN_DUP2, memory_fd, MEMORY_FD))
     return os.posix_spawn(
-        sys.executable,
+        _PYTHON,
         module_command(module, arguments),
         os.environ,
         file_actions=inherited,

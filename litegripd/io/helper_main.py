@@ -67,15 +67,20 @@ def dump_recorder(parameters: Parameters) -> Dumped:
 
 
 def start_successor(parameters: Parameters) -> dict[str, int]:
-    """Run the module and arguments with the one descriptor of `descriptors`; return its pid.
+    """Run a daemon with the one descriptor of `descriptors`; return its pid.
+
+    The `program`, where there is one: it may be another version by now. Else the module that the
+    `arguments` begin with, of this version.
 
     Here and not in the control thread, which has to wait until a new process runs its program.
     """
     (inherited,) = cast("list[int]", parameters["descriptors"])
     module, *arguments = cast("list[str]", parameters["arguments"])
+    program = cast("str | None", parameters.get("program"))
+    command = module_command(module, arguments) if program is None else [program, *arguments]
     pid = os.posix_spawn(
-        sys.executable,
-        module_command(module, arguments),
+        command[0],
+        command,
         os.environ,
         file_actions=[
             (os.POSIX_SPAWN_DUP2, inherited, CHILD_FD),

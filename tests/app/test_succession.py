@@ -46,7 +46,8 @@ class FakeHelper:
         descriptors: Sequence[int],
     ) -> None:
         assert operation == "successor.start"
-        assert parameters == {"arguments": ["litegripd.app.main", "--successor", "can7"]}
+        arguments = ["litegripd.app.main", "--successor", "can7"]
+        assert parameters == {"program": None, "arguments": arguments}
         if self.error is not None:
             on_result(HelperResult(error=self.error))
             return

@@ -4,7 +4,6 @@ import os
 import resource
 import select
 import signal
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -124,7 +123,7 @@ def test_a_process_holds_no_end_of_another_pair(spawner: Spawner) -> None:
 
 
 def test_a_start_that_fails_says_why(spawner: Spawner, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "executable", "/no/such/python")
+    monkeypatch.setattr("litegripd.io.child._PYTHON", "/no/such/python")
     with pytest.raises(OSError, match="No such file"):
         Spawner()
     child = spawner.start(MODULE, ["\0"])  # no argument can have one

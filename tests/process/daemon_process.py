@@ -24,6 +24,9 @@ mount = "normal"
 """
 """The configuration of a daemon over SLCAN: `format` takes the channel, a path."""
 
+MODULE = ("-m", "litegripd.app.main")
+"""The daemon as a module of this interpreter's."""
+
 DEADLINE_S = 30.0
 
 
@@ -150,7 +153,7 @@ class DaemonProcess:
         folder: Path,
         *arguments: str,
         log: int | None = None,
-        program: tuple[str, ...] = ("-m", "litegripd.app.main"),
+        program: tuple[str, ...] = MODULE,
     ) -> None:
         self.socket_path = folder / "rpc.sock"
         self.log_path = folder / "log.txt"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.process.daemon_process import DEADLINE_S, SLCAN, Client, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, MODULE, SLCAN, Client, DaemonProcess
 from tests.sim.simulator_process import simulator
 
 RATE_HZ = 100
@@ -23,13 +23,12 @@ FORCE_N = 8.0
 class Restartable:
     """A daemon, and whoever follows it; `pid` is who it is now."""
 
-    def __init__(self, folder: Path, terminal: str) -> None:
+    def __init__(self, folder: Path, terminal: str, program: tuple[str, ...] = MODULE) -> None:
         self.config = folder / "config.toml"
         self.config.write_text(CONFIG.format(channel=terminal), encoding="utf-8")
         channel, path = f"hold{os.getpid()}", folder / "rpc.sock"
-        self.first = DaemonProcess(
-            folder, channel, "--config", str(self.config), "--socket", str(path)
-        )
+        arguments = (channel, "--config", str(self.config), "--socket", str(path))
+        self.first = DaemonProcess(folder, *arguments, program=program)
         self.pid = self.first.process.pid
 
     @property
@@ -60,10 +59,10 @@ class Restartable:
 
 
 @contextlib.contextmanager
-def restartable(folder: Path) -> Iterator[Restartable]:
+def restartable(folder: Path, program: tuple[str, ...] = MODULE) -> Iterator[Restartable]:
     """Run a daemon over SLCAN whose gripper has an object between its jaws."""
     with simulator("--pty", "--object-mm", str(OBJECT_MM)) as adapter:
-        daemon = Restartable(folder, adapter.first_line)
+        daemon = Restartable(folder, adapter.first_line, program)
         try:
             with daemon.first.connect() as client:
                 client.enabled()

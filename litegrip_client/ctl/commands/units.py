@@ -64,6 +64,8 @@ def install_units(run: Run) -> int:
             f" /{plan.RULES}: remove it, or rename a rule to {Path(plan.RULES).name}"
             for path in install.outdated(root)
         ]
+    if install.is_packaged(root):
+        notes.append("the units are those of the Debian package: no copy is installed")
     data = {"files": [asdict(one) for one in done], "next": following, "notes": notes}
     run.output.result(data, _text(done, following, notes))
     return OK
@@ -116,7 +118,7 @@ def _after_removal(root: Path, done: Sequence[Done]) -> list[str]:
 
 
 def _text(done: Sequence[Done], following: Sequence[str], notes: Sequence[str]) -> str:
-    lines = [f"{one.what:9}  {one.path}" for one in done] or ["nothing to remove"]
+    lines = [f"{one.what:9}  {one.path}" for one in done] or ["nothing to do"]
     if following:
         lines += ["next, as root:", *(f"  {command}" for command in following)]
     return "\n".join([*lines, *(f"note: {note}" for note in notes)])

@@ -1,0 +1,98 @@
+"""install-units beside versions with a link to one of them, and beside the Debian package."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from litegrip_client.ctl.main import main
+from litegrip_client.errors import CommandError
+from litegrip_client.units import install, plan
+from litegrip_client.units.install import Wishes
+
+RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
+SERIAL = "usr/local/lib/systemd/system/litegripd@.service.d/serial.conf"
+CONFIGURATION = "etc/litegripd/litegripd.toml"
+
+
+@pytest.fixture
+def versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A directory of two versions, this program being of the first."""
+    monkeypatch.setattr(plan, "_HIDDEN", ())  # the directory is one of those
+    folder = tmp_path / "litegripd-versions"
+    for version in ("1.0", "2.0"):
+        programs = folder / version / "bin"
+        programs.mkdir(parents=True)
+        (programs / "litegripd").touch()
+    monkeypatch.setattr("sysconfig.get_path", lambda _name: str(folder / "1.0/bin"))
+    return folder
+
+
+def test_the_unit_has_the_path_by_the_link(versions: Path) -> None:
+    link = versions.with_name("litegripd")
+    link.symlink_to("litegripd-versions/1.0")
+    assert plan.program_directory() == f"{link}/bin"
+
+
+def test_the_program_of_a_version_that_the_link_does_not_lead_to_installs_nothing(
+    versions: Path,
+) -> None:
+    link = versions.with_name("litegripd")
+    for leads_elsewhere in (False, True):
+        if leads_elsewhere:
+            link.symlink_to("litegripd-versions/2.0")
+        with pytest.raises(
+            CommandError, match=f"{link} does not lead to {versions}/1.0"
+        ) as refused:
+            plan.program_directory()
+        switch = f"ln -s litegripd-versions/1.0 {link}.new && mv -T {link}.new {link}"
+        assert str(refused.value.hint).endswith(switch)
+
+
+@pytest.fixture
+def packaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A system on which the package is installed."""
+    monkeypatch.setattr(plan, "program_directory", lambda: "/opt/litegripd/bin")
+    for path in (plan.PACKAGED, CONFIGURATION):
+        (tmp_path / path).parent.mkdir(parents=True)
+        (tmp_path / path).touch()
+    return tmp_path
+
+
+def files(root: Path) -> set[str]:
+    return {str(path.relative_to(root)) for path in root.rglob("*") if path.is_file()}
+
+
+def test_beside_the_package_only_the_interfaces_are_installed(
+    packaged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["install-units", "--root", str(packaged), "--can", "can1", "--serial"]) == 0
+    assert files(packaged) == {plan.PACKAGED, CONFIGURATION, RULES, SERIAL}
+    assert "note: the units are those of the Debian package" in capsys.readouterr().out
+
+
+def test_copies_of_the_units_that_would_shadow_the_packages_are_removed(
+    tmp_path: Path, packaged: Path
+) -> None:
+    unit = packaged / plan.PACKAGED
+    unit.unlink()
+    install.install(packaged, Wishes(("can0",)), "/opt/litegripd/bin")
+    assert len(files(packaged)) == 5
+    unit.touch()
+    done = {one.path: one.what for one in install.install(packaged, Wishes(), "")}
+    assert sorted(done.values()) == ["kept", "removed", "removed", "removed", "unchanged"]
+    assert files(packaged) == {plan.PACKAGED, CONFIGURATION, RULES}
+
+
+def test_what_is_beside_the_package_is_removed_while_a_unit_is_enabled(
+    packaged: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    install.install(packaged, Wishes(("can0",), serial=True), "/opt/litegripd/bin")
+    link = packaged / "etc/systemd/system/litegripd.target.wants/litegripd@can0.service"
+    link.parent.mkdir(parents=True)
+    link.symlink_to(f"/{plan.PACKAGED}")
+    assert main(["install-units", "--root", str(packaged), "--uninstall", "--json"]) == 0
+    removed = [one["what"] for one in json.loads(capsys.readouterr().out)["files"]]
+    assert sorted(removed) == ["kept", "removed", "removed"]
+    assert files(packaged) == {plan.PACKAGED, CONFIGURATION}
+    assert link.is_symlink()

@@ -1,0 +1,241 @@
+"""The Debian packages, as far as they can be judged without building them."""
+
+import os
+import re
+import subprocess
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import pytest
+import tomli
+
+from litegrip_client.units import plan
+
+SOURCES = Path(__file__).parents[2]
+PACKAGING = SOURCES / "packaging/debian"
+BUILD = PACKAGING / "build"
+SCRIPTS = [BUILD, *sorted(PACKAGING.glob("*/p*"))]
+UNIT = "litegripd@can0.service"
+STUB = """#!/bin/sh
+echo "${0##*/} $*" >>"$CALLS"
+case $1 in
+    list-units) echo "litegripd@can0.service loaded active running LiteGrip gripper on can0" ;;
+    reload) exit $RELOADED ;;
+esac
+"""
+
+
+def put() -> dict[str, str]:
+    """Return where the package has which file of the sources."""
+    found = re.findall(r'^ +put "\$1" (\S+) (\S+)$', BUILD.read_text(), re.M)
+    return {where: source for source, where in found}
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: f"{path.parent.name}/{path.name}")
+def test_a_shell_can_read_the_script(script: Path) -> None:
+    assert script.read_text().startswith("#!/bin/sh\n")
+    assert re.search(r"^set -e", script.read_text(), re.M)
+    subprocess.run(["sh", "-n", str(script)], check=True)
+    assert os.access(script, os.X_OK)
+
+
+def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
+    files = put()
+    assert set(files) == {
+        plan.PACKAGED,
+        "usr/lib/systemd/system/litegripd.target",
+        "usr/lib/sysusers.d/litegripd.conf",
+        "etc/litegripd/litegripd.toml",
+        "usr/share/doc/litegripd/copyright",
+        "usr/share/doc/litegripd/CHANGELOG.md",
+    }
+    for source in files.values():
+        assert (SOURCES / source).is_file(), source
+    installed = {(file.content, Path(file.path).name) for file in plan.units("/opt/litegripd/bin")}
+    packaged = {
+        ((SOURCES / source).read_text(), Path(where).name) for where, source in files.items()
+    }
+    assert installed <= packaged
+
+
+def test_what_is_a_configuration_is_kept_by_dpkg() -> None:
+    configured = {f"/{where}" for where in put() if where.startswith("etc/")}
+    assert set((PACKAGING / "litegripd/conffiles").read_text().split()) == configured
+
+
+def test_the_link_leads_from_where_the_units_look_to_where_the_version_is() -> None:
+    build = BUILD.read_text()
+    link = plan.PROGRAMS.removesuffix("/bin/")
+    assert f'ln -s "{Path(link).name}{plan.VERSIONS}/$version" "$1{link}"' in build
+    assert f"prefix={link}{plan.VERSIONS}/$version" in build
+    assert f"ExecStart={link}/bin/litegripd %i" in (SOURCES / put()[plan.PACKAGED]).read_text()
+
+
+def test_the_version_is_that_of_the_sources() -> None:
+    (command,) = re.findall(r"^release=\$\((.*)\)$", BUILD.read_text(), re.M)
+    told = subprocess.run(
+        ["sh", "-c", command],
+        env={**os.environ, "sources": str(SOURCES)},
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    project = tomli.loads((SOURCES / "pyproject.toml").read_text())["project"]
+    assert told.stdout.strip() == project["version"]
+
+
+def test_all_that_is_built_from_is_there() -> None:
+    (names,) = re.findall(r"^ +for name in (pyproject.toml .*); do$", BUILD.read_text(), re.M)
+    for name in names.split():
+        assert (SOURCES / name).exists(), name
+
+
+def test_every_word_of_a_template_is_filled_in() -> None:
+    filled = set(re.findall(r"s\|(@[A-Z]+@)\|", BUILD.read_text()))
+    used = {
+        word for path in PACKAGING.glob("*/*") for word in re.findall(r"@[A-Z]+@", path.read_text())
+    }
+    assert used == filled
+
+
+def test_a_revision_that_no_package_may_have_is_refused() -> None:
+    told = subprocess.run([str(BUILD), "1~rc"], capture_output=True, text=True, check=False)
+    assert told.returncode == 2
+    assert "allowed are digits, small letters and dots" in told.stderr
+
+
+class System:
+    """A machine of which only the service manager is asked."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._calls = folder / "calls"
+        self._programs = folder / "programs"
+        self._programs.mkdir()
+        (folder / "booted").mkdir()
+        for name in ("systemctl", "systemd-sysusers"):
+            (self._programs / name).write_text(STUB)
+            (self._programs / name).chmod(0o755)
+
+    def run(
+        self, script: str, *arguments: str, reloaded: int = 0
+    ) -> "subprocess.CompletedProcess[str]":
+        """Run a script of a maintainer's on it."""
+        text = (PACKAGING / script).read_text()
+        for path, here in (
+            ("/run/systemd/system", "booted"),
+            ("@PREFIX@", "version"),
+            ("/opt/litegripd", "link"),
+            ("/etc/systemd", "etc"),
+            ("/usr/local/lib/systemd/system", "local"),
+        ):
+            text = text.replace(path, str(self.folder / here))
+        (self.folder / "script").write_text(text)
+        environment = {
+            "PATH": f"{self._programs}:{os.environ['PATH']}",
+            "CALLS": str(self._calls),
+            "RELOADED": str(reloaded),
+        }
+        command = ["sh", str(self.folder / "script"), *arguments]
+        return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+    @property
+    def calls(self) -> Sequence[str]:
+        """What has been asked of it."""
+        return self._calls.read_text().splitlines() if self._calls.exists() else []
+
+
+@pytest.fixture
+def system(tmp_path: Path) -> System:
+    return System(tmp_path)
+
+
+@pytest.mark.parametrize("reloaded", [0, 1])
+def test_an_upgrade_reloads_whoever_runs_and_never_restarts(system: System, reloaded: int) -> None:
+    assert system.run("litegripd/prerm", "upgrade", "0.2.0-1").returncode == 0
+    assert system.run("litegripd/preinst", "upgrade", "0.1.0-1").returncode == 0
+    assert system.run("litegripd/postrm", "upgrade", "0.2.0-1").returncode == 0
+    assert system.calls == []
+    configured = system.run("litegripd/postinst", "configure", "0.1.0-1", reloaded=reloaded)
+    assert configured.returncode == 0, "an upgrade ends well even where a daemon may not follow now"
+    assert system.calls == [
+        "systemd-sysusers litegripd.conf",
+        "systemctl daemon-reload",
+        "systemctl list-units --plain --no-legend --state=active litegripd@*.service",
+        f"systemctl reload {UNIT}",
+    ]
+    told = f"later, without letting go: systemctl reload '{UNIT}'" in configured.stderr
+    assert told == bool(reloaded)
+
+
+def test_a_system_that_is_not_booted_is_asked_for_users_only(system: System) -> None:
+    (system.folder / "booted").rmdir()
+    for script, *arguments in (
+        ("litegripd/postinst", "configure", ""),
+        ("litegripd/prerm", "remove"),
+        ("litegripd/postrm", "remove"),
+    ):
+        assert system.run(script, *arguments).returncode == 0
+    assert system.calls == ["systemd-sysusers litegripd.conf"]
+
+
+def test_a_copy_that_shadows_the_unit_is_told(system: System) -> None:
+    (system.folder / "local").mkdir()
+    (system.folder / "local/litegripd@.service").touch()
+    configured = system.run("litegripd/postinst", "configure", "")
+    assert "to remove it: litegripctl install-units" in configured.stderr
+
+
+def test_removal_stops_what_runs(system: System) -> None:
+    assert system.run("litegripd/prerm", "remove").returncode == 0
+    assert system.run("litegripd/postrm", "remove").returncode == 0
+    stop = "systemctl stop litegripd@*.service litegripd.target"
+    assert system.calls == [stop, "systemctl daemon-reload"]
+
+
+def test_only_a_purge_forgets_which_units_are_enabled(system: System) -> None:
+    wants = system.folder / "etc/system/litegripd.target.wants"
+    wants.mkdir(parents=True)
+    (wants / UNIT).symlink_to("/usr/lib/systemd/system/litegripd@.service")
+    system.run("litegripd/postrm", "remove")
+    assert (wants / UNIT).is_symlink()
+    system.run("litegripd/postrm", "purge")
+    assert not wants.exists()
+
+
+def test_a_directory_in_the_place_of_the_link_is_refused(system: System) -> None:
+    link = system.folder / "link"
+    assert system.run("litegripd/preinst", "install").returncode == 0
+    link.symlink_to(system.folder)
+    assert system.run("litegripd/preinst", "upgrade").returncode == 0
+    link.unlink()
+    link.mkdir()
+    refused = system.run("litegripd/preinst", "install")
+    assert refused.returncode == 1
+    assert f"first: mv {link} {link}-before" in refused.stderr
+
+
+@pytest.fixture
+def running(system: System) -> Iterator["subprocess.Popen[bytes]"]:
+    """A process of a version's interpreter."""
+    (system.folder / "version/bin").mkdir(parents=True)
+    name = str(system.folder / "version/bin/python3")
+    process = subprocess.Popen([name, "100"], executable="/bin/sleep")
+    yield process
+    process.kill()
+    process.wait()
+
+
+def test_a_version_that_still_runs_is_not_removed(
+    system: System, running: "subprocess.Popen[bytes]"
+) -> None:
+    refused = system.run("version/prerm", "remove")
+    assert refused.returncode == 1
+    assert f": {running.pid} \n" in refused.stderr
+    assert (system.folder / "version").exists()
+    running.kill()
+    running.wait()
+    assert system.run("version/prerm", "upgrade").returncode == 0
+    assert (system.folder / "version").exists()
+    assert system.run("version/prerm", "remove").returncode == 0
+    assert not (system.folder / "version").exists()
