@@ -22,12 +22,13 @@ def install_units(run: Run) -> int:
                 "--uninstall removes everything", "leave --can and --serial out, or --uninstall"
             )
         done = install.uninstall(root)
-        following = _after_removal(done)
+        following = _after_removal(root, done)
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
         wishes = Wishes(options.can, options.serial)
         done = install.install(root, wishes, plan.program_directory())
         following = _after_installation(root, done, options.can)
+        notes += install.foreign_users(root)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
     data = {"files": [asdict(one) for one in done], "next": following, "notes": notes}
     run.output.result(data, _text(done, following, notes))
@@ -44,13 +45,17 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
             f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
             for channel in channels
         ]
-    running = [name for name in install.enabled(root) if "@" in name]
+    running = install.running(root)
+    stopped = [name for name in install.enabled(root) if "@" in name and name not in running]
     if running:
         verb = "restart" if _has_new_settings(done) else "reload"
         following.append(f"systemctl {verb} {' '.join(running)}")
-    elif not channels:
+    if stopped:
+        following.append(f"systemctl start {' '.join(stopped)}")
+    if not running and not stopped and not channels:
         channels = install.channels(root) or [plan.EXAMPLE_CHANNEL]
-    new = [name for name in map("litegripd@{}".format, channels) if name not in running]
+    known = (*running, *stopped)
+    new = [name for name in map("litegripd@{}".format, channels) if name not in known]
     if new:
         following += [
             "usermod --append --groups litegrip USER   # who may use the grippers",
@@ -71,10 +76,12 @@ def _is_of_network(path: str) -> bool:
     return "/network/" in path or "/rules.d/" in path
 
 
-def _after_removal(done: Sequence[Done]) -> list[str]:
+def _after_removal(root: Path, done: Sequence[Done]) -> list[str]:
     removed = [one.path for one in done if one.what == "removed"]
     following = ["systemctl daemon-reload"] if removed else []
     if any(map(_is_of_network, removed)):
+        if install.uses_networkd(root):
+            following.append("networkctl reload")
         following.append("udevadm control --reload")
     return following
 
