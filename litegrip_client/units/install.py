@@ -5,6 +5,7 @@ A changed configuration is never overwritten, and what the daemons have stored i
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,10 +13,17 @@ from pathlib import Path
 from litegrip_client import atomic_file
 from litegrip_client.errors import CommandError
 from litegrip_client.units import plan
+from litegrip_client.units.access import USER
 from litegrip_client.units.plan import Planned
 
 _MODE = 0o644
 _ENABLED = "etc/systemd/system/*.wants/litegripd[@.]*"
+_RUNNING = "run/systemd/units/invocation:litegripd@*.service"
+"""systemd's own notes, from a unit's start until it has stopped or failed."""
+
+_DROP_INS = "systemd/system/litegripd@*.service.d/*.conf"
+_FOREIGN = re.compile(r"^\s*User\s*=\s*(\S+)", re.MULTILINE)
+_NO_OTHER_USER = f"/run/litegripd and /var/lib/litegripd belong to {USER}: it cannot write there"
 _NETWORKD = "etc/systemd/system/*.wants/systemd-networkd.service"
 
 
@@ -48,6 +56,23 @@ def is_packaged(root: Path) -> bool:
 def enabled(root: Path) -> list[str]:
     """Return which units are enabled in a system: litegripd@can0, say, and litegripd.target."""
     return sorted({link.name.removesuffix(".service") for link in root.glob(_ENABLED)})
+
+
+def running(root: Path) -> list[str]:
+    """Return which daemons systemd runs, or is about to start anew: litegripd@can0, say."""
+    names = (note.name.partition(":")[2] for note in root.glob(_RUNNING))
+    return sorted(name.removesuffix(".service") for name in names)
+
+
+def foreign_users(root: Path) -> list[str]:
+    """Say which drop-ins have a daemon run as another user, and why that does not work."""
+    notes = []
+    for path in sorted({*root.glob(f"etc/{_DROP_INS}"), *root.glob(f"run/{_DROP_INS}")}):
+        for value in _FOREIGN.findall(path.read_text(errors="replace")):
+            if value == USER:
+                continue
+            notes.append(f"{path} sets User={value}; {_NO_OTHER_USER}")
+    return notes
 
 
 def hiding(root: Path) -> list[str]:
@@ -93,13 +118,13 @@ def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
 
 
 def uninstall(root: Path) -> list[Done]:
-    """Remove what `install` has installed; raises `CommandError` while a unit of it is enabled."""
-    running = [] if is_packaged(root) else enabled(root)
-    if running:
+    """Remove what `install` has installed; raises `CommandError` while one is enabled or runs."""
+    left = [] if is_packaged(root) else sorted({*enabled(root), *running(root)})
+    if left:
         raise CommandError(
-            f"enabled: {', '.join(running)}",
+            f"enabled or running: {', '.join(left)}",
             reason="wrong_usage",
-            data={"hint": f"first: systemctl disable --now {' '.join(running)}"},
+            data={"hint": f"first: systemctl disable --now {' '.join(left)}"},
         )
     files = plan.units("") + plan.serial() + plan.udev((plan.EXAMPLE_CHANNEL,)) + plan.superseded()
     return _remove_all(root, files)

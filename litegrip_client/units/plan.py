@@ -13,10 +13,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from litegrip_client.errors import CommandError
+from litegrip_client.units import access
 
 DATA = Path(__file__).resolve().parent.parent / "data"
 PROGRAMS = "/opt/litegripd/bin/"
-"""The path of the programs as the files have it; that of the running environment replaces it."""
+MANUALS = "/opt/litegripd/share/man/"
+"""Paths as the files have them; those of the running environment replace them."""
 
 VERSIONS = "-versions"
 """Environments below a directory of this ending are versions, one of which a link without it leads
@@ -36,6 +38,7 @@ SUPERSEDED = (
 )
 """What earlier versions installed for the same, which would undo it or do it twice."""
 _NAMED = re.compile(r'^(?:Name=|.*(?:KERNEL|LITEGRIP_NAME\})==")([^"\n]+)', re.MULTILINE)
+_ELSEWHERE = "install it where all may read it: python3 -m venv /opt/litegripd"
 _PLAIN = re.compile(r"[A-Za-z0-9_./+-]+")
 _HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # noqa: S108 - not used, refused
 """What the unit does not see: ProtectHome and PrivateTmp."""
@@ -52,11 +55,13 @@ class Planned:
 
 def units(programs: str) -> list[Planned]:
     """Return what every installation has."""
-    service = _read("systemd/litegripd@.service").replace(PROGRAMS, f"{programs}/")
     return [
-        Planned(f"{_UNITS}/litegripd@.service", service),
-        Planned(f"{_UNITS}/litegripd.target", _read("systemd/litegripd.target")),
+        *(
+            Planned(f"{_UNITS}/{name}", _in_environment(_read(f"systemd/{name}"), programs))
+            for name in ("litegripd@.service", "litegripd.target")
+        ),
         Planned("usr/local/lib/sysusers.d/litegripd.conf", _read("systemd/litegripd.sysusers")),
+        Planned("usr/local/lib/tmpfiles.d/litegripd.conf", _read("systemd/litegripd.tmpfiles")),
         Planned("etc/litegripd/litegripd.toml", _read("etc/litegripd.toml"), kept=True),
     ]
 
@@ -97,6 +102,12 @@ def program_directory() -> str:
             raise _unusable(f"{needed} has characters that a unit file gives a meaning of its own")
         if any(needed.startswith(f"{hidden}/") for hidden in _HIDDEN):
             raise _unusable(f"{needed} is where the daemon, shut off by its unit, cannot see it")
+    obstacle = access.obstacle(directory, access.reader_of())
+    if obstacle is not None:
+        why = f"the user {access.USER} cannot run the programs in {directory}: {obstacle}"
+        if obstacle.path.resolve().is_relative_to(Path(sys.prefix).resolve()):
+            raise _unusable(why, f"let all read it: chmod --recursive go+rX {sys.prefix}")
+        raise _unusable(why)
     return directory
 
 
@@ -118,9 +129,13 @@ def _by_link(scripts: Path) -> Path:
     return link / scripts.name
 
 
-def _unusable(why: str) -> CommandError:
-    hint = "install it where all may read it: python3 -m venv /opt/litegripd"
+def _unusable(why: str, hint: str = _ELSEWHERE) -> CommandError:
     return CommandError(why, reason="wrong_usage", data={"hint": hint})
+
+
+def _in_environment(content: str, programs: str) -> str:
+    manuals = f"{Path(programs).parent}/share/man/"
+    return content.replace(PROGRAMS, f"{programs}/").replace(MANUALS, manuals)
 
 
 def _for(channels: Sequence[str], name: str, separator: str) -> str:

@@ -252,7 +252,7 @@ class Daemon:
         give_up_priority()
         self._succession.tell_outcome()
         retirement.part_with_clients(self._server, self._stop_listener)
-        self._supervision.followed_by(self._succession.pid, retirement.pass_on)
+        self._supervision.followed_by(self._succession.pid, retirement.goes_on)
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop, in force with the next command; return the level that is latched, and the count."""

@@ -55,6 +55,11 @@ class Retirement:
             self._end_is_passed_on = True
             self._succession.tell_end(self._link)
 
+    def goes_on(self) -> bool:
+        """Pass on what has come; return whether the successor is still there."""
+        self.pass_on()
+        return not self._link.is_left()
+
     def close(self) -> None:
         """Pass on what has come at the last moment, and close the line."""
         self.pass_on()

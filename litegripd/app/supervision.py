@@ -26,6 +26,7 @@ MANAGER_WITHIN_S = 1.0
 """So long a daemon waits for the manager to know its successor as the main process."""
 
 _LONGEST_STATUS = 300  # characters
+_READY = "READY=1"
 _ANSWERS = (MotorPhase.ENABLED, MotorPhase.DISABLED)
 
 
@@ -59,24 +60,33 @@ class Supervision:
         self._worked = False
         self._waited = False
         self._requests = 0
+        self._owed = ""
         self._notifier = Notifier()
 
     def ready(self) -> None:
-        """Tell that clients are let in."""
-        self._notifier.send("READY=1")
+        """Tell that clients are let in; once more with each tick while there is no room for it."""
+        is_told = self._notifier.send(_READY)
+        self._owed = _READY if not is_told and self._notifier.is_full else ""
 
     def ends(self) -> None:
         """Tell that the end has begun."""
         self._notifier.send("STOPPING=1")
 
-    def followed_by(self, pid: int, meanwhile: Callable[[], None]) -> None:
-        """Tell that another process is the daemon now, and wait until the manager knows it."""
-        if self._notifier.send(f"MAINPID={pid}"):
-            self._notifier.barrier(MANAGER_WITHIN_S, meanwhile)
+    def followed_by(self, pid: int, goes_on: Callable[[], bool]) -> None:
+        """Tell that another process is the daemon now, and wait until the manager knows it.
+
+        One that does not know it would take the end of this process for the daemon's, and end the
+        other; so this one waits for room as long as `goes_on` returns True, however long that is.
+        """
+        told = f"MAINPID={pid}\n{self._owed}".rstrip()
+        if self._notifier.insist(told, goes_on):
+            self._notifier.barrier(MANAGER_WITHIN_S, goes_on)
 
     def tick(self, now_s: float, *, failed: bool) -> None:
         """Take note of a tick that is done, or that failed by a defect; tell what is due."""
         self._worked = self._worked or not failed
+        if self._owed:
+            self.ready()
         if self._next_beat_s is None:
             self._next_beat_s = now_s + self._beat_s
         if now_s < self._next_beat_s:

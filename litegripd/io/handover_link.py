@@ -75,6 +75,12 @@ class Link:
         select.select((self._socket,), (), (), max(within_s, 0.0))
         return self.receive()
 
+    def is_left(self) -> bool:
+        """Whether the other end is gone, though packets of it may be left to be received."""
+        poll = select.poll()
+        poll.register(self._socket, 0)
+        return bool(poll.poll(0))
+
     def close(self) -> None:
         """Close this end."""
         self._socket.close()

@@ -278,7 +278,12 @@ def _give_to_group(path: Path, group: str | None) -> None:
         _log.warning("there is no group %r: %s stays with group %s", group, path, _group_of(path))
     except PermissionError:
         _log.warning(
-            "not allowed to give %s to group %r: it stays with %s", path, group, _group_of(path)
+            "not allowed to give %s to group %r: it stays with %s; a unit needs Group=%s as well"
+            " (systemctl edit), and a restart",
+            path,
+            group,
+            _group_of(path),
+            group,
         )
 
 

@@ -21,36 +21,40 @@ class Notifier:
         self._address = "\0" + path[1:] if path[:1] == "@" else path if path[:1] == "/" else None
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
+        self.is_full = False
+        """Whether what was sent last found no room: the manager has not read what came before."""
 
     def send(self, text: str) -> bool:
         """Send lines such as READY=1; tell whether they left. Never waits, raises nothing."""
-        if self._address is None:
-            return False
-        try:
-            self._socket.sendto(text.encode(errors="replace"), self._address)
-        except OSError:
-            return False
-        return True
+        return self._left(lambda address: self._send_text(text, address))
 
-    def barrier(self, within_s: float, meanwhile: Callable[[], None]) -> bool:
+    def insist(self, text: str, goes_on: Callable[[], bool]) -> bool:
+        """Send lines, again and again while there is no room; tell whether they left.
+
+        `goes_on` is called every few milliseconds; where it returns False, that is the end.
+        """
+        return self._insist(lambda: self.send(text), goes_on)
+
+    def barrier(self, within_s: float, goes_on: Callable[[], bool]) -> bool:
         """Wait until the manager has taken in all that was sent; False if it has not in time.
 
-        It closes the descriptor that it gets, which we see (systemd 246; others never do).
-        `meanwhile` is called every few milliseconds.
+        It closes the descriptor that it gets, which we see (systemd 246; others never do). The time
+        counts from when there was room for that. `goes_on` is as for `insist`.
         """
-        ends_s = time.monotonic() + within_s
         ours, theirs = os.pipe()
         try:
-            sent = self._send_descriptor(theirs)
+            waits = self._insist(
+                lambda: self._left(lambda address: self._send_descriptor(theirs, address)), goes_on
+            )
         finally:
             os.close(theirs)
+        ends_s = time.monotonic() + within_s
         try:
             poll = select.poll()
             poll.register(ours, 0)
-            while sent and not poll.poll(_LOOK_EVERY_MS):
-                meanwhile()
-                sent = time.monotonic() < ends_s
-            return sent
+            while waits and not poll.poll(_LOOK_EVERY_MS):
+                waits = goes_on() and time.monotonic() < ends_s
+            return waits
         finally:
             os.close(ours)
 
@@ -58,15 +62,32 @@ class Notifier:
         """Give the socket back."""
         self._socket.close()
 
-    def _send_descriptor(self, descriptor: int) -> bool:
+    def _insist(self, send: Callable[[], bool], goes_on: Callable[[], bool]) -> bool:
+        while not send():
+            if not self.is_full or not goes_on():
+                return False
+            select.select((), (), (), _LOOK_EVERY_MS * 1e-3)
+        return True
+
+    def _left(self, send: Callable[[str], None]) -> bool:
+        self.is_full = False
         if self._address is None:
             return False
         try:
-            self._socket.connect(self._address)  # before Python 3.12 `send_fds` heeds no address
-            socket.send_fds(self._socket, [_BARRIER], (descriptor,))
+            send(self._address)
+        except BlockingIOError:
+            self.is_full = True
+            return False
         except OSError:
             return False
         return True
+
+    def _send_text(self, text: str, address: str) -> None:
+        self._socket.sendto(text.encode(errors="replace"), address)
+
+    def _send_descriptor(self, descriptor: int, address: str) -> None:
+        self._socket.connect(address)  # before Python 3.12 `send_fds` heeds no address
+        socket.send_fds(self._socket, [_BARRIER], (descriptor,))
 
 
 def watchdog_s(*, follows: bool = False) -> float | None:

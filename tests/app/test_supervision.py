@@ -1,5 +1,6 @@
 """What the service manager is told in which case, on a fake one: beat, status, begin and end."""
 
+import contextlib
 import os
 import select
 import socket
@@ -171,6 +172,50 @@ def test_a_successor_is_heard_in_the_name_of_the_first(
     successor = parts.supervision(follows=True)
     assert not parts.run(successor, 0.4), "not before the manager knows it"
     assert "WATCHDOG=1" in parts.run(successor, 1.0)
+
+
+def fill(parts: Parts, supervision: Supervision) -> None:
+    """Have the status told, and others say so much that there is no room for another word."""
+    parts.run(supervision, 1.5)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while other.sendto(b"STATUS=of others", parts.manager.getsockname()):
+                pass
+
+
+def test_readiness_is_told_again_until_there_is_room_for_it(parts: Parts) -> None:
+    supervision = parts.supervision()
+    fill(parts, supervision)
+    supervision.ready()
+    assert "READY=1" not in parts.told()
+    assert parts.run(supervision, 1.0).count("READY=1") == 1
+
+
+def test_a_successor_is_named_as_soon_as_there_is_room_for_it(parts: Parts) -> None:
+    supervision = parts.supervision()
+    fill(parts, supervision)
+    told: list[str] = []
+    waited = 0
+
+    def goes_on() -> bool:
+        nonlocal waited
+        waited += 1
+        if waited > 2:
+            told.extend(parts.told())
+        return "BARRIER=1" not in told
+
+    supervision.ready()
+    supervision.followed_by(7, goes_on)
+    assert "READY=1" not in told, "alone"
+    assert told[-2:] == ["MAINPID=7\nREADY=1", "BARRIER=1"]
+
+
+def test_a_successor_that_has_ended_is_not_named_any_more(parts: Parts) -> None:
+    supervision = parts.supervision()
+    fill(parts, supervision)
+    supervision.followed_by(7, lambda: False)
+    assert "MAINPID=7" not in parts.told()
 
 
 def test_begin_and_end_are_told(parts: Parts) -> None:

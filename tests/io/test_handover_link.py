@@ -99,7 +99,9 @@ def test_last_words_are_heard_of_one_that_has_not_listened() -> None:
     theirs = Link(inherited)
     ours.send("hello")
     theirs.send("refused", why="the configuration")
+    assert not ours.is_left()
     theirs.close()
+    assert ours.is_left()
     packet = ours.wait(DEADLINE_S)
     assert packet is not None
     assert packet.body == {"why": "the configuration"}

@@ -45,6 +45,7 @@ def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
         plan.PACKAGED,
         "usr/lib/systemd/system/litegripd.target",
         "usr/lib/sysusers.d/litegripd.conf",
+        "usr/lib/tmpfiles.d/litegripd.conf",
         "etc/litegripd/litegripd.toml",
         "usr/share/doc/litegripd/copyright",
         "usr/share/doc/litegripd/CHANGELOG.md",

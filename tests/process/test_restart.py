@@ -1,10 +1,12 @@
 """A hold survives a restart of the daemon: real processes, an adapter that is opened only once."""
 
+import contextlib
 import os
 import re
 import select
 import signal
 import socket
+import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from litegripd.app.supervision import MANAGER_WITHIN_S
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.restarting import (
     RATE_HZ,
@@ -242,6 +245,47 @@ def test_the_service_manager_is_told_who_the_daemon_is(
         while select.select([manager], [], [], 0)[0]:
             manager.recv(1000)
         assert told(b"WATCHDOG=1"), "the successor feeds it now"
+
+
+def leave_no_room(manager: socket.socket) -> None:
+    """Wait until the daemon is ready; then others tell so much that nothing more can be told."""
+    while manager.recv(1000) != b"READY=1":
+        pass
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as other:
+        other.setblocking(False)
+        with contextlib.suppress(BlockingIOError):
+            while other.sendto(b"STATUS=of others", manager.getsockname()):
+                pass
+
+
+def test_the_service_manager_is_told_so_also_where_it_has_not_read_for_long(
+    tmp_path: Path, manager: socket.socket
+) -> None:
+    """Who does not know the successor would end it together with the old daemon."""
+    with restartable(tmp_path) as running:
+        leave_no_room(manager)
+        restarted(running)
+        with running.connect() as client:
+            assert client.result("hello")["pid"] == running.pid, "clients do not wait for that"
+        with pytest.raises(subprocess.TimeoutExpired):
+            running.first.process.wait(MANAGER_WITHIN_S + 0.5)
+        told = [manager.recv(1000)]
+        while not told[-1].startswith(b"BARRIER"):
+            told.append(manager.recv(1000))
+        assert f"MAINPID={running.pid}".encode() in told
+        assert running.first.exit_code() == 0
+
+
+def test_an_old_daemon_does_not_outlast_its_successor(
+    tmp_path: Path, manager: socket.socket
+) -> None:
+    with restartable(tmp_path) as running:
+        leave_no_room(manager)
+        restarted(running)
+        assert running.first.process.poll() is None
+        running.first.process.send_signal(signal.SIGTERM)
+        wait_for_end(running.pid)
+        assert running.first.exit_code() == 0
 
 
 def test_what_lives_in_the_process_is_not_held_through_a_restart(

@@ -3,6 +3,7 @@
 The scenes build on each other. Nothing here is about timing: the machine is emulated, and stalls.
 """
 
+import re
 import sys
 from functools import partial
 from pathlib import Path
@@ -10,6 +11,7 @@ from pathlib import Path
 from tests.vm.attended import ATTENDED, patient_motor
 from tests.vm.failing_units import FAILING_UNITS
 from tests.vm.guest import check, play, reaches
+from tests.vm.managed import MANAGED
 from tests.vm.unit import (
     CONFIGURATION,
     PROGRAMS,
@@ -25,6 +27,9 @@ from tests.vm.unit import (
 )
 
 EXPOSURE_AT_MOST = 2.0
+LATER_KEYS = re.compile("Unknown key .*'Restart(Steps|MaxDelaySec)'")
+"""Of systemd 254; older ones say that they ignore them."""
+
 UNIT_FILE = "/usr/local/lib/systemd/system/litegripd@.service"
 
 
@@ -49,7 +54,8 @@ def installation() -> None:
         must(*trigger, f"--sysname-match={name}")
         check(f"udev brings {name} up", reaches(partial(is_set_up, name)), flags(name))
     status, out = run("systemd-analyze", "verify", "--man=no", UNIT_FILE)
-    check("systemd-analyze verify accepts the unit", status == 0 and not out, out)
+    complaints = [line for line in out.splitlines() if not LATER_KEYS.search(line)]
+    check("systemd-analyze verify accepts the unit", status == 0 and not complaints, out)
 
 
 def one_daemon() -> None:
@@ -146,7 +152,7 @@ def removal() -> None:
     check("and nothing of it runs", run("pgrep", "-f", "litegripd")[1] == "")
 
 
-FIRST = (installation, one_daemon, *ATTENDED, *FAILING_UNITS)
+FIRST = (installation, one_daemon, *ATTENDED, *MANAGED, *FAILING_UNITS)
 SECOND = (after_reboot, removal)
 
 

@@ -58,6 +58,7 @@ def install_units(run: Run) -> int:
         wishes = Wishes(options.can, options.serial)
         done = install.install(root, wishes, plan.program_directory())
         following = _after_installation(root, done, options.can)
+        notes += install.foreign_users(root)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
         notes += [
             f"{path} is a copy of a file of earlier versions, and still does what it says, beside"
@@ -78,13 +79,17 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
         f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
         for channel in channels
     ]
-    running = [name for name in install.enabled(root) if "@" in name]
+    running = install.running(root)
+    stopped = [name for name in install.enabled(root) if "@" in name and name not in running]
     if running:
         verb = "restart" if _has_new_settings(done) else "reload"
         following.append(f"systemctl {verb} {' '.join(running)}")
-    elif not channels:
+    if stopped:
+        following.append(f"systemctl start {' '.join(stopped)}")
+    if not running and not stopped and not channels:
         channels = install.channels(root) or [plan.EXAMPLE_CHANNEL]
-    new = [name for name in map("litegripd@{}".format, channels) if name not in running]
+    known = (*running, *stopped)
+    new = [name for name in map("litegripd@{}".format, channels) if name not in known]
     if new:
         following += [
             "usermod --append --groups litegrip USER   # who may use the grippers",
