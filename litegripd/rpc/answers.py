@@ -1,7 +1,7 @@
 """What the methods answer, as types: the functions make them, the OpenRPC document tells them.
 
 What a motion ends with, the state and a job are declared in `litegripd.model`, the daemon's own
-figures in `litegripd.rpc.facts`; `litegripd.rpc.view` makes the forms that these have on the wire.
+figures in `litegripd.rpc.facts`; `litegripd.rpc.reports` makes the forms of these.
 """
 
 from collections.abc import Mapping
@@ -12,9 +12,9 @@ from litegripd.model.jobs import Job, OnLost, StopLevel
 from litegripd.model.results import ZeroResult
 from litegripd.model.trajectory import Header, Summary
 from litegripd.rpc.facts import MotionFields
-from litegripd.rpc.session import Role
-from litegripd.rpc.type_schema import Shape
-from litegripd.rpc.view import JobNumber, NumberedEvent, OwnerView, StateView
+from litegripd.rpc.reports import JobNumber, NumberedEvent, OwnerView, StateView
+from litegripd.rpc.schema import Shape
+from litegripd.rpc.sessions import Role
 
 AT_ONCE = Shape("AtOnce", (JobNumber,), closed=True)
 """What a method answers that does not wait for the end of its job."""

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
-from litegripd.rpc.session import Session
+from litegripd.rpc.sessions import Session
 
 
 def is_detached(params: Mapping[str, Any]) -> bool:

@@ -12,7 +12,7 @@ from litegripd.model.jobs import Job, JobKind, Owner
 from litegripd.rpc.calls import Answer, Later, is_detached
 from litegripd.rpc.handlers import Handlers
 from litegripd.rpc.method import Method
-from litegripd.rpc.session import Session
+from litegripd.rpc.sessions import Session
 
 _KINDS: Mapping[str, JobKind] = {kind: kind for kind in get_args(JobKind)}
 

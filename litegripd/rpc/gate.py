@@ -4,12 +4,12 @@ from litegripd.control.admission import ENDING
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Owner
+from litegripd.rpc.jsonrpc import Request
 from litegripd.rpc.leasing import Tokens
 from litegripd.rpc.method import Method
+from litegripd.rpc.reports import MAX_PER_SESSION
 from litegripd.rpc.schema import check
-from litegripd.rpc.session import ROLES, Session
-from litegripd.rpc.waiting import MAX_PER_SESSION
-from litegripd.rpc.wire import Request
+from litegripd.rpc.sessions import ROLES, Session
 
 
 class Gate:

@@ -6,7 +6,7 @@ from typing import Any
 from litegripd.model.jobs import Owner
 from litegripd.rpc.calls import Answer, Call, Function
 from litegripd.rpc.methods import BY_NAME
-from litegripd.rpc.session import Session
+from litegripd.rpc.sessions import Session
 
 
 class Handlers:

@@ -9,7 +9,7 @@ from litegripd.control.lease import Grant, Wish
 from litegripd.model.errors import Refusal
 from litegripd.rpc.answers import Granted, Holder, LeaseNumber, LeaseView, Released, Taken
 from litegripd.rpc.calls import Answer, Call, Deferred, Function
-from litegripd.rpc.reporter import Reporter
+from litegripd.rpc.reports import Reporter
 
 NO_GRANT = 0
 """Grants are numbered from one: this number is none's, and so never the present one's."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from litegripd.rpc.schema import Param
-from litegripd.rpc.session import Role
+from litegripd.rpc.sessions import Role
 
 COMMON_PARAMS = (
     Param("sent_s", "number", "When the request was sent, seconds of CLOCK_MONOTONIC.", minimum=0),

@@ -13,8 +13,7 @@ from litegripd.model.jobs import Job
 from litegripd.model.motion_config import MotionConfig
 from litegripd.rpc.answers import Cleared, Stopped
 from litegripd.rpc.calls import Answer, Call, Function, later
-from litegripd.rpc.reporter import Reporter
-from litegripd.rpc.view import JobNumber, StateView
+from litegripd.rpc.reports import JobNumber, Reporter, StateView
 
 QUANTITIES: tuple[Literal["opening_mm", "position_rad", "openness"], ...] = (
     "opening_mm",

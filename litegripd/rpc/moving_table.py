@@ -25,8 +25,8 @@ from litegripd.rpc.method import (
     speed_param,
     target_params,
 )
+from litegripd.rpc.reports import JobNumber
 from litegripd.rpc.schema import Param
-from litegripd.rpc.view import JobNumber
 
 _FORCE = Param(
     "force_n",

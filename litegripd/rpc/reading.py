@@ -6,10 +6,10 @@ from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job
 from litegripd.rpc.calls import Answer, Call, Function, Later
-from litegripd.rpc.clients import Clients
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.openrpc import encoded_document
-from litegripd.rpc.reporter import Reporter
+from litegripd.rpc.reports import Reporter
+from litegripd.rpc.sessions import Clients
 
 
 class Reading:

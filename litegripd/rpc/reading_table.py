@@ -13,13 +13,12 @@ from litegripd.rpc.answers import (
     StateSubscribed,
     SubscriptionNumber,
 )
-from litegripd.rpc.event_stream import EVENT_KINDS
+from litegripd.rpc.events import EVENT_KINDS
 from litegripd.rpc.facts import Figures, Hello, Info, Judged
 from litegripd.rpc.method import JOB, Method
-from litegripd.rpc.samples import MAX_BATCH
-from litegripd.rpc.schema import Param
-from litegripd.rpc.type_schema import Shape
-from litegripd.rpc.view import StateView
+from litegripd.rpc.reports import StateView
+from litegripd.rpc.schema import Param, Shape
+from litegripd.rpc.subscriptions import MAX_BATCH
 
 STATE_FIELDS = tuple(field.name for field in fields(GripperState))
 MAX_RATE_HZ = 1000.0

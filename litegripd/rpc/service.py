@@ -14,31 +14,13 @@ from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
-from litegripd.rpc.answering import Answering, defect
 from litegripd.rpc.calls import Answer, Deferred, Later, Result
-from litegripd.rpc.clients import Clients
 from litegripd.rpc.dispatch import Dispatch
-from litegripd.rpc.event_log import EventLog
+from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.gate import Gate
 from litegripd.rpc.handlers import Handlers
-from litegripd.rpc.leasing import Leasing, Tokens
-from litegripd.rpc.method import Method
-from litegripd.rpc.methods import BY_NAME
-from litegripd.rpc.moving import Moving
-from litegripd.rpc.reading import Reading
-from litegripd.rpc.recording import Recording
-from litegripd.rpc.reporter import Reporter
-from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
-from litegripd.rpc.session import Peer, Role, Session
-from litegripd.rpc.settings import Settings
-from litegripd.rpc.stop_line import asked_stop
-from litegripd.rpc.subscriptions import Subscriptions
-from litegripd.rpc.teleoperating import Teleoperating
-from litegripd.rpc.trajectories import TrajectoryMethods
-from litegripd.rpc.waiting import Waiter, WaitingRoom
-from litegripd.rpc.watching import Watching
-from litegripd.rpc.wire import (
+from litegripd.rpc.jsonrpc import (
     BadRequest,
     Request,
     RequestId,
@@ -49,6 +31,21 @@ from litegripd.rpc.wire import (
     parse,
     result_line,
 )
+from litegripd.rpc.leasing import Leasing, Tokens
+from litegripd.rpc.line_kinds import asked_stop
+from litegripd.rpc.method import Method
+from litegripd.rpc.methods import BY_NAME
+from litegripd.rpc.moving import Moving
+from litegripd.rpc.reading import Reading
+from litegripd.rpc.recording import Recording
+from litegripd.rpc.reports import Answering, Reporter, Waiter, WaitingRoom, defect
+from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
+from litegripd.rpc.sessions import Clients, Peer, Role, Session
+from litegripd.rpc.settings import Settings
+from litegripd.rpc.subscriptions import Subscriptions
+from litegripd.rpc.teleoperating import Teleoperating
+from litegripd.rpc.trajectories import TrajectoryMethods
+from litegripd.rpc.watching import Watching
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,7 +26,7 @@ from litegripd.rpc.answers import (
 )
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, Later, later
 from litegripd.rpc.facts import MotionFields
-from litegripd.rpc.view import JobNumber
+from litegripd.rpc.reports import JobNumber
 
 Authority: TypeAlias = Callable[[], "Refusal | None"]
 """Returns why what was asked for may not take effect any more, or None."""

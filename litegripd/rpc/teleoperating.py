@@ -15,7 +15,7 @@ from litegripd.model.teleop import (
     TeleopSettings,
 )
 from litegripd.rpc.calls import Answer, Call, Function
-from litegripd.rpc.reporter import Reporter
+from litegripd.rpc.reports import Reporter
 from litegripd.rpc.teleop_wish import wish_of
 
 

@@ -12,7 +12,7 @@ from litegripd.model.results import ReplayResult
 from litegripd.model.trajectory import MAX_SAMPLES
 from litegripd.rpc.answers import CaptureStatus, NoTrajectory, ReplayStatus
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, later
-from litegripd.rpc.session import Session
+from litegripd.rpc.sessions import Session
 from litegripd.rpc.trajectory_contents import TrajectoryContents, name_refusal
 from litegripd.rpc.trajectory_table import DEFAULT_RATE_HZ, DEFAULT_TORQUE_NM
 

@@ -14,7 +14,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.trajectory import name_problem
 from litegripd.rpc.answers import Deleted
 from litegripd.rpc.calls import Answer, Call, Deferred, Function, Result
-from litegripd.rpc.session import Session
+from litegripd.rpc.sessions import Session
 from litegripd.rpc.trajectory_table import MAX_PIECE_BYTES
 from litegripd.rpc.uploads import Upload, Uploads
 

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 from litegripd.model.errors import Refusal
 from litegripd.rpc.answers import SubscriptionNumber
 from litegripd.rpc.calls import Answer, Call, Function
-from litegripd.rpc.event_stream import UNASKED_KINDS
-from litegripd.rpc.reporter import Reporter
+from litegripd.rpc.events import UNASKED_KINDS
+from litegripd.rpc.reports import Reporter
 from litegripd.rpc.subscriptions import Subscriptions
 
 DEFAULT_SAMPLE_HZ = 20.0

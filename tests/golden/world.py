@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from litegripd.rpc.service import RpcService
-from litegripd.rpc.session import Peer, Role
+from litegripd.rpc.sessions import Peer, Role
 from tests.control.teleop_scene import TeleopWorld
 from tests.world import Client, FixedFacts
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.rpc.session import Role
+from litegripd.rpc.sessions import Role
 from tests.rpc.test_leasing import MOVING, told
 from tests.world import Client, World
 

@@ -5,7 +5,7 @@ import pytest
 from litegripd.model.errors import Refusal
 from litegripd.model.restarted import Restarted
 from litegripd.rpc.restarting import OnRestarted
-from litegripd.rpc.session import Role
+from litegripd.rpc.sessions import Role
 from tests.world import World
 
 
