@@ -32,8 +32,8 @@ from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
 from litegripd.rpc.method import Method  # noqa: E402
 from litegripd.rpc.methods import METHODS  # noqa: E402
+from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
-from litegripd.rpc.reading_table import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.schema import Param  # noqa: E402
 
 

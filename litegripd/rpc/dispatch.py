@@ -3,15 +3,14 @@
 A request whose key names a job that is still kept does nothing anew: it gets that job's answer.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, get_args
 
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, Owner
-from litegripd.rpc.calls import Answer, Later, is_detached
-from litegripd.rpc.handlers import Handlers
-from litegripd.rpc.method import Method
+from litegripd.rpc.method import Answer, Call, Later, Method, functions_of, is_detached
+from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.sessions import Session
 
 _KINDS: Mapping[str, JobKind] = {kind: kind for kind in get_args(JobKind)}
@@ -20,9 +19,16 @@ _KINDS: Mapping[str, JobKind] = {kind: kind for kind in get_args(JobKind)}
 class Dispatch:
     """Passes requests to their functions."""
 
-    def __init__(self, engine: Engine, handlers: Handlers) -> None:
+    def __init__(self, engine: Engine, groups: Iterable[object]) -> None:
         self._engine = engine
-        self._handlers = handlers
+        self._functions = {
+            name: function for group in groups for name, function in functions_of(group).items()
+        }
+        differing = self._functions.keys() ^ BY_NAME.keys()
+        if differing:
+            raise LookupError(
+                f"methods that no object of the service has, or the other way round: {differing}"
+            )
 
     def carry_out(
         self,
@@ -41,10 +47,10 @@ class Dispatch:
         if known is not None:
             return _repeated(known, kind, str(key))
 
+        function = self._functions[method.name]
+
         def begin() -> Answer:
-            return self._handlers.call(
-                method.name, session, owner, params, now_s, received_s=received_s
-            )
+            return function(Call(session, owner, params, now_s, received_s))
 
         def named(answer: Answer) -> Answer:
             return answer if not isinstance(answer, Later) else self._named(answer.job, key, answer)

@@ -5,8 +5,8 @@ from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Owner
 from litegripd.rpc.jsonrpc import Request
-from litegripd.rpc.leasing import Tokens
 from litegripd.rpc.method import Method
+from litegripd.rpc.methods.lease import Tokens
 from litegripd.rpc.reports import MAX_PER_SESSION
 from litegripd.rpc.schema import check
 from litegripd.rpc.sessions import ROLES, Session

@@ -12,11 +12,12 @@ from litegripd.model.motion_config import MotionConfig
 from litegripd.model.results import Progress, ReplayProgress, Result
 from litegripd.model.state import GripperState, JobSummary
 from litegripd.motor.traffic import MotorCounters
-from litegripd.rpc.answers import AT_ONCE, Discovered, FrameInterval, SubscriptionNumber
 from litegripd.rpc.facts import ForeignActive, MotionFields, MotorFigures
 from litegripd.rpc.jsonrpc import ErrorObject, encode
-from litegripd.rpc.method import WAIT, Method
+from litegripd.rpc.method import AT_ONCE, WAIT, Method
 from litegripd.rpc.methods import METHODS
+from litegripd.rpc.methods.reading import Discovered
+from litegripd.rpc.methods.settings import FrameInterval
 from litegripd.rpc.reports import (
     EndState,
     JobEnd,
@@ -29,6 +30,7 @@ from litegripd.rpc.reports import (
     StateView,
 )
 from litegripd.rpc.schema import Param, Schema, Schemas, Shape
+from litegripd.rpc.subscriptions import SubscriptionNumber
 
 # Notifications ------------------------------------------------------------------------------------
 

@@ -14,12 +14,10 @@ from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
-from litegripd.rpc.calls import Answer, Deferred, Later, Result
 from litegripd.rpc.dispatch import Dispatch
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.gate import Gate
-from litegripd.rpc.handlers import Handlers
 from litegripd.rpc.jsonrpc import (
     BadRequest,
     Request,
@@ -31,21 +29,22 @@ from litegripd.rpc.jsonrpc import (
     parse,
     result_line,
 )
-from litegripd.rpc.leasing import Leasing, Tokens
 from litegripd.rpc.line_kinds import asked_stop
-from litegripd.rpc.method import Method
+from litegripd.rpc.method import Answer, Deferred, Later, Method, Result
 from litegripd.rpc.methods import BY_NAME
-from litegripd.rpc.moving import Moving
-from litegripd.rpc.reading import Reading
-from litegripd.rpc.recording import Recording
+from litegripd.rpc.methods.lease import LeaseMethods, Tokens
+from litegripd.rpc.methods.motion import MotionMethods
+from litegripd.rpc.methods.reading import ReadingMethods
+from litegripd.rpc.methods.recorder import RecorderMethods
+from litegripd.rpc.methods.restart import OnRestart, RestartMethods, no_restart
+from litegripd.rpc.methods.settings import SettingsMethods
+from litegripd.rpc.methods.teleop import TeleopMethods
+from litegripd.rpc.methods.trajectories import TrajectoryMethods
+from litegripd.rpc.methods.trajectory_files import TrajectoryFileMethods
+from litegripd.rpc.openrpc import encoded_document
 from litegripd.rpc.reports import Answering, Reporter, Waiter, WaitingRoom, defect
-from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
 from litegripd.rpc.sessions import Clients, Peer, Role, Session
-from litegripd.rpc.settings import Settings
 from litegripd.rpc.subscriptions import Subscriptions
-from litegripd.rpc.teleoperating import Teleoperating
-from litegripd.rpc.trajectories import TrajectoryMethods
-from litegripd.rpc.watching import Watching
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,20 +87,28 @@ class RpcService:
         self._waiting = WaitingRoom()
         self._answering = Answering(engine, self.reporter, self._waiting)
         self._tokens = Tokens(new_token)
-        self._trajectories = TrajectoryMethods(engine)
-        handlers = Handlers(
-            Reading(engine, facts, self._clients, self.reporter).functions(),
-            Watching(self._subscriptions, self.reporter).functions(),
-            Leasing(engine, self._tokens, self.reporter).functions(),
-            Moving(engine, self.reporter).functions(),
-            Settings(engine).functions(),
-            Recording(self.dumps).functions(),
-            Restarting(restart).functions(),
-            self._trajectories.functions(),
-            Teleoperating(engine, links or InProcessLinks(), self.reporter, epoch).functions(),
+        files = TrajectoryFileMethods(engine)
+        self._trajectories = TrajectoryMethods(engine, files)
+        groups = (
+            ReadingMethods(
+                engine,
+                facts,
+                self._clients,
+                self.reporter,
+                self._subscriptions,
+                document=encoded_document(),  # made here: it takes longer than a tick
+            ),
+            LeaseMethods(engine, self._tokens, self.reporter),
+            MotionMethods(engine, self.reporter),
+            SettingsMethods(engine),
+            RecorderMethods(self.dumps),
+            RestartMethods(restart),
+            files,
+            self._trajectories,
+            TeleopMethods(engine, links or InProcessLinks(), self.reporter, epoch),
         )
         self._gate = Gate(engine, self._tokens)
-        self._dispatch = Dispatch(engine, handlers)
+        self._dispatch = Dispatch(engine, groups)
         self._last_session = 0
         self._event_log = EventLog()
         self._now_s = 0.0

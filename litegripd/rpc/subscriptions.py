@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from itertools import chain
+from typing import TypedDict
 
 from litegripd.model.errors import Refusal
 from litegripd.model.state import GripperState
@@ -17,6 +18,12 @@ from litegripd.rpc.reports import state_view
 from litegripd.rpc.sessions import Session
 
 MAX_BATCH = 50
+
+
+class SubscriptionNumber(TypedDict):
+    """The number of a subscription."""
+
+    subscription: int
 
 
 @dataclass(slots=True, eq=False)

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from litegripd.rpc.jsonrpc import encode
-from litegripd.rpc.reading_table import STATE_FIELDS
+from litegripd.rpc.methods.reading import STATE_FIELDS
 from litegripd.rpc.subscriptions import MAX_BATCH
 from tests.world import PERIOD_S, Client, World
 

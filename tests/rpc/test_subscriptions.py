@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.model.state import GripperState
 from litegripd.rpc.jsonrpc import encode
-from litegripd.rpc.reading_table import STATE_FIELDS
+from litegripd.rpc.methods.reading import STATE_FIELDS
 from litegripd.rpc.subscriptions import MAX_PER_SESSION
 from tests.world import Client, World
 

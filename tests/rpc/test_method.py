@@ -1,0 +1,49 @@
+"""A method's row stands above its function, and is found there."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from litegripd.control.engine import Engine
+from litegripd.rpc.dispatch import Dispatch
+from litegripd.rpc.method import Call, Method, functions_of, methods_of
+from litegripd.rpc.methods import BY_NAME, GROUPS, METHODS
+from tests.world import World
+
+
+class _Group:
+    @property
+    def broken(self) -> object:
+        raise AssertionError("looking for rows reads no property")
+
+    @Method("b.second", "", "", Mapping)
+    def _second(self, _call: Call) -> bytes:
+        return b"2"
+
+    def helper(self) -> None:
+        """Have no row."""
+
+    @Method("a.first", "", "", Mapping)
+    def _first(self, _call: Call) -> bytes:
+        return b"1"
+
+
+def test_rows_are_found_in_the_order_of_their_functions() -> None:
+    assert [row.name for row in methods_of(_Group)] == ["b.second", "a.first"]
+
+
+def test_functions_are_found_by_the_names_of_their_methods() -> None:
+    group = _Group()
+    assert functions_of(group) == {"b.second": group._second, "a.first": group._first}
+
+
+def test_no_two_methods_have_one_name() -> None:
+    assert len(BY_NAME) == len(METHODS) == sum(len(methods_of(group)) for group in GROUPS)
+
+
+def test_methods_without_an_object_are_found_at_the_start() -> None:
+    engine: Engine = World().engine
+    with pytest.raises(LookupError, match=r"state\.get"):
+        Dispatch(engine, [])
+    with pytest.raises(LookupError, match=r"b\.second"):
+        Dispatch(engine, [_Group()])
