@@ -14,11 +14,6 @@ from litegripd.rpc.sessions import Role, Session
 # A request and its answers ------------------------------------------------------------------------
 
 
-def is_detached(params: Mapping[str, Any]) -> bool:
-    """Whether a motion outlives its connection: as asked for, else if it is not waited for."""
-    return bool(params.get("detach", not params.get("wait", True)))
-
-
 @dataclass(frozen=True, slots=True)
 class Call:
     """One request whose parameters have been checked; `received_s` is when its line came."""
@@ -32,7 +27,7 @@ class Call:
     @property
     def detached(self) -> bool:
         """Whether the motion outlives its connection: as asked for, else if not waited for."""
-        return is_detached(self.params)
+        return bool(self.params.get("detach", not self.params.get("wait", True)))
 
     def config(self, base: MotionConfig, period_s: float) -> MotionConfig | Refusal:
         """Return `base` with what the caller wants to be otherwise, or why that cannot be."""

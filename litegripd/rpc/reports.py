@@ -3,7 +3,7 @@
 What is the same for many, such as the state of a tick, is encoded once and spliced in as it is.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NewType, TypedDict
 
@@ -294,10 +294,15 @@ class Waiter:
     wants_progress: bool
 
 
-class WaitingRoom:
-    """The unanswered requests by the number of the job that they wait for."""
+class Waiters:
+    """The unanswered requests by the number of the job that they wait for, and their answers.
 
-    def __init__(self) -> None:
+    A defect in one answer leaves the others.
+    """
+
+    def __init__(self, engine: Engine, reporter: Reporter) -> None:
+        self._engine = engine
+        self._reporter = reporter
         self._waiters: dict[int, list[Waiter]] = {}
         self._next_progress_s = 0.0
 
@@ -305,15 +310,6 @@ class WaitingRoom:
         """Let a request wait."""
         waiter.session.unanswered += 1
         self._waiters.setdefault(waiter.job.number, []).append(waiter)
-
-    def take_ended(self) -> Iterator[Waiter]:
-        """Yield, and forget, the requests whose job has ended, each before it is answered."""
-        for number, waiters in list(self._waiters.items()):
-            if not waiters[0].job.is_running:
-                del self._waiters[number]
-                for waiter in waiters:
-                    waiter.session.unanswered -= 1
-                    yield waiter
 
     def remove_all(self, session: Session) -> None:
         """Forget the requests of a client that is gone."""
@@ -324,40 +320,36 @@ class WaitingRoom:
             else:
                 del self._waiters[job]
 
-    def due_progress(self, job: int, now_s: float) -> list[Waiter]:
-        """Return who is to be told the progress of `job` now; nobody who has not read the last."""
-        if job not in self._waiters or now_s < self._next_progress_s:
-            return []
-        self._next_progress_s = now_s + PROGRESS_INTERVAL_S
-        return [w for w in self._waiters[job] if w.wants_progress and not w.session.congested]
-
-
-class Answering:
-    """Writes to the sessions of those who wait; a defect in one answer leaves the others."""
-
-    def __init__(self, engine: Engine, reporter: Reporter, waiting: WaitingRoom) -> None:
-        self._engine = engine
-        self._reporter = reporter
-        self._waiting = waiting
-
     def answer(self) -> None:
         """Answer the requests whose job has ended."""
-        for waiter in self._waiting.take_ended():
-            try:
-                line = self._final_line(waiter)
-            except Exception as error:  # noqa: BLE001 - the other waiters get their answers
-                line = error_line(waiter.request, defect(waiter.job.kind, error))
-            waiter.session.write(line)
+        for number, waiters in list(self._waiters.items()):
+            if waiters[0].job.is_running:
+                continue
+            del self._waiters[number]
+            for waiter in waiters:
+                waiter.session.unanswered -= 1
+                try:
+                    line = self._final_line(waiter)
+                except Exception as error:  # noqa: BLE001 - the other waiters get their answers
+                    line = error_line(waiter.request, defect(waiter.job.kind, error))
+                waiter.session.write(line)
 
     def send_progress(self, now_s: float) -> None:
-        """Tell where the running job is, to who wants to know, when that is due."""
+        """Tell where the running job is, to who wants to know, when that is due.
+
+        Nobody is told who has not read the last.
+        """
         job, progress = self._engine.jobs.running, self._engine.progress()
         if job is None or progress is None:
             return
-        for waiter in self._waiting.due_progress(job.number, now_s):
-            opening_mm = self._reporter.state().opening_mm
-            view = progress_view(job, waiter.request, progress, opening_mm)
-            waiter.session.write(notification_line("job.progress", encode(view)))
+        if job.number not in self._waiters or now_s < self._next_progress_s:
+            return
+        self._next_progress_s = now_s + PROGRESS_INTERVAL_S
+        for waiter in self._waiters[job.number]:
+            if waiter.wants_progress and not waiter.session.congested:
+                opening_mm = self._reporter.state().opening_mm
+                view = progress_view(job, waiter.request, progress, opening_mm)
+                waiter.session.write(notification_line("job.progress", encode(view)))
 
     def _final_line(self, waiter: Waiter) -> bytes:
         job = waiter.job

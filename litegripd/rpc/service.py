@@ -14,10 +14,8 @@ from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
-from litegripd.rpc.dispatch import Dispatch
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
-from litegripd.rpc.gate import Gate
 from litegripd.rpc.jsonrpc import (
     BadRequest,
     Request,
@@ -42,7 +40,8 @@ from litegripd.rpc.methods.teleop import TeleopMethods
 from litegripd.rpc.methods.trajectories import TrajectoryMethods
 from litegripd.rpc.methods.trajectory_files import TrajectoryFileMethods
 from litegripd.rpc.openrpc import encoded_document
-from litegripd.rpc.reports import Answering, Reporter, Waiter, WaitingRoom, defect
+from litegripd.rpc.reports import Reporter, Waiter, Waiters, defect
+from litegripd.rpc.requests import Requests
 from litegripd.rpc.sessions import Clients, Peer, Role, Session
 from litegripd.rpc.subscriptions import Subscriptions
 
@@ -84,8 +83,7 @@ class RpcService:
         self.reporter = Reporter(engine, period_s)
         self._clients = Clients()
         self._subscriptions = Subscriptions()
-        self._waiting = WaitingRoom()
-        self._answering = Answering(engine, self.reporter, self._waiting)
+        self._waiters = Waiters(engine, self.reporter)
         self._tokens = Tokens(new_token)
         files = TrajectoryFileMethods(engine)
         self._trajectories = TrajectoryMethods(engine, files)
@@ -107,8 +105,7 @@ class RpcService:
             self._trajectories,
             TeleopMethods(engine, links or InProcessLinks(), self.reporter, epoch),
         )
-        self._gate = Gate(engine, self._tokens)
-        self._dispatch = Dispatch(engine, groups)
+        self._requests = Requests(engine, self._tokens, groups)
         self._last_session = 0
         self._event_log = EventLog()
         self._now_s = 0.0
@@ -128,7 +125,7 @@ class RpcService:
         session.is_orphaned = True
         self._clients.remove(session)
         self._subscriptions.remove_all(session)
-        self._waiting.remove_all(session)
+        self._waiters.remove_all(session)
         self._trajectories.session_ended(session)
         self._engine.client_lost(session.identity)
         self._collect_events(now_s)
@@ -173,8 +170,8 @@ class RpcService:
         self._collect_events(now_s)
         self.reporter.tick(now_s)
         self.reporter.keep_ends()
-        self._answering.answer()
-        self._answering.send_progress(now_s)
+        self._waiters.answer()
+        self._waiters.send_progress(now_s)
         self._subscriptions.tick(now_s)
 
     @property
@@ -220,17 +217,16 @@ class RpcService:
             text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
             self._refuse(session, request.identity, Refusal("unknown_method", text))
             return
-        owner = self._gate.admit(session, request, method, now_s, received_s)
-        if isinstance(owner, Refusal):
-            owner = self._stop_all_the_same(session, line, owner, now_s)
-            self._turn_down(session, request, method, owner)
-            return
-        answer = self._dispatch.carry_out(
-            method, session, owner, request.params, now_s, received_s=received_s
-        )
-        if method.may_notify and request.identity is None:
-            refusal = answer if isinstance(answer, Refusal) else None
+        call = self._requests.admit(session, request, method, now_s, received_s)
+        if isinstance(call, Refusal):
+            refusal = self._stop_all_the_same(session, line, call, now_s)
             self._turn_down(session, request, method, refusal)
+            return
+        answer = self._requests.carry_out(method, call)
+        if method.may_notify and request.identity is None:
+            self._turn_down(
+                session, request, method, answer if isinstance(answer, Refusal) else None
+            )
         else:
             if method.may_notify and not isinstance(answer, Refusal):
                 session.stream_refused = None
@@ -257,7 +253,7 @@ class RpcService:
         job, params = later.job, request.params
         if later.wants_job or params.get("wait", True):
             progress = params.get("progress", False)
-            self._waiting.add(Waiter(session, request.identity, job, later.wants_job, progress))
+            self._waiters.add(Waiter(session, request.identity, job, later.wants_job, progress))
         else:
             session.write(result_line(request.identity, encode({"job": job.number})))
 

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import pytest
 
-from litegripd.control.engine import Engine
-from litegripd.rpc.dispatch import Dispatch
 from litegripd.rpc.method import Call, Method, functions_of, methods_of
 from litegripd.rpc.methods import BY_NAME, GROUPS, METHODS
+from litegripd.rpc.methods.lease import Tokens
+from litegripd.rpc.requests import Requests
 from tests.world import World
 
 
@@ -42,8 +42,8 @@ def test_no_two_methods_have_one_name() -> None:
 
 
 def test_methods_without_an_object_are_found_at_the_start() -> None:
-    engine: Engine = World().engine
+    engine, tokens = World().engine, Tokens(lambda: "")
     with pytest.raises(LookupError, match=r"state\.get"):
-        Dispatch(engine, [])
+        Requests(engine, tokens, [])
     with pytest.raises(LookupError, match=r"b\.second"):
-        Dispatch(engine, [_Group()])
+        Requests(engine, tokens, [_Group()])
