@@ -14,6 +14,27 @@ from litegripd.rpc.sessions import Role, Session
 # A request and its answers ------------------------------------------------------------------------
 
 
+class Refused(Exception):  # noqa: N818 - no error: an answer
+    """Raised by a method's function, or what it calls, in place of returning a refusal.
+
+    Not by what is called later, when a helper process has answered.
+    """
+
+    def __init__(self, refusal: Refusal) -> None:
+        super().__init__(refusal.message)
+        self.refusal = refusal
+
+
+T = TypeVar("T")
+
+
+def accepted(answer: T | Refusal) -> T:
+    """Return what was answered; raise `Refused` where that is a refusal."""
+    if isinstance(answer, Refusal):
+        raise Refused(answer)
+    return answer
+
+
 @dataclass(frozen=True, slots=True)
 class Call:
     """One request whose parameters have been checked; `received_s` is when its line came."""
@@ -29,8 +50,8 @@ class Call:
         """Whether the motion outlives its connection: as asked for, else if not waited for."""
         return bool(self.params.get("detach", not self.params.get("wait", True)))
 
-    def config(self, base: MotionConfig, period_s: float) -> MotionConfig | Refusal:
-        """Return `base` with what the caller wants to be otherwise, or why that cannot be."""
+    def config(self, base: MotionConfig, period_s: float) -> MotionConfig:
+        """Return `base` with what the caller wants to be otherwise."""
         given = self.params.get("config")
         if given is None:
             return base
@@ -38,7 +59,7 @@ class Call:
             return base.changed(given, period_s)
         except MotionConfigError as error:
             data = {"parameter": "config", "field": error.field}
-            return Refusal("invalid_params", f"config: {error}", data)
+            raise Refused(Refusal("invalid_params", f"config: {error}", data)) from None
 
 
 @dataclass(frozen=True, slots=True)

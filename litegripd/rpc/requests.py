@@ -13,7 +13,7 @@ from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, Owner
 from litegripd.rpc.jsonrpc import Request
-from litegripd.rpc.method import Answer, Call, Later, Method, functions_of, later
+from litegripd.rpc.method import Answer, Call, Later, Method, Refused, functions_of, later
 from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.methods.lease import Tokens
 from litegripd.rpc.reports import MAX_PER_SESSION
@@ -66,7 +66,10 @@ class Requests:
             return _repeated(known, kind, str(key))
 
         def begin() -> Answer:
-            return self._functions[method.name](call)
+            try:
+                return self._functions[method.name](call)
+            except Refused as refused:
+                return refused.refusal
 
         running, if_busy = jobs.running, call.params.get("if_busy", "reject")
         if running is not None and if_busy == "replace" and _is_own(running, call.owner):

@@ -31,6 +31,8 @@ from litegripd.rpc.method import (
     Answer,
     Call,
     Method,
+    Refused,
+    accepted,
     later,
     speed_param,
     target_params,
@@ -78,7 +80,7 @@ class MotionMethods:
         self._reporter = reporter
         self._motions = Motions(engine)
 
-    def _config(self, call: Call) -> MotionConfig | Refusal:
+    def _config(self, call: Call) -> MotionConfig:
         return call.config(self._engine.config, self._engine.period_s)
 
     @Method(
@@ -99,8 +101,6 @@ class MotionMethods:
     )
     def _enable(self, call: Call) -> Answer:
         config = self._config(call)
-        if isinstance(config, Refusal):
-            return config
         if "retries" in call.params:
             config = config.changed({"enable_retries": call.params["retries"]}, 0.0)
         return later(self._motions.enable(call.owner, config, call.detached))
@@ -162,8 +162,6 @@ class MotionMethods:
 
     def _to_stop(self, direction: Direction, call: Call) -> Answer:
         config = self._config(call)
-        if isinstance(config, Refusal):
-            return config
         speed = call.params.get("speed_mm_s")
         return later(
             self._motions.move_to_stop(direction, call.owner, config, speed, call.detached)
@@ -215,11 +213,7 @@ class MotionMethods:
     )
     def _grasp(self, call: Call) -> Answer:
         config, params = self._config(call), call.params
-        if isinstance(config, Refusal):
-            return config
-        refusal = _grasp_refusal(params)
-        if refusal is not None:
-            return refusal
+        _check_grasp(params)
         request = GraspRequest(
             force_n=params.get("force_n", config.force_n),
             speed_mm_s=params.get("speed_mm_s", config.grasp_speed_mm_s),
@@ -255,10 +249,6 @@ class MotionMethods:
     )
     def _move(self, call: Call) -> Answer:
         config, target = self._config(call), _target("motion.move", call.params)
-        if isinstance(config, Refusal):
-            return config
-        if isinstance(target, Refusal):
-            return target
         speed, duration_s = call.params.get("speed_mm_s"), call.params.get("duration_s")
         if speed is not None and duration_s is not None:
             text = "motion.move takes speed_mm_s or duration_s, not both"
@@ -312,8 +302,6 @@ class MotionMethods:
     )
     def _set_force(self, call: Call) -> Answer:
         config = self._config(call)
-        if isinstance(config, Refusal):
-            return config
         force_n = call.params["force_n"]
         return self._at_once(self._motions.set_force(force_n, call.owner, config), force_n=force_n)
 
@@ -349,8 +337,6 @@ class MotionMethods:
     )
     def _stream(self, call: Call) -> Answer:
         target = _target("stream.set", call.params)
-        if isinstance(target, Refusal):
-            return target
         valid_s = call.params.get("valid_s", DEFAULT_VALID_S)
         since_s = min(call.params.get("sent_s", call.received_s), call.received_s)
         if call.now_s >= since_s + valid_s:
@@ -362,7 +348,7 @@ class MotionMethods:
             speed_mm_s=call.params.get("speed_mm_s"),
             torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
         )
-        return job if isinstance(job, Refusal) else JobNumber(job=job.number)
+        return JobNumber(job=accepted(job).number)
 
     @Method(
         "stop",
@@ -416,25 +402,23 @@ class MotionMethods:
     def _cancel(self, call: Call) -> Answer:
         job = self._engine.cancel(call.params["job"], call.owner)
         self._reporter.refresh()
-        return job if isinstance(job, Refusal) else self._reporter.job(job)
+        return self._reporter.job(accepted(job))
 
     def _at_once(self, job: Job | Refusal, **figures: float) -> Answer:
         """Answer with what is in force from now on, and the state as this request has left it."""
-        if isinstance(job, Refusal):
-            return job
-        return {"job": job.number, **figures, "state": self._changed_state()}
+        return {"job": accepted(job).number, **figures, "state": self._changed_state()}
 
     def _changed_state(self) -> StateView:
         self._reporter.refresh()
         return self._reporter.state_view()
 
 
-def _target(method: str, params: Mapping[str, Any]) -> Target | Refusal:
+def _target(method: str, params: Mapping[str, Any]) -> Target:
     """Find the one quantity that says where to go."""
     given = [name for name in QUANTITIES if name in params]
     if len(given) != 1:
         text = f"{method} takes exactly one of {', '.join(QUANTITIES)}"
-        return Refusal("invalid_params", text, {"parameter": (given or QUANTITIES)[0]})
+        raise Refused(Refusal("invalid_params", text, {"parameter": (given or QUANTITIES)[0]}))
     return Target(given[0], float(params[given[0]]))
 
 
@@ -447,12 +431,11 @@ def _expired(age_s: float, valid_s: float) -> Refusal:
     )
 
 
-def _grasp_refusal(params: Mapping[str, Any]) -> Refusal | None:
-    """Say which parameters of a grasp do not go together, if so."""
+def _check_grasp(params: Mapping[str, Any]) -> None:
+    """Refuse parameters of a grasp that do not go together."""
     if ("width_mm" in params) != ("tolerance_mm" in params):
         text = "motion.grasp: width_mm and tolerance_mm go together"
-        return Refusal("invalid_params", text, {"parameter": "tolerance_mm"})
+        raise Refused(Refusal("invalid_params", text, {"parameter": "tolerance_mm"}))
     if params.get("until") == "verdict" and "hold_s" in params:
         text = 'motion.grasp: with until = "verdict" leave hold_s out: the hold goes on anyway'
-        return Refusal("invalid_params", text, {"parameter": "hold_s"})
-    return None
+        raise Refused(Refusal("invalid_params", text, {"parameter": "hold_s"}))

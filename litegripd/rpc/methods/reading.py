@@ -11,7 +11,7 @@ from litegripd.model.jobs import Job
 from litegripd.model.state import GripperState
 from litegripd.rpc.events import EVENT_KINDS, UNASKED_KINDS
 from litegripd.rpc.facts import Facts, Figures, Hello, Info, Judged
-from litegripd.rpc.method import JOB, Answer, Call, Later, Method
+from litegripd.rpc.method import JOB, Answer, Call, Later, Method, Refused, accepted
 from litegripd.rpc.reports import NumberedEvent, Reporter, StateView
 from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Clients, Role
@@ -172,21 +172,19 @@ class ReadingMethods:
     def _subscribe_to_state(self, call: Call) -> Answer:
         hz = float(call.params.get("hz", DEFAULT_SAMPLE_HZ))
         names, batch = call.params.get("fields", ()), call.params.get("batch", 1)
-        refusal = self._refusal_of_rate(hz) or _refusal_of_fields(names, batch)
-        if refusal is not None:
-            return refusal
-        number = self._subscriptions.add_samples(call.session, hz, names, batch, call.now_s)
-        if isinstance(number, Refusal):
-            return number
+        self._check_rate(hz)
+        _check_fields(names, batch)
+        number = accepted(
+            self._subscriptions.add_samples(call.session, hz, names, batch, call.now_s)
+        )
         return b'{"subscription":%d,"state":%b}' % (number, self._reporter.state_line())
 
-    def _refusal_of_rate(self, hz: float) -> Refusal | None:
+    def _check_rate(self, hz: float) -> None:
         limit_hz = self._reporter.rate_hz
-        if hz <= limit_hz:
-            return None
-        text = f"hz is {hz:g}, it must be at most the control rate, {limit_hz:g}"
-        data = {"parameter": "hz", "requested": hz, "limit": limit_hz}
-        return Refusal("invalid_params", f"state.subscribe: {text}", data)
+        if hz > limit_hz:
+            text = f"hz is {hz:g}, it must be at most the control rate, {limit_hz:g}"
+            data = {"parameter": "hz", "requested": hz, "limit": limit_hz}
+            raise Refused(Refusal("invalid_params", f"state.subscribe: {text}", data))
 
     @Method(
         "state.unsubscribe",
@@ -220,9 +218,7 @@ class ReadingMethods:
         if not kinds:
             text = "events.subscribe: kinds is empty; name some, or leave it out"
             return Refusal("invalid_params", text, {"parameter": "kinds"})
-        number = self._subscriptions.add_events(call.session, kinds)
-        if isinstance(number, Refusal):
-            return number
+        number = accepted(self._subscriptions.add_events(call.session, kinds))
         latest, state = self._subscriptions.events.latest(kinds), self._reporter.state_line()
         return b'{"subscription":%d,"state":%b,"events":%b}' % (number, state, latest)
 
@@ -265,33 +261,31 @@ class ReadingMethods:
         return b'{"jobs":[%b]}' % b",".join(map(self._reporter.job, self._engine.jobs))
 
     @Method("job.get", "Tell about one job.", "The job.", Job, (JOB,))
-    def _get_job(self, call: Call) -> Answer:
-        job = self._job(call)
-        return job if isinstance(job, Refusal) else self._reporter.job(job)
+    def _get_job(self, call: Call) -> bytes:
+        return self._reporter.job(self._job(call))
 
     @Method("job.wait", "Wait until a job has ended.", "The job.", Job, (JOB,), waits=True)
-    def _wait_for_job(self, call: Call) -> Answer:
-        job = self._job(call)
-        return job if isinstance(job, Refusal) else Later(job, wants_job=True)
+    def _wait_for_job(self, call: Call) -> Later:
+        return Later(self._job(call), wants_job=True)
 
-    def _job(self, call: Call) -> Job | Refusal:
+    def _job(self, call: Call) -> Job:
         number = call.params["job"]
         job = self._engine.jobs.get(number)
         if job is None:
             text = f"there is no job {number}, or it is no longer kept; job.list tells which are"
-            return Refusal("unknown_job", text, {"requested": number})
+            raise Refused(Refusal("unknown_job", text, {"requested": number}))
         return job
 
 
-def _refusal_of_fields(names: Sequence[str], batch: int) -> Refusal | None:
+def _check_fields(names: Sequence[str], batch: int) -> None:
     twice = next((name for name, times in Counter(names).items() if times > 1), None)
     if twice is not None:
         text = f"fields has {twice} twice; name each field once"
     elif batch > 1 and not names:
         text = "a batch needs fields: its rows have the values in their order, without names"
     else:
-        return None
-    return Refusal("invalid_params", f"state.subscribe: {text}", {"parameter": "fields"})
+        return
+    raise Refused(Refusal("invalid_params", f"state.subscribe: {text}", {"parameter": "fields"}))
 
 
 def _ended(number: int) -> SubscriptionNumber:

@@ -28,8 +28,9 @@ from litegripd.rpc.method import (
     Answer,
     Call,
     Deferred,
-    Later,
     Method,
+    Refused,
+    accepted,
     later,
 )
 from litegripd.rpc.reports import JobNumber
@@ -277,8 +278,6 @@ class SettingsMethods:
     )
     def _zero(self, call: Call) -> Answer:
         config = call.config(self._engine.config, self._engine.period_s)
-        if isinstance(config, Refusal):
-            return config
         return later(
             self._calibrating.zero(
                 call.owner,
@@ -312,16 +311,12 @@ class SettingsMethods:
     def _by_hand(self, call: Call) -> Answer:
         step, calibrating, engine = call.params["step"], self._calibrating, self._engine
         if step == "begin":
-            job = calibrating.by_hand(call.owner, engine.config)
-            return job if isinstance(job, Refusal) else JobNumber(job=job.number)
+            return JobNumber(job=accepted(calibrating.by_hand(call.owner, engine.config)).number)
         if step == "finish":
-            job = calibrating.finish(call.owner, keep=call.params.get("save", True))
-            return job if isinstance(job, Refusal) else Later(job)
+            return later(calibrating.finish(call.owner, keep=call.params.get("save", True)))
         if step == "cancel":
             return calibrating.give_up(call.owner) or Nothing()
-        marks = calibrating.mark(step, call.owner)
-        if isinstance(marks, Refusal):
-            return marks
+        marks = accepted(calibrating.mark(step, call.owner))
         return Marks(closed_rad=marks.get("closed"), open_rad=marks.get("open"))
 
     @Method(
@@ -333,9 +328,7 @@ class SettingsMethods:
         waits=True,
     )
     def _read_register(self, call: Call) -> Answer:
-        register = find_register(call.params["register"])
-        if isinstance(register, Refusal):
-            return register
+        register = _register(call.params["register"])
         deferred = Deferred()
 
         def replied(reply: RegisterReply) -> None:
@@ -390,8 +383,6 @@ class SettingsMethods:
     def _set_config(self, call: Call) -> Answer:
         engine = self._engine
         config = call.config(engine.config, engine.period_s)
-        if isinstance(config, Refusal):
-            return config
         # No motion could use such defaults; what depends on the calibration is the motions' to say.
         refusal = conflict_refusal(fast_conflict(config, config.speed_mm_s, engine.period_s))
         if refusal is not None:
@@ -433,7 +424,7 @@ class SettingsMethods:
         return deferred
 
 
-def find_register(text: str) -> Register | Refusal:
+def _register(text: str) -> Register:
     """Find a register by its name, in any case, or its number, decimal or after 0x."""
     named = {register.name.lower(): register for register in REGISTERS.values()}
     register = named.get(text.strip().lower())
@@ -446,7 +437,7 @@ def find_register(text: str) -> Register | Refusal:
         return register
     known = ", ".join(f"{number} {register.name}" for number, register in REGISTERS.items())
     message = f"there is no register {text!r}; there are: {known}"
-    return Refusal("invalid_params", message, {"parameter": "register"})
+    raise Refused(Refusal("invalid_params", message, {"parameter": "register"}))
 
 
 _FAILURES = {

@@ -20,7 +20,7 @@ from litegripd.model.teleop import (
     TeleopStatus,
 )
 from litegripd.model.teleop_targets import udp_targets
-from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method
+from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method, Refused, accepted
 from litegripd.rpc.reports import Reporter
 from litegripd.rpc.schema import Param
 
@@ -161,11 +161,7 @@ class TeleopMethods:
     def _start(self, call: Call) -> Answer:
         engine, params = self._engine, call.params
         config = call.config(engine.config, engine.period_s)
-        if isinstance(config, Refusal):
-            return config
-        wish = wish_of(params)
-        if isinstance(wish, Refusal):
-            return wish
+        wish = _wish(params)
         job = self._teleoperation.start(
             wish,
             _settings(params),
@@ -175,7 +171,8 @@ class TeleopMethods:
             detached=call.detached,
         )
         self._reporter.refresh()
-        return job if isinstance(job, Refusal) else self._status(call)
+        accepted(job)
+        return self._status(call)
 
     @Method(
         "teleop.stop",
@@ -215,8 +212,8 @@ def _settings(params: Mapping[str, Any]) -> TeleopSettings:
     )
 
 
-def wish_of(params: Mapping[str, Any]) -> LinkWish | Refusal:
-    """Find which link is wanted, or which parameter is wrong."""
+def _wish(params: Mapping[str, Any]) -> LinkWish:
+    """Return which link is wanted; refuse a parameter that is wrong."""
     mode, fake = params["mode"], params.get("fake_leader", False)
     wish = LinkWish(
         mode,
@@ -231,7 +228,7 @@ def wish_of(params: Mapping[str, Any]) -> LinkWish | Refusal:
         return wish
     parameter, text = problem
     message = f"teleop.start: {parameter} {text}"
-    return Refusal("invalid_params", message, {"parameter": parameter})
+    raise Refused(Refusal("invalid_params", message, {"parameter": parameter}))
 
 
 def _of_names(wish: LinkWish) -> _Problem:

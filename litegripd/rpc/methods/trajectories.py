@@ -20,6 +20,7 @@ from litegripd.rpc.method import (
     Call,
     Deferred,
     Method,
+    accepted,
     later,
 )
 from litegripd.rpc.methods.trajectory_files import (
@@ -28,7 +29,7 @@ from litegripd.rpc.methods.trajectory_files import (
     UPLOAD,
     TrajectoryFileMethods,
     Whole,
-    name_refusal,
+    check_name,
 )
 from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Session
@@ -150,14 +151,15 @@ class TrajectoryMethods:
     def _record(self, call: Call) -> Answer:
         params, slack = call.params, call.params.get("zero_gravity", True)
         refusal = self._engine.lease.refusal(call.owner) if slack else None
-        started = refusal or self._trajectories.record(
+        answer = refusal or self._trajectories.record(
             call.owner,
             rate_hz=params.get("rate_hz", DEFAULT_RATE_HZ),
             slack=slack,
             max_samples=params.get("max_samples", MAX_SAMPLES),
             detached=call.detached,
         )
-        return started if isinstance(started, Refusal) else self._status()
+        accepted(answer)
+        return self._status()
 
     @Method(
         "trajectory.record_stop",
@@ -190,7 +192,8 @@ class TrajectoryMethods:
             own = {"missed": missed, "error": partial, "grips_left_out": left_out}
             deferred.resolve(answer if isinstance(answer, Refusal) else {**answer, **own})
 
-        refusal = name_refusal(name) or self._trajectories.stop_recording(
+        check_name(name)
+        refusal = self._trajectories.stop_recording(
             name,
             call.owner.uid,
             kept,
@@ -257,11 +260,7 @@ class TrajectoryMethods:
     def _play(self, call: Call) -> Answer:
         params = call.params
         config = call.config(self._engine.config, self._engine.period_s)
-        if isinstance(config, Refusal):
-            return config
         source = self._files.source("trajectory.play", call)
-        if isinstance(source, Refusal):
-            return source
         if "repeat" in params and params.get("loop"):
             text = "trajectory.play takes loop or repeat, not both"
             return Refusal("invalid_params", text, {"parameter": "repeat"})
@@ -307,9 +306,7 @@ class TrajectoryMethods:
     )
     def _control(self, call: Call) -> Answer:
         params, action = call.params, call.params["action"]
-        replay = self._trajectories.playing(params.get("job"), call.owner)
-        if isinstance(replay, Refusal):
-            return replay
+        replay = accepted(self._trajectories.playing(params.get("job"), call.owner))
         if ("speed" in params) != (action == "speed"):
             text = "trajectory.control: speed goes with the action speed, and only with it"
             return Refusal("invalid_params", text, {"parameter": "speed"})

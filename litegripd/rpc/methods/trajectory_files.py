@@ -26,7 +26,9 @@ from litegripd.rpc.method import (
     Call,
     Deferred,
     Method,
+    Refused,
     Result,
+    accepted,
 )
 from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Session
@@ -289,8 +291,6 @@ class TrajectoryFileMethods:
     )
     def _get(self, call: Call) -> Answer:
         source, params = self.source("trajectory.get", call), call.params
-        if isinstance(source, Refusal):
-            return source
         wanted = {
             "source": source,
             "offset": params.get("offset", 0),
@@ -346,9 +346,8 @@ class TrajectoryFileMethods:
             return Refusal("invalid_params", text, {"parameter": "sha256"})
         offset, total = params["offset"], params["total"]
         client = call.session.identity
-        upload = name_refusal(name) or self._uploads.take(client, sha256, total, offset)
-        if isinstance(upload, Refusal):
-            return upload
+        check_name(name)
+        upload = accepted(self._uploads.take(client, sha256, total, offset))
         upload.pieces += 1
         wanted = {
             "key": upload.key,
@@ -394,8 +393,6 @@ class TrajectoryFileMethods:
     )
     def _delete(self, call: Call) -> Answer:
         source = self.source("trajectory.delete", call)
-        if isinstance(source, Refusal):
-            return source
         if "name" in source:
             return self._errand(call, "trajectory.delete", source, failed="not_saved")
         upload = self._uploads.get(call.session.identity, call.params["upload"])
@@ -405,7 +402,7 @@ class TrajectoryFileMethods:
         keys = {"keys": [source["kept"]]}
         return self._errand(call, "trajectory.drop", keys, lambda _value: dropped)
 
-    def source(self, method: str, call: Call) -> dict[str, Any] | Refusal:
+    def source(self, method: str, call: Call) -> dict[str, Any]:
         """Find which trajectory is meant: exactly one of name, upload and recording."""
         params = call.params
         given = [name for name in ("name", "upload", "recording") if name in params]
@@ -413,15 +410,16 @@ class TrajectoryFileMethods:
             text = f"{method} takes exactly one of name, upload and recording"
             if method == "trajectory.delete":
                 text = f"{method} takes exactly one of name and upload"
-            return Refusal("invalid_params", text, {"parameter": (given or ["name"])[0]})
+            raise Refused(Refusal("invalid_params", text, {"parameter": (given or ["name"])[0]}))
         if "name" in params:
-            return name_refusal(params["name"]) or {"name": params["name"]}
+            check_name(params["name"])
+            return {"name": params["name"]}
         if "recording" in params:
             return {"kept": recording_key(params["recording"])}
         upload = self._uploads.get(call.session.identity, params["upload"])
         if upload is None:
             text = f"this connection has no upload {params['upload']}, or it is not whole"
-            return Refusal("unknown_trajectory", text, {"requested": params["upload"]})
+            raise Refused(Refusal("unknown_trajectory", text, {"requested": params["upload"]}))
         return {"kept": upload.key}
 
     def _do(
@@ -456,10 +454,9 @@ class TrajectoryFileMethods:
         return deferred
 
 
-def name_refusal(name: str | None) -> Refusal | None:
-    """Say why a trajectory cannot have this name, if so."""
+def check_name(name: str | None) -> None:
+    """Refuse a name that a trajectory cannot have."""
     problem = None if name is None else name_problem(name)
-    if problem is None:
-        return None
-    text = f"{name!r:.80} cannot be a trajectory's name: {problem}"
-    return Refusal("invalid_params", text, {"parameter": "name"})
+    if problem is not None:
+        text = f"{name!r:.80} cannot be a trajectory's name: {problem}"
+        raise Refused(Refusal("invalid_params", text, {"parameter": "name"}))
