@@ -6,10 +6,12 @@ The walks are played in virtual time; a file counts once a function of it is cal
 they are listed. Lines are lines of source files, comments and empty ones too.
 """
 
+import ast
 import statistics
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -76,6 +78,38 @@ def sizes(*folders: str) -> dict[str, int]:
     paths = (path for folder in folders for path in (ROOT / folder).rglob("*.py"))
     lines = {str(path.relative_to(ROOT)): len(path.read_bytes().splitlines()) for path in paths}
     return {name: count for name, count in lines.items() if name not in GENERATED}
+
+
+def import_circle() -> list[str]:
+    """Return modules of the product that import each other in a circle; empty if there is none.
+
+    Imports inside a function, or for type checking alone, count for nothing.
+    """
+    paths = (path for folder in PRODUCT for path in (ROOT / folder).rglob("*.py"))
+    modules = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for path in paths
+    }
+    graph = {
+        name: {found for found in imported(path, modules) if found != name}
+        for name, path in modules.items()
+    }
+    try:
+        list(TopologicalSorter(graph).static_order())
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+def imported(path: Path, modules: dict[str, Path]) -> Iterator[str]:
+    """Give the product's modules that a file imports when it is imported."""
+    for statement in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(statement, ast.ImportFrom) and statement.module:
+            for alias in statement.names:
+                inner = f"{statement.module}.{alias.name}"
+                name = inner if inner in modules else statement.module
+                if name in modules:
+                    yield name
 
 
 def main() -> None:

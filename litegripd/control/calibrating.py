@@ -87,7 +87,7 @@ class Calibrating:
     def set_zero(self, owner: Owner, detached: bool) -> Job | Refusal:
         """Begin to make the present position the motor's zero."""
         engine = self._engine
-        refusal = engine.unfree() or (None if engine.motor.feedback else NO_FEEDBACK)
+        refusal = engine.why_busy() or (None if engine.motor.feedback else NO_FEEDBACK)
         if refusal is not None:
             return refusal
         return engine.begin("set_zero", SetZero(), owner, detached)
@@ -124,7 +124,7 @@ class Calibrating:
 
     def _unready(self) -> Refusal | None:
         engine = self._engine
-        return engine.unfree() or motor_refusal(engine.motor)
+        return engine.why_busy() or motor_refusal(engine.motor)
 
     def _by_hand_of(self, owner: Owner) -> CalibrateByHand | Refusal:
         running, action = self._engine.jobs.running, self._engine.action

@@ -11,7 +11,7 @@ from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, 
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.motion_limits import damping_conflict
+from litegripd.model.motion_config import damping_conflict
 from litegripd.model.motor import MotorView, ZeroView
 from litegripd.model.results import ZeroOutcome, ZeroResult
 from litegripd.model.unit import Unit

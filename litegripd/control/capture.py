@@ -1,14 +1,11 @@
-"""Recording a trajectory, and the grips on the way.
+"""Recording a trajectory: a sample for each due time, and the grips on the way.
 
-Notes where the jaws gripped, while a recording watches: contact, force, and who commanded it.
+A capture only watches. A measurement is taken once and never as if it were newer than it is; when
+none comes for `LONGEST_GAP_S`, or what it is measured in changes, it has failed and says so.
 
-It claims what the daemon has commanded and judged by itself, which is a grip that is watched. While
-a hand pushes slack jaws the motor applies no force, and measures none: of that nothing is noted.
-
-One capture of the jaws' motion: a sample for each due time, by the times of the measurements.
-
-It only watches. A measurement is taken once and never as if it were newer than it is; when none
-comes for `LONGEST_GAP_S`, or what it is measured in changes, the capture has failed and says so.
+`GripNotes` notes where the jaws gripped: contact, force, and who commanded it. It claims what the
+daemon has commanded and judged by itself, which is a grip that is watched. While a hand pushes
+slack jaws the motor applies no force, and measures none: of that nothing is noted.
 """
 
 import math
@@ -17,15 +14,14 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
-from litegripd.control.holds import Grip, Relax
+from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
 from litegripd.model.grips import MAX_SOURCE, MOST_GRIPS
 from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
-from litegripd.model.path import PIECE_BYTES
 from litegripd.model.results import Progress, RecordOutcome, RecordResult
-from litegripd.model.trajectory import SAMPLE
+from litegripd.model.trajectory import PIECE_BYTES, SAMPLE
 
 _METHODS: Mapping[JobKind, str] = {
     "grasp": "motion.grasp",
@@ -280,7 +276,7 @@ class Teach(PlainAction):
         if feedback is None:
             return Step()
         self._feedback = feedback
-        return Step(Relax().command(now_s, feedback))
+        return Step(Slack().command(now_s, feedback))
 
     def progress(self) -> Progress | None:
         """Tell how many samples there are, and where the jaws are."""

@@ -24,7 +24,7 @@ from litegripd.control.admission import (
 from litegripd.control.calibration import CalibrationInUse, content_of, save_errand
 from litegripd.control.capture import Capture
 from litegripd.control.gains import Gains
-from litegripd.control.holds import Grip, Hold, Relax, Rest
+from litegripd.control.holds import Grip, Hold, Rest, Slack
 from litegripd.control.inquiries import Inquiries
 from litegripd.control.jobs import JobBook, Start
 from litegripd.control.lease import Grant, Lease, Loss, LossCause, OnAnswer, Wish
@@ -83,7 +83,7 @@ class Engine:
         self.action: Action | None = None
         self.has_stepped = False
         """Whether the present or latest action has had any say in what the motor is told."""
-        self.rest: Rest = Relax()
+        self.rest: Rest = Slack()
         self.output = Output()
         self.inquiries = Inquiries()
         self.capture: Capture | None = None
@@ -152,18 +152,18 @@ class Engine:
         """
         is_first = self.bus == NOT_OPENED and bus != NOT_OPENED
         if is_first or bus.state != self.bus.state:
-            self.events.append(announce.bus_changed(self.bus, bus))
+            self.events.append(announce.bus_changed(self.bus, bus, self.unit.bus_channel))
         self.bus = bus
 
     # Why not
 
-    def unfree(self) -> Refusal | None:
+    def why_busy(self) -> Refusal | None:
         """Say why no motion may be asked for: the end, a stop, another master or a motion."""
         ending = ENDING if self._is_ending else None
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.in_the_way)
 
-    def unsettled(self) -> Refusal | None:
+    def why_not_restartable(self) -> Refusal | None:
         """Return why no successor can take over now, if so.
 
         That is the daemon's end, a motion, a disabling, or a recording that would be lost.
@@ -460,7 +460,7 @@ class Engine:
         if level == "disable" or (level == "relax" and self.motor.phase is MotorPhase.SILENT):
             self.must_disable = True  # a motor that does not answer can only be told to let go
         elif level == "relax":
-            self.rest = Relax()
+            self.rest = Slack()
         elif isinstance(self.rest, Grip):
             self.rest.stay()
 
@@ -588,7 +588,7 @@ class Engine:
         was_silent = before is MotorPhase.SILENT
         if was_silent and isinstance(self.rest, Grip):
             self.rest.resume()
-        elif not (was_silent and isinstance(self.rest, Relax)):
+        elif not (was_silent and isinstance(self.rest, Slack)):
             self.rest = Hold(motor.feedback.position_rad, self.gains)
 
 

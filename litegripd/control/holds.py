@@ -1,10 +1,9 @@
-"""What the jaws do while no action runs: held in place, held by force, or slack.
+"""What the jaws do while no action runs: held in place, held by force, or slack. Always something.
 
-Holding something by force: how hard, how fast, and whether it is still there.
-
-The force is a torque, not a stiffness: around an old position reading, kp = 150 turned 20 N into
-5 N when the object yielded at 3 mm/s. The motor damps what is faster than the object yields: the
-damping expects the measured speed, as far as that is slow, and so costs a yielding object no force.
+`Grip` holds by force: how hard, how fast, and whether the object is still there. The force is a
+torque, not a stiffness: around an old position reading, kp = 150 turned 20 N into 5 N when the
+object yielded at 3 mm/s. The motor damps what is faster than the object yields: the damping expects
+the measured speed, as far as that is slow, and so costs a yielding object no force.
 
 Friction keeps what a contact put in: jaws that pressed with 10 N and are told 2 N go on pressing
 with more. So a force that is lowered goes below its value once, by the friction, and then up to it.
@@ -473,7 +472,7 @@ class Hold:
 
 
 @dataclass(frozen=True, slots=True)
-class Relax:
+class Slack:
     """Let the jaws be moved by hand: no stiffness, no damping, no torque."""
 
     def command(self, _now_s: float, feedback: Feedback) -> MitCommand:
@@ -481,4 +480,4 @@ class Relax:
         return MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
 
 
-Rest: TypeAlias = Hold | Relax | Grip
+Rest: TypeAlias = Hold | Slack | Grip

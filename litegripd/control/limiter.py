@@ -1,7 +1,6 @@
-"""The way of every command to the motor: through the last word, with an eye on the coil's heat.
+"""The way of every command to the motor: through a limiter, with an eye on the coil's heat.
 
-The last word on every command before it is packed, whatever the action above it asked for.
-
+`CommandLimiter` bounds each command before it is packed, whatever the action above it asked for.
 What it changes it names: the names appear as `limited` in the state.
 """
 
@@ -56,7 +55,7 @@ def probe_bounds(config: MotionConfig) -> Bounds:
     return Bounds(-math.inf, math.inf, config.calib_step_rad, config.calib_tau_limit)
 
 
-class LastWord:
+class CommandLimiter:
     """Keeps commands finite, inside the travel and within the torque that the motor bears.
 
     The torque of a command is bounded by what of kp·lead, kd·dv and torque pulls one way. Where
@@ -248,14 +247,14 @@ class Output:
         self.command: MitCommand | None = None
         self.limited: tuple[str, ...] = ()
         self.heat = HeatGuard()
-        self._last_word = LastWord()
+        self._limiter = CommandLimiter()
 
     def send(
         self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges
     ) -> HeatChange | None:
         """Make `command` what may be sent; tell of a change in what the heat allows."""
         self.requested = command
-        self.command, self.limited = self._last_word.apply(
+        self.command, self.limited = self._limiter.apply(
             now_s, command, feedback, bounds, ranges, allowance_nm=self.heat.allowance_nm
         )
         return self.heat.update(now_s, feedback, torque_bound_nm(self.command, feedback))
@@ -263,5 +262,5 @@ class Output:
     def unpowered(self, now_s: float, feedback: Feedback | None) -> HeatChange | None:
         """Take note that the motor is told nothing from now on."""
         self.requested, self.command, self.limited = None, None, ()
-        self._last_word.unpowered(now_s)
+        self._limiter.unpowered(now_s)
         return None if feedback is None else self.heat.update(now_s, feedback, 0.0)

@@ -20,12 +20,12 @@ from litegripd.control.admission import (
     target_refusal,
 )
 from litegripd.control.engine import Engine
-from litegripd.control.holds import Grip, GripSettings, Hold, Relax
+from litegripd.control.holds import Grip, GripSettings, Hold, Slack
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import (
+from litegripd.model.motion_config import (
+    MotionConfig,
     damping_conflict,
     fast_conflict,
     move_conflict,
@@ -46,7 +46,7 @@ class Motions:
     def enable(self, owner: Owner, config: MotionConfig, detached: bool) -> Job | Refusal:
         """Begin to enable the motor."""
         engine = self._engine
-        refusal = engine.unfree() or engine.motor.problem
+        refusal = engine.why_busy() or engine.motor.problem
         if refusal is not None:
             return refusal
         request = EnableMotor(config.enable_retries, config.enable_retry_interval)
@@ -175,7 +175,7 @@ class Motions:
         if isinstance(feedback, Refusal):
             return feedback
         rest = engine.rest
-        if isinstance(rest, Relax):  # holding anew would lose the force of a hold
+        if isinstance(rest, Slack):  # holding anew would lose the force of a hold
             rest = Hold(feedback.position_rad, engine.gains)
         elif isinstance(rest, Grip):
             rest.stay()
@@ -188,7 +188,7 @@ class Motions:
         if isinstance(feedback, Refusal):
             return feedback
         result = SlackResult(feedback.position_rad)
-        return self._engine.settle("zero_gravity", Relax(), owner, result)
+        return self._engine.settle("zero_gravity", Slack(), owner, result)
 
     def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
         """Squeeze by `force_n` from now on: what is gripped, else from where the jaws are.
@@ -270,13 +270,13 @@ class Motions:
 
     def _powered(self) -> Feedback | Refusal:
         """Return the present feedback where the motor is free and enabled, else why not."""
-        refusal = self._engine.unfree() or motor_refusal(self._engine.motor)
+        refusal = self._engine.why_busy() or motor_refusal(self._engine.motor)
         return refusal or self._engine.motor.feedback or NO_FEEDBACK
 
     def _ready(self) -> Geometry | Refusal:
         """Return the travel where a motion in it may begin, else say why not."""
         engine = self._engine
-        refusal = engine.unfree()
+        refusal = engine.why_busy()
         if refusal is not None:
             return refusal
         geometry = engine.geometry

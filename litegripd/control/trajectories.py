@@ -27,10 +27,8 @@ from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import damping_conflict, slow_conflict
-from litegripd.model.path import PIECE_BYTES
-from litegripd.model.trajectory import MAX_SAMPLES
+from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_conflict
+from litegripd.model.trajectory import MAX_SAMPLES, PIECE_BYTES
 
 
 def recording_key(number: int) -> str:
@@ -149,7 +147,7 @@ class Trajectories:
         engine = self._engine
         geometry = self._ready()
         refusal = self.refusal() or (geometry if isinstance(geometry, Refusal) else None)
-        refusal = refusal or self._rate_refusal(rate_hz) or (engine.unfree() if slack else None)
+        refusal = refusal or self._rate_refusal(rate_hz) or (engine.why_busy() if slack else None)
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or NO_FEEDBACK
         capture = Capture(
@@ -243,7 +241,7 @@ class Trajectories:
     ) -> Job | Refusal:
         """Begin to load and replay a trajectory; the gains are the calibration's by default."""
         engine = self._engine
-        refusal, geometry = self.refusal() or engine.unfree(), self._ready()
+        refusal, geometry = self.refusal() or engine.why_busy(), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
         kp = engine.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad

@@ -1,17 +1,14 @@
-"""Enabling the motor, and clearing a fault that it has latched.
+"""One enabling of the motor: its registers first, then a fault cleared, then armed and confirmed.
 
-Clearing a latched fault for its own sake: asked again until the motor says that it is gone.
-
-Clearing disarms, so it energises nothing. A fault whose cause lasts comes back at once.
-
-One enabling of the motor: its registers first, then a fault cleared, then armed and confirmed.
-
-What decides how the motor is talked to is read before every enabling: a power cycle undoes what
-was written, another program may have written, and either may have gone unnoticed.
+What decides how the motor is talked to is read before every enabling: a power cycle undoes what was
+written, another program may have written, and either may have gone unnoticed.
 
 Before the first enable frame the motor has answered one with zero gains, and one goes just before
 each: a command that arrived while the motor was disabled is stored and applied by enable at once,
 and a jump on enable is the commonest complaint about such grippers.
+
+`FaultClearing` clears a latched fault for its own sake: asked again until the motor says that it is
+gone. Clearing disarms, so it energises nothing. A fault whose cause lasts comes back at once.
 """
 
 from litegripd.model.errors import Refusal
@@ -27,7 +24,7 @@ RETRY_S = 0.02
 GIVES_UP_S = 0.25
 
 
-class Unfaulting:
+class FaultClearing:
     """One clearing, from its request to its end."""
 
     def __init__(self, can_id: int, now_s: float) -> None:

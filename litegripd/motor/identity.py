@@ -1,17 +1,15 @@
-"""What the motor is: read from its registers, read again, and found again after a silence.
+"""What the motor is: found by a look at its registers, read again, found anew after a silence.
 
-Reading again the registers that decide how the motor is talked to, in whatever phase it is.
+Nothing here sends more than read requests. `RegisterScan` reads what the motor tells about itself,
+without energising it; `Identification` keeps the finished identity and what follows from it: where
+its answers come, in which ranges its frames are coded, why it cannot be used.
 
-They may change unheard: another program writes them, a power cycle takes back what was not saved.
-A register counts as verified once an answer equals what is known of it, or what has been claimed
-of it before: by another program's write, by the motor's own answer to that, or by an earlier answer
+`Verifier` reads again, in whatever phase, the registers that decide how the motor is talked to.
+They may change unheard: another program writes them, a power cycle takes back what was not saved. A
+register counts as verified once an answer equals what is known of it, or what has been claimed of
+it before: by another program's write, by the motor's own answer to that, or by an earlier answer
 that differed. So one disturbed frame changes nothing for good. Until then all that was claimed is
 possible, and a torque is coded so that it is no larger than wanted by any of it.
-
-What the motor is: found by a look at its registers, and found anew after a silence.
-
-Keeps the finished identity and what follows from it: where its answers come, in which ranges its
-frames are coded, why it cannot be used. It sends nothing but read requests.
 """
 
 import math
@@ -54,7 +52,7 @@ MODEL_RANGES = Ranges()
 """What a DM4310 leaves the factory with."""
 
 
-class Look:
+class RegisterScan:
     """Reads the registers of `READ_AT_START` one after the other, each a few times.
 
     The first is MST_ID, whose answer comes on the very id that it names: so it is also the way
@@ -437,7 +435,7 @@ class Identification:
         self.verifier = Verifier(can_id)
         self.can_id = can_id
         self._configured_master_id = configured_master_id
-        self._look = Look(can_id)
+        self._look = RegisterScan(can_id)
 
     @property
     def master_id(self) -> int | None:
@@ -463,14 +461,14 @@ class Identification:
 
     def begin(self) -> None:
         """Forget everything and look anew."""
-        self._look = Look(self.can_id)
+        self._look = RegisterScan(self.can_id)
         self.identity = None
         self.verifier.reset()
 
     def expect_another(self) -> None:
         """Look anew for the id of the answers: another motor may come in a silent one's place."""
         if self._look.master_id is not None:
-            self._look = Look(self.can_id)
+            self._look = RegisterScan(self.can_id)
 
     def step(self, now_s: float) -> list[CanFrame]:
         """Return the read request that is due, if any."""

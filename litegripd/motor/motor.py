@@ -26,12 +26,12 @@ from litegripd.model.motor import (
     is_fault,
 )
 from litegripd.motor import codec
-from litegripd.motor.enabling import Arming, Unfaulting
+from litegripd.motor.enabling import Arming, FaultClearing
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identity import STILL_READ, Identification
 from litegripd.motor.phases import ARMING_PHASES, FAULTY, PUBLIC, TRANSITIONS, Event, Phase
 from litegripd.motor.plausibility import Plausibility, StatusJudge
-from litegripd.motor.reading import READABLE, Reading
+from litegripd.motor.register_reader import READABLE, RegisterReader
 from litegripd.motor.registers import (
     MASTER_ID,
     PMAX,
@@ -69,7 +69,7 @@ class Motor:
         self._entered_s = 0.0
         self._arming: Arming | None = None
         self._zeroing = Zeroing(can_id, Ranges(), 0.0)
-        self._reading = Reading(can_id)
+        self._reading = RegisterReader(can_id)
         self._plausibility = Plausibility(period_s)
         self._status = StatusJudge()
         self._feedback: Feedback | None = None
@@ -85,7 +85,7 @@ class Motor:
         self._standstill = Standstill(period_s)
         self._stood_still_s: float | None = None
         """For how long the daemon sent nothing before the present fault, if it stood still."""
-        self._unfaulting: Unfaulting | None = None
+        self._unfaulting: FaultClearing | None = None
         self._tries = 0
         self._failure: Refusal | None = None
 
@@ -416,7 +416,7 @@ class Motor:
         self._plausibility.reset()
         if self._identification.problem() is not None:
             self._go(Event.LOOK, now_s)
-        self._unfaulting = Unfaulting(self._can_id, now_s)
+        self._unfaulting = FaultClearing(self._can_id, now_s)
         self._go(Event.CLEAR, now_s)
 
     def _unfault(self, now_s: float) -> list[CanFrame]:

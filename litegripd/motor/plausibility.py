@@ -1,17 +1,14 @@
-"""What one frame alone does not prove: a jump of the position, another status.
+"""What one frame alone does not prove of an enabled motor: a jump of the position, another status.
 
-Whether an enabled motor's word that it is no longer enabled is to be acted upon.
+`Plausibility` asks whether a measured position can be true, by what is physically possible since
+the last one; it counts once the next one agrees. A command pulls to a position, or is judged by it,
+so an encoder that jumps (or wraps at ±PMAX) would turn a hold into a blow: where the motor is
+driven, a jump that stays is a fault. Slack jaws that a hand throws against a stop bounce faster
+than any motor could make them; there it is believed in the end.
 
-To act upon it is to let go of what is held, and not every bus has checksums (a line of SLCAN has
-none): one frame alone proves nothing, and what else it tells is as doubtful.
-
-Whether a measured position can be true, by what is physically possible since the last one.
-
-Of a motor that is enabled, one frame alone proves no jump: what it tells counts once the next one
-agrees. A command pulls to a position, or is judged by it, so an encoder that jumps (or wraps at
-±PMAX) would turn a hold into a blow: where the motor is driven, a jump that stays is a fault. Slack
-jaws that a hand throws against a stop bounce faster than any motor could make them; there it is
-believed in the end.
+`StatusJudge` asks whether the word that it is no longer enabled is to be acted upon. To act upon it
+is to let go of what is held, and not every bus has checksums (a line of SLCAN has none): one frame
+alone proves nothing, and what else it tells is as doubtful.
 """
 
 from litegripd.model.errors import Refusal

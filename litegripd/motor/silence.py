@@ -1,8 +1,7 @@
 """Two silences: of the motor, by the measure of each phase, and of the daemon itself.
 
-Noticing that the motor does not answer, by the measure of each phase.
-
-Counts requests without an answer; what a silence leads to is the business of the phases.
+`Silence` counts requests without an answer; what that leads to is the business of the phases.
+`Standstill` tells for how long the daemon sent nothing before a fault of the motor's watchdog.
 """
 
 from litegripd.motor.phases import Event, Phase

@@ -1,13 +1,9 @@
 """Calibrating without a stroke: marks set by hand, and the motor's own zero.
 
-Calibrating by hand: the jaws are slack, and a person marks where the two stops are.
-
-The marks alone say which way closing runs.
-
-Setting the motor's own zero: disabled first, then set, watched until the position confirms it.
-
-The jaws do not move. What the positions of a calibration mean is changed by it: the result says by
-how much.
+By hand the jaws are slack, and a person marks where the two stops are: the marks alone say which
+way closing runs. The motor's own zero is set while it is disabled, and watched until the position
+confirms it. The jaws do not move. What the positions of a calibration mean is changed by it: the
+result says by how much.
 """
 
 from dataclasses import replace
@@ -15,7 +11,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.calibration import Saving
-from litegripd.control.holds import Relax
+from litegripd.control.holds import Slack
 from litegripd.control.limiter import Bounds, probe_bounds
 from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import MotionConfig
@@ -62,7 +58,7 @@ class CalibrateByHand(PlainAction):
         if feedback is None:
             return Step()
         self._feedback = feedback
-        command = Relax().command(now_s, feedback)
+        command = Slack().command(now_s, feedback)
         if self._saving is None:
             return Step(command)
         return replace(self._saving.step(now_s, motor), command=command)

@@ -1,16 +1,13 @@
-"""Closing until something is gripped, then holding it with a force.
+"""Grasping: close until something resists, then hold it by force and watch that it stays.
 
-Closing with a torque budget until something resists: the first half of a grasp.
+`Approach` closes with a torque budget. Its command never pushes jaws that are stopped with more
+than `BUDGET_NM`, whatever has stopped them and however old the feedback is: the position part is
+bounded by the lead, the damping part by the speed commanded. (Jaws that are thrown back, or shot
+forward, are braked harder.) A ramp of full stiffness reaches 3.2 N·m 50 ms after it has met an
+object of 250 N·m/rad.
 
-Its command never pushes jaws that are stopped with more than `BUDGET_NM`, whatever has stopped them
-and however old the feedback is: the position part is bounded by the lead, the damping part by the
-speed commanded. (Jaws that are thrown back, or shot forward, are braked harder.) A ramp of full
-stiffness reaches 3.2 N·m 50 ms after it has met an object of 250 N·m/rad.
-
-Grasping: close until something resists, then hold it by force and watch that it stays.
-
-The approach is `Approach`, with a torque budget; the hold is `Grip`, which goes on when this
-action has ended: at the verdict or after `hold_s`, as the caller wanted.
+The hold is `Grip`, which goes on when this action has ended: at the verdict or after `hold_s`, as
+the caller wanted.
 """
 
 from dataclasses import dataclass
@@ -18,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
-from litegripd.control.gains import Gains, budgeted, led
+from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Rest
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -107,7 +104,7 @@ class Approach:
         lead_rad = self._arrived_lead_rad if arrived else self._lead_rad
         if arrived:
             wanted_rad = self.target_rad
-        command_rad = led(wanted_rad, position_rad, lead_rad)
+        command_rad = clamp_lead(wanted_rad, position_rad, lead_rad)
         held_back = (wanted_rad - command_rad) * self._sign > 0.0
         if arrived:
             if self._arrived_s is None:

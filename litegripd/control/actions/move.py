@@ -1,16 +1,13 @@
-"""Moves: to a place, and to a stop, which is pressed gently.
+"""Moves: to a position, and to a stop, which is pressed gently.
 
-Moving to a position inside the travel, at a speed: a ramp with velocity feed-forward.
+`MoveTo` goes to a position inside the travel, at a speed: a ramp with velocity feed-forward. Moves
+may be slow. Static friction holds slow jaws for longer than a stall window, so on the way they
+count as stalled only while the ramp is ahead of them by more than friction can hold.
 
-The lead over the measured position is capped as in opening and closing, with the same two tiers.
-Moves may be slow. Static friction holds slow jaws for longer than a stall window, so on the way
-they count as stalled only while the ramp is ahead of them by more than friction can hold.
-
-Opening and closing: a ramp past the calibrated stop, which the mechanical stop ends.
-
-The command is an absolute ramp in time; only the part of it that leads the measured position is
-capped: by `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm`
-within `press_zone_mm` of the stop, so that the jaws press gently.
+`MoveToStop` opens and closes: a ramp past the calibrated stop, which the mechanical stop ends. The
+command is an absolute ramp in time; only the part of it that leads the measured position is capped:
+by `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm` within
+`press_zone_mm` of the stop, so that the jaws press gently. A move's lead is capped alike.
 
 Damping turns the velocity of the command into torque as soon as something stops the jaws. So what
 comes of lead and velocity together is bounded: by kp times the lead, and at most a quarter more
@@ -22,8 +19,8 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.detectors import StallDetector, TorqueGuard
-from litegripd.control.gains import Gains, is_in_press_zone, lead_cap_rad, led
-from litegripd.control.holds import Relax
+from litegripd.control.gains import Gains, clamp_lead, is_in_press_zone, max_lead_rad
+from litegripd.control.holds import Slack
 from litegripd.control.limiter import bounds_of
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -100,7 +97,7 @@ class MoveTo(PlainAction):
         self._feedback = feedback
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
         lead_rad = self._lead_rad(position_rad, self._ramp)
-        self._command_rad = led(ramp_rad, position_rad, lead_rad)
+        self._command_rad = clamp_lead(ramp_rad, position_rad, lead_rad)
         if self._command_rad != ramp_rad:
             velocity_rad_s = 0.0  # kd·dq would add to the torque that the cap is to bound
         is_behind = self._is_behind(abs(ramp_rad - position_rad))
@@ -122,7 +119,7 @@ class MoveTo(PlainAction):
     def _lead_rad(self, position_rad: float, ramp: Ramp) -> float:
         """Return how far the command may lead: less at the stop that lies ahead."""
         short_rad = abs(self._limit_rad(ramp) - position_rad)
-        return lead_cap_rad(short_rad, self._geometry, self._config)
+        return max_lead_rad(short_rad, self._geometry, self._config)
 
     def _limit_rad(self, ramp: Ramp) -> float:
         """Return the calibrated stop that lies ahead."""
@@ -236,7 +233,7 @@ class MoveToStop(PlainAction):
         command = self._led(velocity_rad_s, ramp_rad, feedback.position_rad)
         self._command_rad = command.position_rad
         if self._phase == "release":
-            command = Relax().command(now_s, feedback)
+            command = Slack().command(now_s, feedback)
         return Step(command, outcome=None if outcome is None else self._result(outcome))
 
     def progress(self) -> Progress | None:
@@ -263,8 +260,8 @@ class MoveToStop(PlainAction):
         ahead_rad = speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
         short_rad = self._short_rad(feedback.position_rad) - ahead_rad
         self._is_near_stop = is_in_press_zone(short_rad, self._geometry, self._config)
-        lead_rad = lead_cap_rad(short_rad, self._geometry, self._config)
-        return led(command_rad, feedback.position_rad, lead_rad)
+        lead_rad = max_lead_rad(short_rad, self._geometry, self._config)
+        return clamp_lead(command_rad, feedback.position_rad, lead_rad)
 
     def _led(self, velocity_rad_s: float, ramp_rad: float, position_rad: float) -> MitCommand:
         """Return the command for a velocity (rad/s) with gains that keep it within its torque."""
@@ -281,7 +278,9 @@ class MoveToStop(PlainAction):
             kd = min(kd, share * budget_nm / self._speed_rad_s)
             softer = min(kp, (budget_nm - kd * self._speed_rad_s) / lead_rad)
             wanted_rad = position_rad + (ramp_rad - position_rad) * kp / softer  # the same torque
-            return Gains(softer, kd).at(led(wanted_rad, position_rad, lead_rad), velocity_rad_s)
+            return Gains(softer, kd).at(
+                clamp_lead(wanted_rad, position_rad, lead_rad), velocity_rad_s
+            )
         if self._command_rad != ramp_rad:
             return self._gains.at(self._command_rad)  # kd·dq would add to what the cap bounds
         lead_rad = self._geometry.to_rad(self._config.max_lead_mm)

@@ -1,19 +1,13 @@
-"""Replaying a trajectory: what was asked, its path, and its grips.
-
-Leading the jaws along a target that moves, with no more than a torque, whatever they meet.
-
-The command moves towards the target at no more than a speed: jaws that were held up do not jump
-when they come free.
-
-The grips of a replay, one after the other: each a grasp like any other, with the taught force.
-
-It knows no path: when a grip begins and ends is the replay's to say.
-
-Replaying a trajectory: to its start first, then along its path by the clock, then a hold.
+"""Replaying a trajectory: to its start first, then along its path by the clock, then a hold.
 
 It commands positions: recorded torques are never fed forward. The path is one of openness, gone by
 the calibration in use now, whatever it was taught on. With `force` "replay" the jaws leave the path
 for each grip that is kept with it, hold by its force, and come back.
+
+`Follower` leads the jaws along a target that moves, with no more than a torque, whatever they meet,
+and at no more than a speed: jaws that were held up do not jump when they come free. `ReplayGrips`
+does the grips one after the other, each a grasp like any other, with the taught force. It knows no
+path: when a grip begins and ends is the replay's to say.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -22,7 +16,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step
 from litegripd.control.actions.grasp import Grasp, GraspRequest
-from litegripd.control.gains import Gains, budgeted, led
+from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import Grip, Hold, Rest
 from litegripd.control.loading import Loading
 from litegripd.model.errors import Refusal
@@ -30,7 +24,6 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.grips import TaughtGrip
 from litegripd.model.motion_config import RANGES, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.path import Path
 from litegripd.model.results import (
     GraspResult,
     Progress,
@@ -38,6 +31,7 @@ from litegripd.model.results import (
     ReplayProgress,
     ReplayResult,
 )
+from litegripd.model.trajectory import Path
 
 _SLOWEST_RAD_S = 1e-3
 
@@ -78,7 +72,7 @@ class Follower:
         velocity_rad_s = step_rad / elapsed_s if elapsed_s > 0.0 else 0.0
         speed = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
         gains, lead_rad = budgeted(self._torque_nm, speed, self._gains, self._period_s)
-        reference_rad = led(self._was_rad + step_rad, feedback.position_rad, lead_rad)
+        reference_rad = clamp_lead(self._was_rad + step_rad, feedback.position_rad, lead_rad)
         self._was_s, self._was_rad = now_s, reference_rad
         self.rest = Hold(reference_rad, gains)
         return gains.at(reference_rad, velocity_rad_s)
@@ -111,7 +105,7 @@ class ReplayRequest:
     force: Force = "path"
 
 
-def unfit(
+def check_fits(
     request: ReplayRequest, path: Path, geometry: Geometry, config: MotionConfig, here_rad: float
 ) -> Refusal | None:
     """Say that a path takes too long, or begins too far from jaws that shall not align, if so."""
@@ -383,7 +377,7 @@ class Replay(PlainAction):
             return Step(outcome=loading.failure)
         if loading.path is None:
             return Step(errand=errand)
-        refusal = unfit(
+        refusal = check_fits(
             self._request, loading.path, self._geometry, self._config, feedback.position_rad
         )
         refusal = refusal or self._speed_refusal(self.speed)

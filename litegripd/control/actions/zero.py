@@ -1,35 +1,27 @@
-"""Measuring both stops: strokes, probes, and a press that confirms them.
+"""Calibrating by probing both mechanical stops, the open one first, and confirming each.
 
-Feeling for a mechanical stop with little torque, where no travel is known yet.
+The direction is the one declared before: a stall cannot tell one stop from the other.
 
-The command is derived anew from the measured position in every tick: an accumulated target went
-on leading further at a stop until the structure gave way (field use of the gripper). The torque
-ceiling does not depend on standing still, which a structure that yields never does. Only torque
-towards the probed side counts: the first feedback still has the torque of what was before, such as
-the press onto the other stop.
+`Probe` feels for a stop with little torque, where no travel is known yet. Its command is derived
+anew from the measured position in every tick: an accumulated target went on leading further at a
+stop until the structure gave way (field use of the gripper). The torque ceiling does not depend on
+standing still, which a structure that yields never does. Only torque towards the probed side
+counts: the first feedback still has the torque of what was before, such as the press onto the other
+stop.
 
-One stroke to a stop with a run-up: it confirms, or corrects, what a probe has found.
+`Stroke` comes to a stop with a run-up, and confirms or corrects what a probe has found. Standing
+and slow jaws may stick where moving ones pass (the closing side does, in front of its stop), and a
+probe that pushes gently is slow. So the jaws come with the speed of an `open` or `close`, bounded
+by a torque whatever they meet. Where they slow down, they are left to a probe, which presses no
+harder than the first one did: a stop that yields is met as deep as before.
 
-Standing and slow jaws may stick where moving ones pass (the closing side does, in front of its
-stop), and a probe that pushes gently is slow. So the jaws come with the speed of an `open` or
-`close`, bounded by a torque whatever they meet. Where they slow down, they are left to a probe,
-which presses no harder than the first one did: a stop that yields is met as deep as before.
+`Pressing` presses on a stop that was found: an end stays where it is, jaws that only stick come
+loose. They may stick by more than a probe pushes with, after a stroke with a run-up, too; so they
+are pressed harder, but below the ceiling of a calibration, and slowly. Ends are soft: what tells
+them from jaws that came loose is where the jaws are met again by the same probe as before, once the
+press has been taken back. It is taken back by what friction keeps.
 
-Pressing on a stop that was found: an end stays where it is, jaws that only stick come loose.
-
-Standing jaws may stick in front of their stop by more than a probe pushes with, after a stroke
-with a run-up, too. So they are pressed harder, but below the ceiling of a calibration, and slowly.
-Ends are soft: what tells them from jaws that came loose is where the jaws are met again by the
-same probe as before, once the press has been taken back. It is taken back by what friction keeps.
-
-Confirming a stop: strokes with a run-up, until two in a row end at the same place.
-
-That place is then pressed on: jaws that only stick come loose, and it was no stop.
-
-Calibrating by probing both mechanical stops, the open one first, and confirming each.
-
-The direction is the one declared before: a stall cannot tell one stop from the other. What the
-probes have found is confirmed by whole strokes, as an `open` and a `close` make them; a stop is
+`Confirming` repeats strokes until two in a row end at the same place, and presses there. A stop is
 saved only where two finds in a row agree.
 """
 

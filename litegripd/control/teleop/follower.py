@@ -1,22 +1,13 @@
-"""A follower: it follows what a leader commands, and tells it what it feels.
+"""The follower: its jaws go where a leader's are, as a share of its own travel.
 
-How a follower's jaws are led to where its leader is: with a lead and a force that are bounded.
+It aligns to the first frame at a bounded speed, follows then with the leader's velocity fed forward
+as far as the bounds allow, holds its last target when frames stop coming, and aligns again when
+they come back. The command's lead over the measured position is capped as in every motion, whatever
+the frames say. Damping relative to a velocity is a torque as well: jaws that are held up would be
+pushed by kd times the leader's whole speed.
 
-The command's lead over the measured position is capped as in every motion, whatever the frames say.
-Damping relative to a velocity is a torque as well: jaws that are held up would be pushed by kd
-times the leader's whole speed. So the leader's velocity is fed forward as far as the bounds allow.
-
-The follower's torque guard: what presses too hard for too long is let go of.
-
-Times and thresholds are the vendor's SDK's, counted in seconds and not in cycles, so that they are
-the same at every rate.
-
-The follower: its jaws go where a leader's are, as a share of its own travel.
-
-It aligns to the first frame at a bounded speed, follows then with the leader's velocity fed
-forward, holds its last target when frames stop coming, and aligns again when they come back. The
-command's lead over the measured position is capped as in every motion: whatever the frames say,
-the jaws are pushed by no more than that.
+What presses too hard for too long is let go of. Times and thresholds of that guard are the vendor's
+SDK's, counted in seconds and not in cycles, so that they are the same at every rate.
 """
 
 from collections import deque
@@ -24,17 +15,16 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import Step, progress_of
-from litegripd.control.gains import Gains, budgeted, lead_cap_rad, led
-from litegripd.control.holds import Hold, Relax, Rest
+from litegripd.control.gains import Gains, budgeted, clamp_lead, max_lead_rad
+from litegripd.control.holds import Hold, Rest, Slack
 from litegripd.control.teleop.base import TeleopAction, Tell
 from litegripd.control.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.control.teleop.link import Link
-from litegripd.model.force_frame import ForceFrame, encode_force
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
-from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
+from litegripd.model.teleop import ForceFrame, LinkWish, TeleopSettings, TeleopStatus, encode_force
 
 MOST_NM = 5.5
 """By no more the jaws are pushed, however stiff the follow gains are: what the lead cap of 4 mm is
@@ -47,7 +37,7 @@ to tick; the slowest of so many does not."""
 _SLOWEST_RAD_S = 1e-3
 
 
-class Leading:
+class FollowerCommand:
     """Makes the commands of one follower.
 
     With `force_limit_n` stiffness and damping are budgeted (`control/gains.py`): jaws that are
@@ -88,7 +78,7 @@ class Leading:
     def within_reach(self, wanted_rad: float, here_rad: float) -> float:
         """Return how far towards `wanted_rad` jaws that are at `here_rad` can be led at rest."""
         _, lead_rad = self._bounds(wanted_rad, 0.0, here_rad)
-        return led(wanted_rad, here_rad, lead_rad)
+        return clamp_lead(wanted_rad, here_rad, lead_rad)
 
     def command(self, wanted_rad: float, velocity_rad_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick.
@@ -99,9 +89,11 @@ class Leading:
         here_rad, before_rad = feedback.position_rad, self.commanded_rad
         self._measured.append(feedback.velocity_rad_s)
         gains, lead_rad = self._bounds(wanted_rad, velocity_rad_s, here_rad)
-        self.is_limited = led(wanted_rad, here_rad, lead_rad) != wanted_rad
-        step_to_rad = wanted_rad if before_rad is None else led(wanted_rad, before_rad, lead_rad)
-        commanded_rad = led(step_to_rad, here_rad, lead_rad)
+        self.is_limited = clamp_lead(wanted_rad, here_rad, lead_rad) != wanted_rad
+        step_to_rad = (
+            wanted_rad if before_rad is None else clamp_lead(wanted_rad, before_rad, lead_rad)
+        )
+        commanded_rad = clamp_lead(step_to_rad, here_rad, lead_rad)
         if self._limit_nm is None:
             ahead_rad = commanded_rad - here_rad
             velocity_rad_s = self._fed(velocity_rad_s, gains, lead_rad, ahead_rad)
@@ -116,7 +108,7 @@ class Leading:
         geometry, gains = self._geometry, self._gains
         closing = (wanted_rad - here_rad) * geometry.close_sign > 0.0
         limit_rad = geometry.closed_rad if closing else geometry.open_rad
-        cap_rad = lead_cap_rad(abs(limit_rad - here_rad), geometry, self._config)
+        cap_rad = max_lead_rad(abs(limit_rad - here_rad), geometry, self._config)
         if self._limit_nm is None:
             if gains.kp_nm_rad * cap_rad <= MOST_NM:  # kp may even be 0
                 return gains, cap_rad
@@ -240,7 +232,7 @@ class Course:
     """What tells this follower from others to its leader, where it tells its force."""
 
 
-class Follow(TeleopAction):
+class TeleopFollower(TeleopAction):
     """Follows until it is finished; leaves a hold behind, or, after a trip, free jaws."""
 
     def __init__(self, link: Link, wish: LinkWish, tell: Tell, course: Course) -> None:
@@ -251,7 +243,7 @@ class Follow(TeleopAction):
         self._teller = ForceTeller(link, course.sender)
         self._phase: Phase = "waiting"
         self._reference_rad: float | None = None
-        self._leading = Leading(
+        self._leading = FollowerCommand(
             course.geometry,
             course.config,
             course.gains,
@@ -293,7 +285,7 @@ class Follow(TeleopAction):
         would press it anew.
         """
         if self._guard.is_tripped:
-            return Relax()
+            return Slack()
         feedback = self.feedback
         hold = self._leading.hold
         if self.is_finished or hold is None or feedback is None or not hold.presses(feedback):
@@ -372,7 +364,7 @@ class Follow(TeleopAction):
             self._enter("released")
             self._reference_rad = here_rad
             self._leading.let_go(here_rad)
-            return Relax().command(now_s, feedback)
+            return Slack().command(now_s, feedback)
         if self._intake.is_stale(now_s):
             self._enter("stale")
             return lead(self._reference_rad, 0.0, feedback)
@@ -393,7 +385,7 @@ class Follow(TeleopAction):
         from_rad = self._reference_rad if self._reference_rad is not None else here_rad
         from_rad = self._leading.within_reach(from_rad, here_rad)
         step_rad = geometry.to_rad(config.speed_mm_s) * elapsed_s
-        self._reference_rad = led(target_rad, from_rad, step_rad)
+        self._reference_rad = clamp_lead(target_rad, from_rad, step_rad)
         if self._reference_rad == target_rad:
             self._enter("following")
 

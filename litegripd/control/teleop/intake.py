@@ -1,29 +1,23 @@
-"""What arrives from the other side: commands of a leader, forces of a follower.
+"""What arrives from the other side: positions of a leader, forces of followers.
 
-What lay in the network during a silence, told from what is fresh: old motion is no target.
+`Intake` gives a follower the newest frame, how old it is, and how fast it moves. It knows no
+geometry: openness in, openness out. Nothing is clamped.
 
-A cut cable keeps frames: TCP delivers them when it is mended, seconds old and all at once. Two
-machines share no clock, but the time of arrival less the sender's own time is constant, but for the
-network's delay: what has much more of it than before the silence is old. Unless it stays like
+`Backlog` tells what lay in the network during a silence from what is fresh: old motion is no
+target. A cut cable keeps frames: TCP delivers them when it is mended, seconds old and all at once.
+Two machines share no clock, but the time of arrival less the sender's own time is constant, but for
+the network's delay: what has much more of it than before the silence is old. Unless it stays like
 that: then the sender's clock is another one now.
 
-What a follower makes of what arrives: the newest frame, how old it is, and how fast it moves.
-
-It knows no geometry: openness in, openness out. Nothing is clamped.
-
-What a leader makes of its followers' force frames: who presses now, and how hard.
-
-A force is felt only as the answer to a recent position: its echo must be a time at which this
-leader published, by the leader's own clock, no longer ago than `MOST_ROUND_TRIP_S`. So frames for
-another leader, frames of before and frames over a slow network are none, whatever their senders'
-clocks say.
+`ForceIntake` gives a leader who presses now, and how hard. A force is felt only as the answer to a
+recent position: its echo must be a time at which this leader published, by the leader's own clock,
+no longer ago than `MOST_ROUND_TRIP_S`. So frames for another leader, frames of before and frames
+over a slow network are none, whatever their senders' clocks say.
 """
 
 from dataclasses import dataclass
 
-from litegripd.model.force_frame import decode_force
-from litegripd.model.teleop import Arrival
-from litegripd.model.teleop_frame import TeleopFrame, decode_frame
+from litegripd.model.teleop import Arrival, TeleopFrame, decode_force, decode_frame
 
 _WINDOW_S = 10.0
 """So long a least delay counts at least; clocks drift by less than a millisecond meanwhile."""

@@ -1,33 +1,28 @@
-"""A leader: a hand moves it, and feels what its follower feels.
+"""The leader: its jaws are slack, a hand moves them, and how far they are open is published.
 
-With what torque a leader's jaws push back against the hand that moves them.
+A frame goes out in the tick in which its measurement came, and never twice: a leader whose motor
+does not answer falls silent, so that its followers know.
 
+Where it is wished for, the jaws push back a little with what the followers press with (`PushBack`).
 The hand is a person's, and what is pushed with comes over a network: the torque is small, begins
 and ends gently, and never does more work on the hand than the hand has done on the jaws before,
 but for a grant that is too small to feel. So whatever the delay, the loop through the network
 cannot feed an oscillation: seen from the hand, the jaws are passive (time-domain passivity, with
 the energy counted at the leader's own motor).
-
-The leader: its jaws are slack, a hand moves them, and how far they are open is published.
-
-A frame goes out in the tick in which its measurement came, and never twice: a leader whose motor
-does not answer falls silent, so that its followers know. Where it is wished for, the jaws push back
-a little with what the followers press with (`push_back`).
 """
 
 import math
 from dataclasses import replace
 
 from litegripd.control.actions.base import Step, progress_of
-from litegripd.control.holds import Relax
+from litegripd.control.holds import Slack
 from litegripd.control.teleop.base import TeleopAction, Tell
 from litegripd.control.teleop.intake import ForceIntake
 from litegripd.control.teleop.link import Link
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
-from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
-from litegripd.model.teleop_frame import TeleopFrame, encode_frame
+from litegripd.model.teleop import LinkWish, TeleopFrame, TeleopSettings, TeleopStatus, encode_frame
 
 MOST_N = 10.0
 """No leader pushes back with more, whoever asks for it: a finger holds it without effort."""
@@ -113,7 +108,7 @@ _EARLY_S = 0.00025
 """A tick that comes so little early, as ticks do, is the one that is due."""
 
 
-class Lead(TeleopAction):
+class TeleopLeader(TeleopAction):
     """Publishes `rate_hz` times a second; when it ends, the jaws hold where they are."""
 
     def __init__(
@@ -193,7 +188,7 @@ class Lead(TeleopAction):
     def _command(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Return slack jaws, or jaws that push back with what the followers press with."""
         if not self.wish.reflects:
-            return Relax().command(now_s, feedback)
+            return Slack().command(now_s, feedback)
         return self._push.step(now_s, self._forces.force_n(now_s), feedback)
 
     def _is_due(self, now_s: float) -> bool:

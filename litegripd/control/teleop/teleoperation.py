@@ -1,8 +1,7 @@
-"""Begins and ends teleoperation; a leader that is not there can be feigned.
+"""Begins and ends teleoperation.
 
-A leader without a second gripper and without a network: it sweeps open, closed, open.
-
-It is for benching a single follower, and its torque guard, with a rigid object between the jaws.
+A feigned leader, without a second gripper and without a network, sweeps open, closed, open. It is
+for benching a single follower, and its torque guard, with a rigid object between the jaws.
 """
 
 import math
@@ -18,17 +17,23 @@ from litegripd.control.admission import (
 from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
 from litegripd.control.teleop.base import TeleopAction, ended
-from litegripd.control.teleop.follower import Course, Follow
-from litegripd.control.teleop.leader import Lead
+from litegripd.control.teleop.follower import Course, TeleopFollower
+from litegripd.control.teleop.leader import TeleopLeader
 from litegripd.control.teleop.link import Link, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import damping_conflict, fast_conflict
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish, TeleopSettings, TeleopStatus
-from litegripd.model.teleop_frame import TeleopFrame, encode_frame
+from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
+from litegripd.model.teleop import (
+    Arrival,
+    LinkStatus,
+    LinkWish,
+    TeleopFrame,
+    TeleopSettings,
+    TeleopStatus,
+    encode_frame,
+)
 
 SWEEP_S = 6.0
 """From open to closed and back: 63 mm/s at most on a travel of 120 mm."""
@@ -112,12 +117,12 @@ class Teleoperation:
             self._tell(Event("teleop", f"teleop: {warning}", {"warning": True}))
         link: Link = FakeLeader(geometry, rate_hz) if fake_leader else self._links.open(wish)
         if wish.mode == "master":
-            action: TeleopAction = Lead(
+            action: TeleopAction = TeleopLeader(
                 link, wish, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
             )
         else:
             course = Course(geometry, config, gains, settings, engine.period_s, self._sender)
-            action = Follow(link, wish, self._tell, course)
+            action = TeleopFollower(link, wish, self._tell, course)
         action.is_warned = warning is not None
         self._action = action
         self._job = engine.begin("teleop", action, owner, detached)
@@ -151,7 +156,7 @@ class Teleoperation:
     def _ready(self) -> Geometry | Refusal:
         """Return the travel where teleoperation may begin, else say why not."""
         engine = self._engine
-        refusal = engine.unfree() or engine.recording_refusal()
+        refusal = engine.why_busy() or engine.recording_refusal()
         if refusal is not None and refusal.reason == "busy":
             refusal = trajectory_or_teleop_refusal(engine.in_the_way) or refusal
         if refusal is not None:

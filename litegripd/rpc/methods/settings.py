@@ -8,15 +8,13 @@ from litegripd.control.admission import ENDING, conflict_refusal
 from litegripd.control.calibrating import Calibrating
 from litegripd.control.calibration import content_of
 from litegripd.control.engine import Engine
-from litegripd.model.calibration import CalibrationError, from_plain, read_content
+from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
-from litegripd.model.motion_config import RANGES
-from litegripd.model.motion_limits import fast_conflict
+from litegripd.model.motion_config import RANGES, fast_conflict
 from litegripd.model.motor import RegisterReply
 from litegripd.model.results import SetZeroResult, ZeroResult
-from litegripd.model.saved import Saved
 from litegripd.motor.registers import REGISTERS, Register
 from litegripd.rpc.facts import MotionFields
 from litegripd.rpc.method import (

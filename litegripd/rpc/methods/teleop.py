@@ -18,8 +18,8 @@ from litegripd.model.teleop import (
     LinkWish,
     TeleopSettings,
     TeleopStatus,
+    udp_targets,
 )
-from litegripd.model.teleop_targets import udp_targets
 from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method, Refused, accepted
 from litegripd.rpc.reports import Reporter
 from litegripd.rpc.schema import Param

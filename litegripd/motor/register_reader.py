@@ -22,7 +22,7 @@ READ_WITHIN_S = 1.0
 """How long a request waits in all, also for the end of an enabling or of a look at the motor."""
 
 
-class Reading:
+class RegisterReader:
     """Reads the register that is asked for; a request that is given again begins anew."""
 
     def __init__(self, can_id: int) -> None:
