@@ -47,3 +47,15 @@ def test_methods_without_an_object_are_found_at_the_start() -> None:
         Requests(engine, tokens, [])
     with pytest.raises(LookupError, match=r"b\.second"):
         Requests(engine, tokens, [_Group()])
+
+
+@pytest.mark.parametrize("if_busy", ["replace", "queue"])
+def test_what_a_function_raises_is_a_refusal_whenever_its_turn_comes(if_busy: str) -> None:
+    world = World()
+    client = world.enabled()
+    running = client.result("motion.open", wait=False)["job"]
+    both = {"opening_mm": 30, "openness": 0.5}
+    error = client.call("motion.move", if_busy=if_busy, **both)["error"]
+    assert error["data"]["reason"] == "invalid_params"
+    assert error["data"]["parameter"] == "opening_mm"
+    assert client.result("job.wait", job=running)["state"] == "done"
