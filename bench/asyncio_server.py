@@ -20,7 +20,7 @@ from litegripd.io.realtime import acquire
 from litegripd.io.timerfd import PeriodicTimer
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.unit import Unit
-from litegripd.rpc.view import state_view
+from litegripd.rpc.reports import state_view
 
 PERIOD_S = 0.005
 

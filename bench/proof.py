@@ -28,8 +28,8 @@ from litegripd.io.reactor import Reactor
 from litegripd.io.realtime import acquire
 from litegripd.io.server import Server
 from litegripd.model.frame import CanFrame
-from litegripd.rpc.session import Peer, Session
-from litegripd.rpc.wire import encode, parse, result_line
+from litegripd.rpc.jsonrpc import encode, parse, result_line
+from litegripd.rpc.sessions import Peer, Session
 
 PERIOD_S = 0.005
 CLIENTS = 32

@@ -16,12 +16,10 @@ from litegripd.model.jobs import JobKind, JobState
 from litegripd.model.results import Progress, ReplayProgress
 from litegripd.model.state import GripperState
 from litegripd.model.teleop import TeleopStatus
-from litegripd.rpc.forms import FORMS
 from litegripd.rpc.method import Method
 from litegripd.rpc.methods import METHODS
-from litegripd.rpc.notifications import NOTIFICATIONS
-from litegripd.rpc.openrpc import result_schema
-from litegripd.rpc.type_schema import REFERENCE, Schema, Schemas
+from litegripd.rpc.openrpc import FORMS, NOTIFICATIONS, result_schema
+from litegripd.rpc.schema import REFERENCE, Schema, Schemas
 
 _JSON_NAMES = {
     int: "integer",

@@ -30,7 +30,7 @@ from litegripd.model.motor import MitCommand, MotorPhase
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
 from litegripd.rpc.service import RpcService
-from litegripd.rpc.session import Peer
+from litegripd.rpc.sessions import Peer
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command

@@ -34,9 +34,9 @@ from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
 from litegripd.rpc.facts import Hello, Info, MotionFields
-from litegripd.rpc.restarting import OnRestart, OnRestarted, no_restart
+from litegripd.rpc.methods.restart import OnRestart, OnRestarted, no_restart
 from litegripd.rpc.service import RpcService
-from litegripd.rpc.session import Peer, Role, Session
+from litegripd.rpc.sessions import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.answers import described

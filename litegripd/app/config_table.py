@@ -7,7 +7,7 @@ and the commented etc/litegripd.toml of it. A key that is not here is unknown.
 import math
 from dataclasses import dataclass
 
-from litegripd.rpc.session import ROLES
+from litegripd.rpc.sessions import ROLES
 
 MAX_STANDARD_ID = 0x7FE  # 0x7FF carries register traffic
 MAX_CPUS = 1024

@@ -27,8 +27,8 @@ from litegripd.rpc.facts import (
     MotorFacts,
     Verdict,
 )
+from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
 from litegripd.rpc.openrpc import PROTOCOL_VERSION
-from litegripd.rpc.wire import MAX_LINE_BYTES
 
 _LATE_SHARE = 0.4
 """When one tick in a hundred starts later than this share of a period, health says so."""

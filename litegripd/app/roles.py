@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from litegripd.rpc.session import ROLES, Peer, Role
+from litegripd.rpc.sessions import ROLES, Peer, Role
 
 ALLOWED = "a user's name, \"@\" and a group's name, or a uid as a number, 0 to 4294967294"
 

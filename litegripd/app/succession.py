@@ -28,7 +28,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
 from litegripd.model.results import Restarted
-from litegripd.rpc.restarting import OnRestarted
+from litegripd.rpc.methods.restart import OnRestarted
 from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)

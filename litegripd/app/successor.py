@@ -23,7 +23,7 @@ from litegripd.model.jobs import Stop
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.plain import PlainError, value_of
 from litegripd.rpc.service import RpcService
-from litegripd.rpc.session import Peer
+from litegripd.rpc.sessions import Peer
 
 _log = logging.getLogger(__name__)
 

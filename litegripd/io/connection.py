@@ -13,10 +13,9 @@ from typing import Protocol
 
 from litegripd.io.reactor import Reactor
 from litegripd.model.errors import Refusal
-from litegripd.rpc.session import Session
-from litegripd.rpc.set_point_line import is_set_point, newest_set_point
-from litegripd.rpc.stop_line import stops_in
-from litegripd.rpc.wire import MAX_LINE_BYTES, error_line
+from litegripd.rpc.jsonrpc import MAX_LINE_BYTES, error_line
+from litegripd.rpc.line_kinds import is_set_point, newest_set_point, stops_in
+from litegripd.rpc.sessions import Session
 
 _log = logging.getLogger(__name__)
 

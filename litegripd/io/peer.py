@@ -5,7 +5,7 @@ import os
 import socket
 import struct
 
-from litegripd.rpc.session import Peer
+from litegripd.rpc.sessions import Peer
 
 SO_PEERGROUPS = 59
 """Of Linux 4.13 and later; the standard library has no name for it."""

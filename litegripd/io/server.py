@@ -18,8 +18,8 @@ from litegripd.io.process_watch import ProcessWatch
 from litegripd.io.reactor import Reactor
 from litegripd.io.turns import Turns
 from litegripd.model.errors import Refusal
-from litegripd.rpc.session import Peer, Service
-from litegripd.rpc.wire import error_line
+from litegripd.rpc.jsonrpc import error_line
+from litegripd.rpc.sessions import Peer, Service
 
 _log = logging.getLogger(__name__)
 

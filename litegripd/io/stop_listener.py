@@ -14,8 +14,8 @@ from litegripd.io.peer import peer_of
 from litegripd.io.urgent import Urgent
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Owner, StopLevel
-from litegripd.rpc.stop_line import stop_in
-from litegripd.rpc.wire import encode, error_line, result_line
+from litegripd.rpc.jsonrpc import encode, error_line, result_line
+from litegripd.rpc.line_kinds import stop_in
 
 _log = logging.getLogger(__name__)
 

@@ -1,1 +1,1 @@
-"""JSON-RPC without a socket: text in, text out, and the table of methods."""
+"""JSON-RPC without a socket: text in, text out, and the methods."""

@@ -1,11 +1,110 @@
-"""What a row of the table of methods is, and the parameters that many methods have."""
+"""What a method is: its row, the request that it is given, and the answers that it may give."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias, TypeVar
 
-from litegripd.rpc.schema import Param
-from litegripd.rpc.session import Role
+from litegripd.model.errors import Refusal
+from litegripd.model.jobs import Job, Owner
+from litegripd.model.motion_config import MotionConfig, MotionConfigError
+from litegripd.rpc.reports import JobNumber
+from litegripd.rpc.schema import Param, Shape
+from litegripd.rpc.sessions import Role, Session
+
+# A request and its answers ------------------------------------------------------------------------
+
+
+class Refused(Exception):  # noqa: N818 - no error: an answer
+    """Raised by a method's function, or what it calls, in place of returning a refusal.
+
+    Not by what is called later, when a helper process has answered.
+    """
+
+    def __init__(self, refusal: Refusal) -> None:
+        super().__init__(refusal.message)
+        self.refusal = refusal
+
+
+T = TypeVar("T")
+
+
+def accepted(answer: T | Refusal) -> T:
+    """Return what was answered; raise `Refused` where that is a refusal."""
+    if isinstance(answer, Refusal):
+        raise Refused(answer)
+    return answer
+
+
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One request whose parameters have been checked; `received_s` is when its line came."""
+
+    session: Session
+    owner: Owner
+    params: Mapping[str, Any]
+    now_s: float
+    received_s: float
+
+    @property
+    def detached(self) -> bool:
+        """Whether the motion outlives its connection: as asked for, else if not waited for."""
+        return bool(self.params.get("detach", not self.params.get("wait", True)))
+
+    def config(self, base: MotionConfig, period_s: float) -> MotionConfig:
+        """Return `base` with what the caller wants to be otherwise."""
+        given = self.params.get("config")
+        if given is None:
+            return base
+        try:
+            return base.changed(given, period_s)
+        except MotionConfigError as error:
+            data = {"parameter": "config", "field": error.field}
+            raise Refused(Refusal("invalid_params", f"config: {error}", data)) from None
+
+
+@dataclass(frozen=True, slots=True)
+class Later:
+    """The answer comes when `job` has ended: its result, or the job itself."""
+
+    job: Job
+    wants_job: bool = False
+
+
+Result: TypeAlias = Mapping[str, Any] | bytes | Refusal
+
+
+class Deferred:
+    """The answer comes when somebody calls `resolve`, once."""
+
+    def __init__(self) -> None:
+        self._answer: Result | None = None
+        self._on_answer: Callable[[Result], None] | None = None
+
+    def resolve(self, answer: Result) -> None:
+        """Give the answer."""
+        self._answer = answer
+        if self._on_answer is not None:
+            self._on_answer(answer)
+
+    def then(self, on_answer: Callable[[Result], None]) -> None:
+        """Call `on_answer` with the answer, at once where it has been given already."""
+        self._on_answer = on_answer
+        if self._answer is not None:
+            on_answer(self._answer)
+
+
+Answer: TypeAlias = Result | Later | Deferred
+"""A result at once, as a value or as JSON, a refusal, or an answer later."""
+
+Function: TypeAlias = Callable[[Call], Answer]
+
+
+def later(job: Job | Refusal) -> Answer:
+    """Answer when a job has ended, if it has begun."""
+    return job if isinstance(job, Refusal) else Later(job)
+
+
+# Rows ---------------------------------------------------------------------------------------------
 
 COMMON_PARAMS = (
     Param("sent_s", "number", "When the request was sent, seconds of CLOCK_MONOTONIC.", minimum=0),
@@ -27,6 +126,9 @@ IF_BUSY = Param(
     " place (replace), or wait for its end (queue).",
     choices=("reject", "replace", "queue"),
 )
+AT_ONCE = Shape("AtOnce", (JobNumber,), closed=True)
+"""What a method answers that does not wait for the end of its job."""
+
 WAIT = Param("wait", "boolean", "Answer when it has ended (true, the default), or at once.")
 DETACH = Param(
     "detach", "boolean", "Let it outlive this connection (default: what is not waited for)."
@@ -43,10 +145,13 @@ RUN_PARAMS = (CONFIG, WAIT, PROGRESS, DETACH, IF_BUSY, KEY)
 
 SPEED_MM_S = (0.1, 500.0)
 
+F = TypeVar("F", bound=Callable[..., Answer])
+_ROW = "_method"
+
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """One method.
+    """One method; put above its function as a decorator.
 
     `returns` is the type of the result when all is done: the schema of it is made from there.
     `role` is the least that its caller must be; `needs_lease` marks those that are for the holder
@@ -74,6 +179,28 @@ class Method:
         lease = (LEASE,) if self.needs_lease else ()
         declared = {param.name: param for param in (*self.params, *lease, *COMMON_PARAMS)}
         object.__setattr__(self, "declared", declared)
+
+    def __call__(self, function: F) -> F:
+        """Take this row to the function that it stands above, as a decorator."""
+        setattr(function, _ROW, self)
+        return function
+
+
+def methods_of(group: type) -> tuple[Method, ...]:
+    """Return the rows above the functions of a class, in their order."""
+    return tuple(row for _name, row in _rows(group))
+
+
+def functions_of(group: object) -> Mapping[str, Function]:
+    """Return the functions of an object that have a row, by the names of their methods."""
+    return {row.name: getattr(group, name) for name, row in _rows(type(group))}
+
+
+def _rows(group: type) -> Iterator[tuple[str, Method]]:
+    for name, member in vars(group).items():
+        row = getattr(member, _ROW, None)
+        if isinstance(row, Method):
+            yield name, row
 
 
 def speed_param(default: str) -> Param:

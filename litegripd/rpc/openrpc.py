@@ -1,17 +1,125 @@
-"""The OpenRPC document, made from the tables of methods, notifications and errors."""
+"""The OpenRPC document: methods, notifications and errors, and the form of each type in JSON."""
 
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, NewType, TypedDict, get_args
 
+from litegripd.control.lease import LossData
 from litegripd.model.errors import ERROR_TABLE
-from litegripd.rpc.answers import AT_ONCE, Discovered
-from litegripd.rpc.forms import FORMS
-from litegripd.rpc.method import WAIT, Method
+from litegripd.model.jobs import Job
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.results import Progress, ReplayProgress, Result
+from litegripd.model.state import GripperState, JobSummary
+from litegripd.motor.traffic import MotorCounters
+from litegripd.rpc.facts import ForeignActive, MotionFields, MotorFigures
+from litegripd.rpc.jsonrpc import ErrorObject, encode
+from litegripd.rpc.method import AT_ONCE, WAIT, Method
 from litegripd.rpc.methods import METHODS
-from litegripd.rpc.notifications import NOTIFICATIONS, Notification
-from litegripd.rpc.schema import Param
-from litegripd.rpc.type_schema import Schema, Schemas
-from litegripd.rpc.wire import encode
+from litegripd.rpc.methods.reading import Discovered
+from litegripd.rpc.methods.settings import FrameInterval
+from litegripd.rpc.reports import (
+    EndState,
+    JobEnd,
+    JobHead,
+    JobNumber,
+    JobSummaryView,
+    NumberedEvent,
+    ProgressEnd,
+    ProgressHead,
+    StateView,
+)
+from litegripd.rpc.schema import Param, Schema, Schemas, Shape
+from litegripd.rpc.subscriptions import SubscriptionNumber
+
+# Notifications ------------------------------------------------------------------------------------
+
+PartialState = NewType("PartialState", dict[str, Any])
+"""The wire form of a `GripperState`, or of the fields of it that a subscription names."""
+
+
+class _Sample(SubscriptionNumber):
+    seq: int
+    dropped: int
+
+
+class StateSample(_Sample):
+    """One sample of the state."""
+
+    monotonic_s: float
+    state: PartialState
+
+
+class StateBatch(_Sample):
+    """Several samples: `rows` has of each the values of `fields`."""
+
+    fields: list[str]
+    rows: list[list[object]]
+
+
+class Loser(TypedDict):
+    """Who has lost the lease."""
+
+    client: int
+    pid: int
+    uid: int
+
+
+@dataclass(frozen=True, slots=True)
+class Notification:
+    """One kind of notification: what it is for, and the type of its parameters."""
+
+    name: str
+    summary: str
+    params: Any
+
+
+NOTIFICATIONS: tuple[Notification, ...] = (
+    Notification("state.sample", "A subscription to the state.", StateSample),
+    Notification("state.batch", 'A subscription to the state with `"batch": n`.', StateBatch),
+    Notification(
+        "event",
+        "A subscription to events.",
+        Shape("EventNotification", (SubscriptionNumber, NumberedEvent)),
+    ),
+    Notification(
+        "job.progress",
+        'A motion that was asked for with `"progress": true`, at most 20 times a second.',
+        Progress | ReplayProgress,
+    ),
+    Notification(
+        "stream.refused",
+        "A `stream.set` without an `id` that was refused. Only the first of several with the same"
+        " reason is told, and again after one that was taken.",
+        ErrorObject,
+    ),
+    Notification(
+        "lease.lost",
+        "The lease that this connection had is lost. Nobody has to subscribe to it.",
+        Shape("LeaseLost", (Loser, LossData)),
+    ),
+)
+
+
+# Forms --------------------------------------------------------------------------------------------
+
+FORMS: Mapping[Any, Any] = {
+    StateView: GripperState,
+    PartialState: Shape("PartialState", (GripperState,), partial=True),
+    JobSummary: JobSummaryView,
+    Job: Shape("Job", (JobHead, JobEnd)),
+    MotionFields: Shape("MotionFields", (MotionConfig, FrameInterval)),
+    MotorFigures: Shape("MotorFigures", (MotorCounters, ForeignActive)),
+    **{
+        kind: Shape(kind.__name__, (ProgressHead, kind, ProgressEnd))
+        for kind in (Progress, ReplayProgress)
+    },
+    **{kind: Shape(kind.__name__, (JobNumber, kind, EndState)) for kind in get_args(Result)},
+}
+"""`litegripd.rpc.reports` makes most of them."""
+
+
+# The document -------------------------------------------------------------------------------------
 
 OPENRPC_VERSION = "1.2.6"
 PROTOCOL_VERSION = 1

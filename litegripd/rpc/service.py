@@ -14,31 +14,9 @@ from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.jobs import Owner
-from litegripd.rpc.answering import Answering, defect
-from litegripd.rpc.calls import Answer, Deferred, Later, Result
-from litegripd.rpc.clients import Clients
-from litegripd.rpc.dispatch import Dispatch
-from litegripd.rpc.event_log import EventLog
+from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
-from litegripd.rpc.gate import Gate
-from litegripd.rpc.handlers import Handlers
-from litegripd.rpc.leasing import Leasing, Tokens
-from litegripd.rpc.method import Method
-from litegripd.rpc.methods import BY_NAME
-from litegripd.rpc.moving import Moving
-from litegripd.rpc.reading import Reading
-from litegripd.rpc.recording import Recording
-from litegripd.rpc.reporter import Reporter
-from litegripd.rpc.restarting import OnRestart, Restarting, no_restart
-from litegripd.rpc.session import Peer, Role, Session
-from litegripd.rpc.settings import Settings
-from litegripd.rpc.stop_line import asked_stop
-from litegripd.rpc.subscriptions import Subscriptions
-from litegripd.rpc.teleoperating import Teleoperating
-from litegripd.rpc.trajectories import TrajectoryMethods
-from litegripd.rpc.waiting import Waiter, WaitingRoom
-from litegripd.rpc.watching import Watching
-from litegripd.rpc.wire import (
+from litegripd.rpc.jsonrpc import (
     BadRequest,
     Request,
     RequestId,
@@ -49,6 +27,23 @@ from litegripd.rpc.wire import (
     parse,
     result_line,
 )
+from litegripd.rpc.line_kinds import asked_stop
+from litegripd.rpc.method import Answer, Deferred, Later, Method, Result
+from litegripd.rpc.methods import BY_NAME
+from litegripd.rpc.methods.lease import LeaseMethods, Tokens
+from litegripd.rpc.methods.motion import MotionMethods
+from litegripd.rpc.methods.reading import ReadingMethods
+from litegripd.rpc.methods.recorder import RecorderMethods
+from litegripd.rpc.methods.restart import OnRestart, RestartMethods, no_restart
+from litegripd.rpc.methods.settings import SettingsMethods
+from litegripd.rpc.methods.teleop import TeleopMethods
+from litegripd.rpc.methods.trajectories import TrajectoryMethods
+from litegripd.rpc.methods.trajectory_files import TrajectoryFileMethods
+from litegripd.rpc.openrpc import encoded_document
+from litegripd.rpc.reports import Reporter, Waiter, Waiters, defect
+from litegripd.rpc.requests import Requests
+from litegripd.rpc.sessions import Clients, Peer, Role, Session
+from litegripd.rpc.subscriptions import Subscriptions
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,23 +83,29 @@ class RpcService:
         self.reporter = Reporter(engine, period_s)
         self._clients = Clients()
         self._subscriptions = Subscriptions()
-        self._waiting = WaitingRoom()
-        self._answering = Answering(engine, self.reporter, self._waiting)
+        self._waiters = Waiters(engine, self.reporter)
         self._tokens = Tokens(new_token)
-        self._trajectories = TrajectoryMethods(engine)
-        handlers = Handlers(
-            Reading(engine, facts, self._clients, self.reporter).functions(),
-            Watching(self._subscriptions, self.reporter).functions(),
-            Leasing(engine, self._tokens, self.reporter).functions(),
-            Moving(engine, self.reporter).functions(),
-            Settings(engine).functions(),
-            Recording(self.dumps).functions(),
-            Restarting(restart).functions(),
-            self._trajectories.functions(),
-            Teleoperating(engine, links or InProcessLinks(), self.reporter, epoch).functions(),
+        files = TrajectoryFileMethods(engine)
+        self._trajectories = TrajectoryMethods(engine, files)
+        groups = (
+            ReadingMethods(
+                engine,
+                facts,
+                self._clients,
+                self.reporter,
+                self._subscriptions,
+                document=encoded_document(),  # made here: it takes longer than a tick
+            ),
+            LeaseMethods(engine, self._tokens, self.reporter),
+            MotionMethods(engine, self.reporter),
+            SettingsMethods(engine),
+            RecorderMethods(self.dumps),
+            RestartMethods(restart),
+            files,
+            self._trajectories,
+            TeleopMethods(engine, links or InProcessLinks(), self.reporter, epoch),
         )
-        self._gate = Gate(engine, self._tokens)
-        self._dispatch = Dispatch(engine, handlers)
+        self._requests = Requests(engine, self._tokens, groups)
         self._last_session = 0
         self._event_log = EventLog()
         self._now_s = 0.0
@@ -124,7 +125,7 @@ class RpcService:
         session.is_orphaned = True
         self._clients.remove(session)
         self._subscriptions.remove_all(session)
-        self._waiting.remove_all(session)
+        self._waiters.remove_all(session)
         self._trajectories.session_ended(session)
         self._engine.client_lost(session.identity)
         self._collect_events(now_s)
@@ -169,8 +170,8 @@ class RpcService:
         self._collect_events(now_s)
         self.reporter.tick(now_s)
         self.reporter.keep_ends()
-        self._answering.answer()
-        self._answering.send_progress(now_s)
+        self._waiters.answer()
+        self._waiters.send_progress(now_s)
         self._subscriptions.tick(now_s)
 
     @property
@@ -216,17 +217,16 @@ class RpcService:
             text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
             self._refuse(session, request.identity, Refusal("unknown_method", text))
             return
-        owner = self._gate.admit(session, request, method, now_s, received_s)
-        if isinstance(owner, Refusal):
-            owner = self._stop_all_the_same(session, line, owner, now_s)
-            self._turn_down(session, request, method, owner)
-            return
-        answer = self._dispatch.carry_out(
-            method, session, owner, request.params, now_s, received_s=received_s
-        )
-        if method.may_notify and request.identity is None:
-            refusal = answer if isinstance(answer, Refusal) else None
+        call = self._requests.admit(session, request, method, now_s, received_s)
+        if isinstance(call, Refusal):
+            refusal = self._stop_all_the_same(session, line, call, now_s)
             self._turn_down(session, request, method, refusal)
+            return
+        answer = self._requests.carry_out(method, call)
+        if method.may_notify and request.identity is None:
+            self._turn_down(
+                session, request, method, answer if isinstance(answer, Refusal) else None
+            )
         else:
             if method.may_notify and not isinstance(answer, Refusal):
                 session.stream_refused = None
@@ -253,7 +253,7 @@ class RpcService:
         job, params = later.job, request.params
         if later.wants_job or params.get("wait", True):
             progress = params.get("progress", False)
-            self._waiting.add(Waiter(session, request.identity, job, later.wants_job, progress))
+            self._waiters.add(Waiter(session, request.identity, job, later.wants_job, progress))
         else:
             session.write(result_line(request.identity, encode({"job": job.number})))
 

@@ -1,12 +1,166 @@
-"""The subscriptions of all clients, to the state and to events: their numbers and their bounds."""
+"""The subscriptions of all clients, to the state and to events: numbered, bounded, served in turns.
 
+A subscription to the state gets its samples one by one, or as rows of a batch. The latest wins, and
+what was dropped is told.
+"""
+
+from collections import deque
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from itertools import chain
+from typing import TypedDict
 
 from litegripd.model.errors import Refusal
 from litegripd.model.state import GripperState
-from litegripd.rpc.event_stream import EventStream
-from litegripd.rpc.samples import Samples, SampleSubscription
-from litegripd.rpc.session import Session
+from litegripd.rpc.events import EventStream
+from litegripd.rpc.jsonrpc import encode, notification_line
+from litegripd.rpc.reports import state_view
+from litegripd.rpc.sessions import Session
+
+MAX_BATCH = 50
+
+
+class SubscriptionNumber(TypedDict):
+    """The number of a subscription."""
+
+    subscription: int
+
+
+@dataclass(slots=True, eq=False)
+class SampleSubscription:
+    """One subscription; `next_s` keeps its rate by absolute times.
+
+    `fields` is empty for all; `header` is their names as JSON, which stands for the choice wherever
+    it is looked up: bytes keep their hash. `rows` are what a batch of more than one has gathered.
+    """
+
+    number: int
+    session: Session
+    period_s: float
+    fields: tuple[str, ...]
+    batch: int
+    next_s: float
+    sequence: int = 0
+    dropped: int = 0
+    rows: list[bytes] = field(default_factory=list)
+    header: bytes = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Encode the names of the fields."""
+        self.header = encode(self.fields)
+
+    def drop(self, samples: int) -> None:
+        """Count samples that are not sent."""
+        self.dropped += samples
+        self.session.counters.dropped += samples
+
+
+class Samples:
+    """Keeps the subscriptions to the state, and serves a little at a time: no tick is held up.
+
+    A sample that could not be taken before the next one is due is dropped and counted, and so is
+    one, or a whole batch, for a client that has not read what it was sent.
+    """
+
+    def __init__(self) -> None:
+        self._all: dict[int, SampleSubscription] = {}
+        self._due: deque[SampleSubscription] = deque()
+        self._gathering: dict[bytes, list[SampleSubscription]] = {}
+        self._encoded: dict[bytes, bytes] = {}
+        self._encoded_state: GripperState | None = None
+
+    def add(self, subscription: SampleSubscription) -> None:
+        """Begin a subscription."""
+        self._all[subscription.number] = subscription
+
+    def remove(self, number: int, session: Session) -> bool:
+        """End a subscription of `session`, with the rows that make no batch yet, if there is it."""
+        sub = self._all.get(number)
+        if sub is None or sub.session is not session:
+            return False
+        del self._all[number]
+        return True
+
+    def remove_all(self, session: Session) -> None:
+        """End all subscriptions of a client that is gone."""
+        self._all = {n: sub for n, sub in self._all.items() if sub.session is not session}
+
+    def tick(self, now_s: float) -> None:
+        """Find what is due now."""
+        for sub in self._due:
+            sub.drop(len(sub.rows) or 1)
+            sub.rows.clear()
+        for sub in chain.from_iterable(self._gathering.values()):
+            sub.drop(1)
+        self._due.clear()
+        self._gathering.clear()
+        for sub in self._all.values():
+            if sub.next_s <= now_s:
+                sub.next_s = max(sub.next_s + sub.period_s, now_s)
+                sub.sequence += 1
+                if sub.batch > 1:
+                    self._gathering.setdefault(sub.header, []).append(sub)
+                else:
+                    self._due.append(sub)
+
+    @property
+    def pending(self) -> bool:
+        """Whether a sample waits to be taken, or a batch to be sent."""
+        return bool(self._gathering or self._due)
+
+    def send_one(self, state: GripperState) -> None:
+        """Add a row to all batches of one choice of fields; or send what has waited longest."""
+        if self._gathering:
+            self._gather(self._gathering.pop(next(iter(self._gathering))), state)
+            return
+        sub = self._due.popleft()
+        if sub.number not in self._all:
+            return
+        if sub.session.congested:
+            sub.drop(len(sub.rows) or 1)
+        elif sub.batch > 1:
+            self._send_batch(sub)
+        else:
+            self._send_sample(sub, state)
+        sub.rows.clear()
+
+    def _gather(self, subs: list[SampleSubscription], state: GripperState) -> None:
+        row = encode(list(state_view(state, subs[0].fields).values()))
+        for sub in subs:
+            sub.rows.append(row)
+            if len(sub.rows) == sub.batch:
+                self._due.append(sub)
+
+    def _send_batch(self, sub: SampleSubscription) -> None:
+        params = b'{"subscription":%d,"seq":%d,"dropped":%d,"fields":%b,"rows":[%b]}' % (
+            sub.number,
+            sub.sequence,
+            sub.dropped,
+            sub.header,
+            b",".join(sub.rows),
+        )
+        sub.session.write(notification_line("state.batch", params))
+
+    def _send_sample(self, sub: SampleSubscription, state: GripperState) -> None:
+        params = b'{"subscription":%d,"seq":%d,"dropped":%d,%b}' % (
+            sub.number,
+            sub.sequence,
+            sub.dropped,
+            self._encode(state, sub),
+        )
+        sub.session.write(notification_line("state.sample", params))
+
+    def _encode(self, state: GripperState, sub: SampleSubscription) -> bytes:
+        """Encode a choice of fields once per state, for all who made the same choice."""
+        if self._encoded_state is not state:
+            self._encoded.clear()
+            self._encoded_state = state
+        encoded = self._encoded.get(sub.header)
+        if encoded is None:
+            stamp, view = encode(state.monotonic_s), encode(state_view(state, sub.fields))
+            encoded = self._encoded[sub.header] = b'"monotonic_s":%b,"state":%b' % (stamp, view)
+        return encoded
+
 
 MAX_PER_SESSION = 8
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from litegripd.app.roles import Access, UnknownEntryError, access_of
 from litegripd.rpc.service import RpcService
-from litegripd.rpc.session import ROLES, Peer, Role
+from litegripd.rpc.sessions import ROLES, Peer, Role
 from tests.world import PERIOD_S, Client, FixedFacts, World
 
 ALICE, BOB, LAB, VISITORS = 30_001, 30_002, 40_001, 40_002

@@ -7,7 +7,7 @@ import litegrip_client
 from litegrip_client.errors import LiteGripError, exit_code, from_error_object
 from litegrip_client.reasons import OWN_REASONS
 from litegripd.model.errors import ERROR_TABLE, ErrorKind, Refusal
-from litegripd.rpc.wire import error_object
+from litegripd.rpc.jsonrpc import error_object
 
 
 @pytest.mark.parametrize("kind", ERROR_TABLE, ids=lambda kind: kind.reason)

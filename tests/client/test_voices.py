@@ -19,9 +19,9 @@ from litegripd.control.stop import StopLatch
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Owner
 from litegripd.motor.faults import implausible_refusal
+from litegripd.rpc.jsonrpc import error_object
 from litegripd.rpc.methods import METHODS
 from litegripd.rpc.schema import check
-from litegripd.rpc.wire import error_object
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
 

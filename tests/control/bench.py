@@ -26,7 +26,7 @@ from litegripd.model.motor import (
 )
 from litegripd.motor import codec
 from litegripd.rpc.service import RpcService
-from litegripd.rpc.session import Peer, Session
+from litegripd.rpc.sessions import Peer, Session
 from tests.control.limits import LimitWatch
 from tests.world import PERIOD_S, Disk, FixedFacts
 

@@ -11,8 +11,8 @@ from typing import Any
 from litegripd.io.listener import listen
 from litegripd.io.reactor import Reactor
 from litegripd.io.server import Server
-from litegripd.rpc.session import Peer, Session
-from litegripd.rpc.wire import Request, encode, error_line, notification_line, parse, result_line
+from litegripd.rpc.jsonrpc import Request, encode, error_line, notification_line, parse, result_line
+from litegripd.rpc.sessions import Peer, Session
 
 PERIOD_S = 0.005
 DEADLINE_S = 20.0

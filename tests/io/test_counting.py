@@ -7,8 +7,7 @@ import pytest
 
 from litegripd.io import connection as connection_module
 from litegripd.io import server as server_module
-from litegripd.rpc.counters import Counters
-from litegripd.rpc.session import Session
+from litegripd.rpc.sessions import Counters, Session
 from tests.io.loop import Loop, line
 
 

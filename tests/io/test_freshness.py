@@ -9,10 +9,9 @@ from itertools import pairwise
 import pytest
 
 from litegripd.io.connection import Connection
-from litegripd.rpc.session import Session
-from litegripd.rpc.set_point_line import is_set_point, newest_set_point
-from litegripd.rpc.stop_line import stops_in
-from litegripd.rpc.wire import MAX_LINE_BYTES
+from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
+from litegripd.rpc.line_kinds import is_set_point, newest_set_point, stops_in
+from litegripd.rpc.sessions import Session
 from tests.io.loop import Loop, line
 
 STOP = line("stop", 2, level="relax")

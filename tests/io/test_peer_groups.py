@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from litegripd.io.peer import peer_of
-from litegripd.rpc.session import Peer
+from litegripd.rpc.sessions import Peer
 from tests.io.loop import Loop
 
 DEADLINE_S = 20.0

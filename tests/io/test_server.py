@@ -13,8 +13,8 @@ import pytest
 
 from litegripd.io import server as server_module
 from litegripd.io.connection import MAX_UNSENT_BYTES
-from litegripd.rpc.session import Session
-from litegripd.rpc.wire import MAX_LINE_BYTES
+from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
+from litegripd.rpc.sessions import Session
 from tests.io.loop import DEADLINE_S, Loop, line
 
 

@@ -22,7 +22,7 @@ from litegripd.io.stop_listener import (
 )
 from litegripd.io.urgent import Urgent
 from litegripd.model.jobs import STOP_LEVELS, Owner, StopLevel
-from litegripd.rpc.stop_line import StopLine, stop_in
+from litegripd.rpc.line_kinds import StopLine, stop_in
 
 GENEROUS_S = 100.0  # as a period: a tenth of it serves everything that is there
 Stopped = tuple[StopLevel, Owner, str | None]

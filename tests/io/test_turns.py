@@ -9,7 +9,7 @@ import pytest
 from litegripd.io import server as server_module
 from litegripd.io.peer import peer_of
 from litegripd.io.server import Server
-from litegripd.rpc.session import Peer, Session
+from litegripd.rpc.sessions import Peer, Session
 from tests.io.loop import Loop, line
 
 POLITE = 1000

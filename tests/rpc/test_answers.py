@@ -14,8 +14,8 @@ from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
 from litegripd.io.bus import BusSettings
 from litegripd.rpc.methods import METHODS
-from litegripd.rpc.notifications import NOTIFICATIONS
-from litegripd.rpc.type_schema import Schemas, Shape
+from litegripd.rpc.openrpc import NOTIFICATIONS
+from litegripd.rpc.schema import Schemas, Shape
 from tests.answers import Described, described, mutations
 from tests.rpc.transcripts import talk
 from tests.world import World

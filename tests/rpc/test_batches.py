@@ -4,9 +4,9 @@ from typing import Any
 
 import pytest
 
-from litegripd.rpc.reading_table import STATE_FIELDS
-from litegripd.rpc.samples import MAX_BATCH
-from litegripd.rpc.wire import encode
+from litegripd.rpc.jsonrpc import encode
+from litegripd.rpc.methods.reading import STATE_FIELDS
+from litegripd.rpc.subscriptions import MAX_BATCH
 from tests.world import PERIOD_S, Client, World
 
 FIELDS = ["monotonic_s", "seq", "position_rad"]
@@ -155,7 +155,7 @@ def test_the_same_choice_is_encoded_once_a_tick_for_all(monkeypatch: pytest.Monk
         encoded.append(value)
         return encode(value)
 
-    monkeypatch.setattr("litegripd.rpc.samples.encode", counted)
+    monkeypatch.setattr("litegripd.rpc.subscriptions.encode", counted)
     world.run(4 * PERIOD_S)
     assert len(encoded) == 4
     assert {len(batches(client)) for client in clients} == {1}

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.rpc.counters import Counters
+from litegripd.rpc.sessions import Counters
 from tests.rpc.raw import Raw, request
 from tests.world import Client, World
 

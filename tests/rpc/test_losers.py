@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from litegripd.rpc.session import Role
-from tests.rpc.test_leasing import MOVING, told
+from litegripd.rpc.sessions import Role
+from tests.rpc.test_lease import MOVING, told
 from tests.world import Client, World
 
 HALF_OPEN_MM = 50.0

@@ -8,7 +8,7 @@ import pytest
 from litegripd.model.errors import ERRORS
 from litegripd.model.results import Restarted
 from litegripd.rpc.methods import METHODS
-from litegripd.rpc.waiting import MAX_PER_SESSION
+from litegripd.rpc.reports import MAX_PER_SESSION
 from tests.rpc.raw import answered
 from tests.trajectories import lgt, pieces
 from tests.world import PERIOD_S, Client, World

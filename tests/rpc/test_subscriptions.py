@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 
 from litegripd.model.state import GripperState
-from litegripd.rpc.reading_table import STATE_FIELDS
+from litegripd.rpc.jsonrpc import encode
+from litegripd.rpc.methods.reading import STATE_FIELDS
 from litegripd.rpc.subscriptions import MAX_PER_SESSION
-from litegripd.rpc.wire import encode
 from tests.world import Client, World
 
 
@@ -120,7 +120,7 @@ def test_the_same_choice_is_encoded_once_for_all(monkeypatch: pytest.MonkeyPatch
         encoded.append(value)
         return encode(value)
 
-    monkeypatch.setattr("litegripd.rpc.samples.encode", counted)
+    monkeypatch.setattr("litegripd.rpc.subscriptions.encode", counted)
     world.tick()
     assert sum(isinstance(value, dict) for value in encoded) == 1
     assert {len(samples(client)) for client in clients} == {1}

@@ -9,9 +9,9 @@ import pytest
 from litegripd.io.trajectory_owners import Limits
 from litegripd.model.grips import MAX_GRIP_BYTES
 from litegripd.model.trajectory import MAX_BYTES
-from litegripd.rpc.session import Peer
-from litegripd.rpc.uploads import MOST_BYTES, MOST_PER_CONNECTION, MOST_PIECES
-from litegripd.rpc.wire import MAX_LINE_BYTES
+from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
+from litegripd.rpc.methods.trajectory_files import MOST_BYTES, MOST_PER_CONNECTION, MOST_PIECES
+from litegripd.rpc.sessions import Peer
 from tests.trajectories import PIECE_BYTES, fetched, lgt, pieces, sampled, send, swing, uploaded
 from tests.world import Client, World
 

@@ -1,23 +1,41 @@
-"""What every request must pass before it is carried out: its parameters, role, lease, stops."""
+"""A request on its way: what it must pass, and how it is carried out.
+
+It must pass the checks of its parameters, its sender's role, the lease and the stops. It is carried
+out at once, in place of another motion, or after it. A request whose key names a job that is still
+kept does nothing anew: it gets that job's answer.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import get_args
 
 from litegripd.control.admission import ENDING
 from litegripd.control.engine import Engine
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Owner
-from litegripd.rpc.leasing import Tokens
-from litegripd.rpc.method import Method
+from litegripd.model.jobs import Job, JobKind, Owner
+from litegripd.rpc.jsonrpc import Request
+from litegripd.rpc.method import Answer, Call, Later, Method, Refused, functions_of, later
+from litegripd.rpc.methods import BY_NAME
+from litegripd.rpc.methods.lease import Tokens
+from litegripd.rpc.reports import MAX_PER_SESSION
 from litegripd.rpc.schema import check
-from litegripd.rpc.session import ROLES, Session
-from litegripd.rpc.waiting import MAX_PER_SESSION
-from litegripd.rpc.wire import Request
+from litegripd.rpc.sessions import ROLES, Session
+
+_KINDS: Mapping[str, JobKind] = {kind: kind for kind in get_args(JobKind)}
 
 
-class Gate:
-    """Admits requests, or says why not."""
+class Requests:
+    """Admits requests, and passes those that may be to their functions."""
 
-    def __init__(self, engine: Engine, tokens: Tokens) -> None:
+    def __init__(self, engine: Engine, tokens: Tokens, groups: Iterable[object]) -> None:
+        """Take the objects whose functions carry out the methods, all of them."""
         self._engine = engine
         self._tokens = tokens
+        self._functions = {
+            name: function for group in groups for name, function in functions_of(group).items()
+        }
+        differing = self._functions.keys() ^ BY_NAME.keys()
+        if differing:
+            raise LookupError(f"methods without an object, or objects without a row: {differing}")
 
     def admit(
         self,
@@ -26,8 +44,8 @@ class Gate:
         method: Method,
         now_s: float,
         received_s: float,
-    ) -> Owner | Refusal:
-        """Return on whose behalf a request is to be carried out, or why it is not."""
+    ) -> Call | Refusal:
+        """Return a request as its function takes it, or why it is not to be carried out."""
         self._engine.lease.renew(session.identity, now_s)
         refusal = _malformed(session, request, method)
         refusal = refusal or self._void(session, request, method, received_s)
@@ -36,7 +54,35 @@ class Gate:
         peer, token = session.peer, request.params.get("lease")
         grant = None if token is None else self._tokens.number(token)
         owner = Owner(session.identity, peer.pid, peer.uid, session.name, grant)
-        return self._forbidden(session, method, owner) or owner
+        refusal = self._forbidden(session, method, owner)
+        return refusal or Call(session, owner, request.params, now_s, received_s)
+
+    def carry_out(self, method: Method, call: Call) -> Answer:
+        """Carry out a request that has been admitted."""
+        jobs, key = self._engine.jobs, call.params.get("key")
+        known = None if key is None else jobs.find(call.owner, key)
+        kind = _KINDS.get(method.name.rpartition(".")[2])
+        if known is not None:
+            return _repeated(known, kind, str(key))
+
+        def begin() -> Answer:
+            try:
+                return self._functions[method.name](call)
+            except Refused as refused:
+                return refused.refusal
+
+        running, if_busy = jobs.running, call.params.get("if_busy", "reject")
+        if running is not None and if_busy == "replace" and _is_own(running, call.owner):
+            reason = Refusal("replaced", f"{method.name} of the same client replaced it")
+            answer = self._engine.replace(reason, begin)
+        elif running is not None and if_busy == "queue" and kind is not None:
+            queued = self._engine.queue(kind, call.owner, call.detached, lambda: _job_of(begin()))
+            answer = later(queued)
+        else:
+            answer = begin()
+        if isinstance(answer, Later) and key is not None:
+            answer.job.key = key
+        return answer
 
     def _void(
         self, session: Session, request: Request, method: Method, received_s: float
@@ -97,3 +143,25 @@ def _malformed(session: Session, request: Request, method: Method) -> Refusal | 
         text = f"{method.name}: progress is sent only to who waits; leave wait or progress out"
         return Refusal("invalid_params", text, {"parameter": "progress"})
     return None
+
+
+def _is_own(running: Job, owner: Owner) -> bool:
+    """Whether a motion may be ended by who asks for another one."""
+    same_lease = running.grant is not None and running.grant == owner.grant
+    return same_lease or running.owner.client == owner.client
+
+
+def _repeated(known: Job, kind: JobKind | None, key: str) -> Answer:
+    if known.kind != kind:
+        text = f"the key {key!r} names job {known.number}, {known.kind}: give this motion its own"
+        return Refusal("invalid_params", text, {"parameter": "key", "job": known.number})
+    return Later(known)
+
+
+def _job_of(answer: Answer) -> Job | Refusal:
+    """Return the job that a function has begun, once its turn had come."""
+    if isinstance(answer, Later):
+        return answer.job
+    if isinstance(answer, Refusal):
+        return answer
+    return Refusal("internal_error", "a queued request began no motion")

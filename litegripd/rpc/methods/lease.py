@@ -1,15 +1,17 @@
 """The methods on the lease, and the tokens by which a lease is shown."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from hmac import compare_digest
-from typing import Any
+from typing import Any, TypedDict
 
 from litegripd.control.engine import Engine
 from litegripd.control.lease import Grant, Wish
 from litegripd.model.errors import Refusal
-from litegripd.rpc.answers import Granted, Holder, LeaseNumber, LeaseView, Released, Taken
-from litegripd.rpc.calls import Answer, Call, Deferred, Function
-from litegripd.rpc.reporter import Reporter
+from litegripd.model.jobs import OnLost
+from litegripd.rpc.method import LEASE, Answer, Call, Deferred, Method
+from litegripd.rpc.reports import OwnerView, Reporter, StateView
+from litegripd.rpc.schema import Param
 
 NO_GRANT = 0
 """Grants are numbered from one: this number is none's, and so never the present one's."""
@@ -42,25 +44,83 @@ class Tokens:
         return number if compare_digest(token.encode(), secret.encode()) else NO_GRANT
 
 
-class Leasing:
-    """Functions on the engine's lease."""
+class Holder(OwnerView):
+    """Who has the lease, and how."""
+
+    purpose: str | None
+    since_s: float
+    ttl_s: float | None
+    on_lost: OnLost
+    number: int
+
+
+class LeaseView(TypedDict):
+    """Who has the lease."""
+
+    owner: Holder | None
+    mine: bool
+    waiting: int
+
+
+class LeaseNumber(TypedDict):
+    """The number of a lease."""
+
+    number: int
+
+
+class Granted(LeaseNumber):
+    """A lease, and the token by which it is shown."""
+
+    lease: str
+    state: StateView
+
+
+class Taken(Granted):
+    """A lease that was taken, and what became of what was."""
+
+    taken_from: Holder | None
+    ended_job: int | None
+    jaws: OnLost | None
+
+
+class Released(TypedDict):
+    """That a lease was given back."""
+
+    released: bool
+
+
+_PURPOSE = Param("purpose", "string", "What for; shown to everybody whom the lease refuses.")
+_TTL = Param(
+    "ttl_s",
+    "number",
+    "It is lost when its holder sends no request for so long (default: no limit).",
+    minimum=0.1,
+    maximum=86_400,
+)
+_ON_LOST = Param(
+    "on_lost",
+    "string",
+    "What the jaws do when it is lost: keep the present hold, its force included (hold, the"
+    " default), go slack (relax), or be disabled (disable).",
+    choices=("hold", "relax", "disable"),
+)
+_GRANTED = "The token (lease), its number, and the state."
+
+
+class LeaseMethods:
+    """Methods on the engine's lease."""
 
     def __init__(self, engine: Engine, tokens: Tokens, reporter: Reporter) -> None:
         self._engine = engine
         self._tokens = tokens
         self._reporter = reporter
 
-    def functions(self) -> Mapping[str, Function]:
-        """Return the functions by the names of their methods."""
-        return {
-            "lease.get": self._get,
-            "lease.acquire": self._acquire,
-            "lease.release": self._release,
-            "lease.renew": self._renew,
-            "lease.resume": self._resume,
-            "lease.take": self._take,
-        }
-
+    @Method(
+        "lease.get",
+        "Tell who has the lease, and how many wait.",
+        "owner (or null), waiting.",
+        LeaseView,
+    )
     def _get(self, call: Call) -> LeaseView:
         lease = self._engine.lease
         return {
@@ -83,6 +143,27 @@ class Leasing:
             "number": grant.number,
         }
 
+    @Method(
+        "lease.acquire",
+        "Have the gripper for this connection alone, until lease.release or the connection's end.",
+        _GRANTED,
+        Granted,
+        (
+            _PURPOSE,
+            _TTL,
+            _ON_LOST,
+            Param(
+                "wait_s",
+                "number",
+                "How long to wait for it where it is not free, first come, first served (default"
+                " 0).",
+                minimum=0,
+                maximum=86_400,
+            ),
+        ),
+        role="operator",
+        waits=True,
+    )
     def _acquire(self, call: Call) -> Answer:
         holder = self._engine.lease.holder
         mine = holder is not None and holder.owner.client == call.owner.client
@@ -97,9 +178,26 @@ class Leasing:
         )
         return refusal or deferred
 
+    @Method(
+        "lease.release",
+        "Give the lease back, if it is the present one; a running motion goes on.",
+        "released.",
+        Released,
+        (LEASE,),
+        role="operator",
+    )
     def _release(self, call: Call) -> Answer:
         return self._engine.release(call.owner) or Released(released=True)
 
+    @Method(
+        "lease.renew",
+        "Let the time to live begin anew, as every request of the holder does.",
+        "The number of the lease.",
+        LeaseNumber,
+        (LEASE,),
+        role="operator",
+        needs_lease=False,
+    )
     def _renew(self, call: Call) -> Answer:
         holder = self._engine.lease.holder
         refusal = self._engine.lease.refusal(call.owner)
@@ -108,6 +206,14 @@ class Leasing:
         self._engine.lease.renew(holder.owner.client, call.now_s)
         return LeaseNumber(number=holder.number)
 
+    @Method(
+        "lease.resume",
+        "Get the lease of this token again after a lost connection, if nobody has had it since.",
+        _GRANTED,
+        Granted,
+        (replace(LEASE, required=True),),
+        role="operator",
+    )
     def _resume(self, call: Call) -> Answer:
         grant = call.owner.grant
         if grant is None:
@@ -118,6 +224,31 @@ class Leasing:
             return Refusal("lease_held", text)
         return self._granted(self._engine.resume(grant, call.owner))
 
+    @Method(
+        "lease.take",
+        "Take the lease from whoever has it: of the same user, or as admin. A motion that runs"
+        " ends, a detached one, too. The loser is told, and moves nothing by its connection until"
+        " it asks for the lease again.",
+        "As of lease.acquire; from whom it was taken (taken_from, as the owner of lease.get, or"
+        " null), the motion that has ended by it (ended_job, or null), and what the jaws do (jaws;"
+        " null where the taker's own motion, or disabling, goes on).",
+        Taken,
+        (
+            Param("why", "string", "The reason, told to the loser and to the log.", required=True),
+            Param(
+                "jaws",
+                "string",
+                "What the jaws do now, whatever the loser wished: keep the present hold, its force"
+                " included (hold, the default), go slack (relax), or be disabled (disable).",
+                choices=("hold", "relax", "disable"),
+            ),
+            _PURPOSE,
+            _TTL,
+            _ON_LOST,
+        ),
+        role="operator",
+        stop_voids=True,
+    )
     def _take(self, call: Call) -> Answer:
         engine, params = self._engine, call.params
         holder, running = engine.lease.holder, engine.jobs.running

@@ -1,6 +1,7 @@
-"""Events on the wire: numbered, the latest of each kind kept, and each sent to all who want it.
+"""What has happened, on its way to the log and to the clients.
 
-What the log does with them is not its business. Nothing is dropped here: a client that does not
+The log gets a bounded number per tick, and what is too many is told as one event. On the wire each
+event is numbered, the latest of each kind are kept, and nothing is dropped: a client that does not
 read fills its backlog, and the transport closes it.
 """
 
@@ -11,9 +12,42 @@ from itertools import chain
 from typing import get_args
 
 from litegripd.model.events import Event, EventKind
-from litegripd.rpc.session import Session
-from litegripd.rpc.view import NumberedEvent
-from litegripd.rpc.wire import encode, notification_line
+from litegripd.rpc.jsonrpc import encode, notification_line
+from litegripd.rpc.reports import NumberedEvent
+from litegripd.rpc.sessions import Session
+
+# The log ------------------------------------------------------------------------------------------
+
+EVENTS_PER_TICK = 4  # a log line costs about 50 µs
+_EVENTS_KEPT = 512
+_REFUSALS_KEPT = 64
+
+
+class EventLog:
+    """Keeps events until a tick has the time to log them."""
+
+    def __init__(self) -> None:
+        self._events: deque[Event] = deque()
+        self._left_out = 0
+
+    def note(self, event: Event) -> None:
+        """Keep an event; refusals never crowd out what happened to the gripper."""
+        if len(self._events) < (_REFUSALS_KEPT if event.kind == "refused" else _EVENTS_KEPT):
+            self._events.append(event)
+        else:
+            self._left_out += 1
+
+    def take(self) -> list[Event]:
+        """Return what has happened, the oldest first, so much at once as a tick can log."""
+        taken = [self._events.popleft() for _ in range(min(EVENTS_PER_TICK, len(self._events)))]
+        if self._left_out and not self._events:
+            text = f"{self._left_out} events are left out of the log: too many came at once"
+            taken.append(Event("refused", text, {"left_out": self._left_out}))
+            self._left_out = 0
+        return taken
+
+
+# The wire -----------------------------------------------------------------------------------------
 
 EVENT_KINDS: tuple[str, ...] = get_args(EventKind)
 UNASKED_KINDS: tuple[str, ...] = tuple(kind for kind in EVENT_KINDS if kind != "refused")

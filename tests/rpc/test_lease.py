@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.jobs import JobState
-from litegripd.rpc.session import Role
+from litegripd.rpc.sessions import Role
 from tests.world import Client, World
 
 

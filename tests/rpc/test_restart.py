@@ -4,8 +4,8 @@ import pytest
 
 from litegripd.model.errors import Refusal
 from litegripd.model.results import Restarted
-from litegripd.rpc.restarting import OnRestarted
-from litegripd.rpc.session import Role
+from litegripd.rpc.methods.restart import OnRestarted
+from litegripd.rpc.sessions import Role
 from tests.world import World
 
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegripd.model.errors import ERRORS, Refusal
-from litegripd.rpc import wire
+from litegripd.rpc import jsonrpc
 from litegripd.rpc.methods import METHODS
 from tests.rpc.raw import Raw, request
 from tests.world import World
@@ -216,7 +216,7 @@ def test_any_requests_are_each_answered_once(lines: list[bytes]) -> None:
 
 def test_what_json_cannot_hold_becomes_null() -> None:
     value = {"a": math.nan, "b": [1.0, math.inf], "c": {"d": (-math.inf, "x", None, True)}}
-    assert json.loads(wire.encode(value)) == {
+    assert json.loads(jsonrpc.encode(value)) == {
         "a": None,
         "b": [1.0, None],
         "c": {"d": [None, "x", None, True]},
@@ -224,7 +224,7 @@ def test_what_json_cannot_hold_becomes_null() -> None:
 
 
 def test_an_error_object_carries_the_row_of_the_table() -> None:
-    error = wire.error_object(Refusal("busy", "somebody moves", {"job": 3}))
+    error = jsonrpc.error_object(Refusal("busy", "somebody moves", {"job": 3}))
     assert error == {
         "code": -32020,
         "message": "somebody moves",

@@ -1,23 +1,29 @@
 """The method on the flight recorder: have it written to disk, and tell where it is."""
 
-from collections.abc import Mapping
-
 from litegripd.control.dumps import Dumps
+from litegripd.model.calibration import Dumped
 from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
-from litegripd.rpc.calls import Answer, Call, Deferred, Function
+from litegripd.rpc.method import Answer, Call, Deferred, Method
+from litegripd.rpc.schema import Param
 
 
-class Recording:
-    """Functions on the recorder."""
+class RecorderMethods:
+    """Methods on the recorder."""
 
     def __init__(self, dumps: Dumps) -> None:
         self._dumps = dumps
 
-    def functions(self) -> Mapping[str, Function]:
-        """Return the functions by the names of their methods."""
-        return {"recorder.dump": self._dump}
-
+    @Method(
+        "recorder.dump",
+        "Write the last minute, tick by tick, and its events to a file of the daemon's machine, in"
+        " the format MCAP.",
+        "path, ticks, seconds, bytes.",
+        Dumped,
+        (Param("note", "string", "Kept in the file: why it was asked for."),),
+        role="operator",
+        waits=True,
+    )
     def _dump(self, call: Call) -> Answer:
         deferred = Deferred()
 

@@ -2,59 +2,142 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypedDict
 
 from litegripd.control.admission import ENDING, conflict_refusal
 from litegripd.control.calibrating import Calibrating
 from litegripd.control.calibration import content_of
 from litegripd.control.engine import Engine
-from litegripd.model.calibration import CalibrationError, from_plain, read_content
+from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
+from litegripd.model.geometry import Mount
 from litegripd.model.motion_config import RANGES, fast_conflict
 from litegripd.model.motor import RegisterReply
+from litegripd.model.results import SetZeroResult, ZeroResult
 from litegripd.motor.registers import REGISTERS, Register
-from litegripd.rpc.answers import (
-    CalibrationLoaded,
-    CalibrationView,
-    ConfigView,
-    Marks,
-    Nothing,
-    RegisterValue,
-    Templates,
-)
-from litegripd.rpc.calls import Answer, Call, Deferred, Function, Later, later
 from litegripd.rpc.facts import MotionFields
-from litegripd.rpc.view import JobNumber
+from litegripd.rpc.method import (
+    AT_ONCE,
+    CONFIG,
+    DETACH,
+    RUN_PARAMS,
+    WAIT,
+    Answer,
+    Call,
+    Deferred,
+    Method,
+    Refused,
+    accepted,
+    later,
+)
+from litegripd.rpc.reports import JobNumber
+from litegripd.rpc.schema import Param, Shape
 
 Authority: TypeAlias = Callable[[], "Refusal | None"]
 """Returns why what was asked for may not take effect any more, or None."""
 
 
-class Settings:
-    """Functions on calibration, motion configuration and registers."""
+class CalibrationView(TypedDict):
+    """The calibration in use; `content` is that of its file, empty where there is none."""
+
+    calibrated: bool
+    mount: Mount | None
+    closed_rad: float | None
+    open_rad: float | None
+    travel_rad: float | None
+    travel_mm: float | None
+    rad_to_mm: float | None
+    kp: float
+    kd: float
+    file: str | None
+    content: Mapping[str, object]
+
+
+class CalibrationLoaded(CalibrationView):
+    """The calibration in use now, and what was found."""
+
+    loaded: bool
+    factory: bool
+    skipped: list[str]
+
+
+class Template(TypedDict):
+    """One template, and what its file holds."""
+
+    name: str
+    content: Mapping[str, object]
+
+
+class Templates(TypedDict):
+    """The templates of the mounts."""
+
+    templates: list[Template]
+
+
+class Marks(TypedDict):
+    """What has been marked so far of a calibration by hand."""
+
+    closed_rad: float | None
+    open_rad: float | None
+
+
+class Nothing(TypedDict):
+    """An answer that only says that it is done."""
+
+
+BY_HAND = (
+    AT_ONCE,
+    Shape("Marks", (Marks,), closed=True),
+    Shape("Nothing", (Nothing,), closed=True),
+    ZeroResult,
+)
+"""The answers to the steps of a calibration by hand."""
+
+
+class RegisterValue(TypedDict):
+    """What a register holds; null for what is no number."""
+
+    number: int
+    name: str
+    value: float | None
+
+
+class FrameInterval(TypedDict):
+    """The daemon's period, which the SDK has among the fields of its configuration."""
+
+    frame_interval: float
+
+
+class ConfigView(TypedDict):
+    """The motion configuration; `kept` says whether it outlives the daemon."""
+
+    config: MotionFields
+    ranges: Mapping[str, list[float]]
+    kept: bool
+
+
+_MOUNT = Param(
+    "mount",
+    "string",
+    "Which way closing runs: increasing radians (normal) or decreasing ones (reverse). Default: as"
+    " the calibration in use has it.",
+    choices=("normal", "reverse"),
+)
+_SAVE = Param("save", "boolean", "Write it to the daemon's own file (default true).")
+
+
+class SettingsMethods:
+    """Methods on calibration, motion configuration and registers."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
         self._calibrating = Calibrating(engine)
         self._is_saving_config = False
 
-    def functions(self) -> Mapping[str, Function]:
-        """Return the functions by the names of their methods."""
-        return {
-            "calibration.get": lambda _call: self._calibration(),
-            "calibration.templates": self._templates,
-            "calibration.load": self._load,
-            "calibration.save": self._save,
-            "calibration.zero": self._zero,
-            "calibration.manual": self._by_hand,
-            "motor.set_zero": lambda call: later(
-                self._calibrating.set_zero(call.owner, call.detached)
-            ),
-            "motor.read_register": self._read_register,
-            "config.get": lambda _call: self._config(),
-            "config.set": self._set_config,
-        }
+    @Method("calibration.get", "Tell the calibration in use.", "The calibration.", CalibrationView)
+    def _get_calibration(self, _call: Call) -> CalibrationView:
+        return self._calibration()
 
     def _calibration(self) -> CalibrationView:
         engine, in_use = self._engine, self._engine.calibrated
@@ -76,12 +159,30 @@ class Settings:
             else content_of(calibration, engine.unit, in_use.gains, engine.motor),
         }
 
+    @Method(
+        "calibration.templates", "Tell the templates of the mounts.", "The templates.", Templates
+    )
     def _templates(self, call: Call) -> Answer:
         def told(value: Any) -> Templates:
             return {"templates": value}
 
         return self._errand(call, "calibration.templates", {}, told)
 
+    @Method(
+        "calibration.load",
+        "Take another calibration: a template, a file's content, or what the daemon's own files"
+        " have.",
+        "loaded, factory, skipped (files that were passed over), and the calibration.",
+        CalibrationLoaded,
+        (
+            replace(_MOUNT, name="template", description="The mount to declare."),
+            Param("content", "object", "What a calibration file holds."),
+        ),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
     def _load(self, call: Call) -> Answer:
         params = call.params
         if "template" in params and "content" in params:
@@ -145,6 +246,15 @@ class Settings:
         refusal = self._calibrating.load(calibration, value["path"])
         return refusal or self._loaded(loaded=True, factory=value["factory"], skipped=skipped)
 
+    @Method(
+        "calibration.save",
+        "Write the calibration in use to the daemon's own file.",
+        "The path, and that of the file before, which is kept.",
+        Saved,
+        role="operator",
+        needs_lease=True,
+        waits=True,
+    )
     def _save(self, call: Call) -> Answer:
         deferred = Deferred()
 
@@ -153,10 +263,19 @@ class Settings:
 
         return self._calibrating.save(saved, call.owner.uid) or deferred
 
+    @Method(
+        "calibration.zero",
+        "Measure the travel by probing both stops, and take it. The jaws move to both stops.",
+        "ok, outcome, the calibration, and the state.",
+        ZeroResult,
+        (_MOUNT, _SAVE, *RUN_PARAMS),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
     def _zero(self, call: Call) -> Answer:
         config = call.config(self._engine.config, self._engine.period_s)
-        if isinstance(config, Refusal):
-            return config
         return later(
             self._calibrating.zero(
                 call.owner,
@@ -167,25 +286,47 @@ class Settings:
             )
         )
 
+    @Method(
+        "calibration.manual",
+        "Measure the travel by hand: begin (the jaws go slack), mark closed and open, finish.",
+        "The job, the marks, or as calibration.zero.",
+        BY_HAND,
+        (
+            Param(
+                "step",
+                "string",
+                "What to do.",
+                required=True,
+                choices=("begin", "closed", "open", "finish", "cancel"),
+            ),
+            _SAVE,
+        ),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
     def _by_hand(self, call: Call) -> Answer:
         step, calibrating, engine = call.params["step"], self._calibrating, self._engine
         if step == "begin":
-            job = calibrating.by_hand(call.owner, engine.config)
-            return job if isinstance(job, Refusal) else JobNumber(job=job.number)
+            return JobNumber(job=accepted(calibrating.by_hand(call.owner, engine.config)).number)
         if step == "finish":
-            job = calibrating.finish(call.owner, keep=call.params.get("save", True))
-            return job if isinstance(job, Refusal) else Later(job)
+            return later(calibrating.finish(call.owner, keep=call.params.get("save", True)))
         if step == "cancel":
             return calibrating.give_up(call.owner) or Nothing()
-        marks = calibrating.mark(step, call.owner)
-        if isinstance(marks, Refusal):
-            return marks
+        marks = accepted(calibrating.mark(step, call.owner))
         return Marks(closed_rad=marks.get("closed"), open_rad=marks.get("open"))
 
+    @Method(
+        "motor.read_register",
+        "Read a register of the motor.",
+        "Its number, name and value.",
+        RegisterValue,
+        (Param("register", "string", 'Its name or number: "PMAX", "21", "0x15".', required=True),),
+        waits=True,
+    )
     def _read_register(self, call: Call) -> Answer:
-        register = find_register(call.params["register"])
-        if isinstance(register, Refusal):
-            return register
+        register = _register(call.params["register"])
         deferred = Deferred()
 
         def replied(reply: RegisterReply) -> None:
@@ -195,6 +336,27 @@ class Settings:
 
         return self._engine.inquiries.add(register.number, replied) or deferred
 
+    @Method(
+        "motor.set_zero",
+        "Take the present position as the motor's zero; disables the motor first. The calibration"
+        " fits no longer then.",
+        "ok, shift_rad, position_rad, and the state.",
+        SetZeroResult,
+        (WAIT, DETACH),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _set_zero(self, call: Call) -> Answer:
+        return later(self._calibrating.set_zero(call.owner, call.detached))
+
+    @Method(
+        "config.get", "Tell the daemon's motion configuration.", "Fields and ranges.", ConfigView
+    )
+    def _get_config(self, _call: Call) -> ConfigView:
+        return self._config()
+
     def _config(self) -> ConfigView:
         engine = self._engine
         return {
@@ -203,11 +365,22 @@ class Settings:
             "kept": engine.config_is_kept,
         }
 
+    @Method(
+        "config.set",
+        "Change the daemon's motion configuration, for everybody who does not say otherwise."
+        " A speed_mm_s that does not go with stop_lead_mm is refused, as the motions would.",
+        "As config.get.",
+        ConfigView,
+        (
+            replace(CONFIG, required=True, description="The fields that change."),
+            Param("keep", "boolean", "Also over a restart of the daemon (default false)."),
+        ),
+        role="admin",
+        waits=True,
+    )
     def _set_config(self, call: Call) -> Answer:
         engine = self._engine
         config = call.config(engine.config, engine.period_s)
-        if isinstance(config, Refusal):
-            return config
         # No motion could use such defaults; what depends on the calibration is the motions' to say.
         refusal = conflict_refusal(fast_conflict(config, config.speed_mm_s, engine.period_s))
         if refusal is not None:
@@ -249,7 +422,7 @@ class Settings:
         return deferred
 
 
-def find_register(text: str) -> Register | Refusal:
+def _register(text: str) -> Register:
     """Find a register by its name, in any case, or its number, decimal or after 0x."""
     named = {register.name.lower(): register for register in REGISTERS.values()}
     register = named.get(text.strip().lower())
@@ -262,7 +435,7 @@ def find_register(text: str) -> Register | Refusal:
         return register
     known = ", ".join(f"{number} {register.name}" for number, register in REGISTERS.items())
     message = f"there is no register {text!r}; there are: {known}"
-    return Refusal("invalid_params", message, {"parameter": "register"})
+    raise Refused(Refusal("invalid_params", message, {"parameter": "register"}))
 
 
 _FAILURES = {

@@ -1,12 +1,13 @@
 """The method by which the daemon is restarted without letting go of what the jaws hold."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import asdict
 from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
 from litegripd.model.results import Restarted
-from litegripd.rpc.calls import Answer, Call, Deferred, Function
+from litegripd.rpc.method import Answer, Call, Deferred, Method
+from litegripd.rpc.schema import Param
 
 OnRestarted: TypeAlias = Callable[[Restarted | Refusal], None]
 """Is told which successor has taken over, or why none has."""
@@ -27,16 +28,31 @@ def no_restart(_on_restarted: OnRestarted) -> Refusal | None:
     return Refusal("restart_failed", "this daemon cannot start a successor")
 
 
-class Restarting:
-    """The function of `daemon.restart`."""
+class RestartMethods:
+    """The method `daemon.restart`."""
 
     def __init__(self, restart: OnRestart) -> None:
         self._restart = restart
 
-    def functions(self) -> Mapping[str, Function]:
-        """Return the functions by the names of their methods."""
-        return {"daemon.restart": self._begin}
-
+    @Method(
+        "daemon.restart",
+        "Start a successor of the daemon, which reads the configuration anew and takes over; pose"
+        " and force of the jaws are held all the while. Refused while a motion runs. Connections"
+        " end after the answer; a lease may be resumed by its token.",
+        "The pid of the successor, which has taken over, and gap_s, the time between the last"
+        " command of the one and the first of the other.",
+        Restarted,
+        (
+            Param(
+                "hold_through_restart",
+                "boolean",
+                "Must be true: a restart that lets go is the service manager's to do.",
+                required=True,
+            ),
+        ),
+        role="admin",
+        waits=True,
+    )
     def _begin(self, call: Call) -> Answer:
         if not call.params["hold_through_restart"]:
             return _PLAIN

@@ -1,0 +1,441 @@
+"""The methods that move the jaws or change the motor's power, and those that stop them."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal, TypedDict
+
+from litegripd.control.actions.grasp import GraspRequest
+from litegripd.control.actions.move import Direction
+from litegripd.control.admission import Target
+from litegripd.control.engine import Engine
+from litegripd.control.motions import Motions
+from litegripd.model.errors import Refusal
+from litegripd.model.jobs import STOP_LEVELS, Job, StopLevel
+from litegripd.model.motion_config import RANGES, MotionConfig
+from litegripd.model.results import (
+    ClearFaultResult,
+    DisableResult,
+    EnableResult,
+    ForceResult,
+    GraspResult,
+    HoldResult,
+    MoveResult,
+    SlackResult,
+)
+from litegripd.rpc.method import (
+    CONFIG,
+    DETACH,
+    JOB,
+    RUN_PARAMS,
+    WAIT,
+    Answer,
+    Call,
+    Method,
+    Refused,
+    accepted,
+    later,
+    speed_param,
+    target_params,
+)
+from litegripd.rpc.reports import JobNumber, Reporter, StateView
+from litegripd.rpc.schema import Param
+
+QUANTITIES: tuple[Literal["opening_mm", "position_rad", "openness"], ...] = (
+    "opening_mm",
+    "position_rad",
+    "openness",
+)
+DEFAULT_VALID_S = 0.2
+DEFAULT_CONTACT_NM = 1.0
+
+
+class Cleared(TypedDict):
+    """The count of stops."""
+
+    generation: int
+    state: StateView
+
+
+class Stopped(Cleared):
+    """The stop that is latched now."""
+
+    level: StopLevel
+
+
+_FORCE = Param(
+    "force_n",
+    "number",
+    "Squeezing force, about 0.1 N·m a newton (default: force_n of the configuration).",
+    minimum=RANGES["force_n"][0],
+    maximum=RANGES["force_n"][1],
+)
+_FORCE_DUE = replace(_FORCE, description="Squeezing force.", required=True)
+
+
+class MotionMethods:
+    """Methods on the engine's motions, and on its stop."""
+
+    def __init__(self, engine: Engine, reporter: Reporter) -> None:
+        self._engine = engine
+        self._reporter = reporter
+        self._motions = Motions(engine)
+
+    def _config(self, call: Call) -> MotionConfig:
+        return call.config(self._engine.config, self._engine.period_s)
+
+    @Method(
+        "motor.enable",
+        "Energise the motor and hold the measured position.",
+        "ok, tries, message and the state.",
+        EnableResult,
+        (
+            Param("retries", "integer", "Attempts at most.", minimum=1, maximum=20),
+            CONFIG,
+            WAIT,
+            DETACH,
+        ),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _enable(self, call: Call) -> Answer:
+        config = self._config(call)
+        if "retries" in call.params:
+            config = config.changed({"enable_retries": call.params["retries"]}, 0.0)
+        return later(self._motions.enable(call.owner, config, call.detached))
+
+    @Method(
+        "motor.disable",
+        "De-energise the motor, confirmed.",
+        "ok and the state.",
+        DisableResult,
+        (WAIT, DETACH),
+        role="operator",
+        needs_lease=True,
+        waits=True,
+    )
+    def _disable(self, call: Call) -> Answer:
+        return later(self._motions.disable(call.owner, call.detached))
+
+    @Method(
+        "motor.clear_fault",
+        "Clear the fault that the motor has latched, confirmed, and accept a position that has"
+        " jumped. It energises nothing: motor.enable does.",
+        "ok, cleared (the fault's name, null without one) and the state.",
+        ClearFaultResult,
+        (WAIT, DETACH),
+        role="operator",
+        needs_lease=True,
+        waits=True,
+    )
+    def _clear_fault(self, call: Call) -> Answer:
+        return later(self._motions.clear_fault(call.owner, call.detached))
+
+    @Method(
+        "motion.open",
+        "Open until the mechanical stop ends the move, then hold.",
+        "The move's result and the state.",
+        MoveResult,
+        (speed_param("speed_mm_s"), *RUN_PARAMS),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _open(self, call: Call) -> Answer:
+        return self._to_stop("open", call)
+
+    @Method(
+        "motion.close",
+        "Close until the mechanical stop ends the move, then hold.",
+        "The move's result and the state.",
+        MoveResult,
+        (speed_param("speed_mm_s"), *RUN_PARAMS),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _close(self, call: Call) -> Answer:
+        return self._to_stop("close", call)
+
+    def _to_stop(self, direction: Direction, call: Call) -> Answer:
+        config = self._config(call)
+        speed = call.params.get("speed_mm_s")
+        return later(
+            self._motions.move_to_stop(direction, call.owner, config, speed, call.detached)
+        )
+
+    @Method(
+        "motion.grasp",
+        "Close until something is gripped, then hold it by force.",
+        "ok, outcome, width_mm, force_n, held_s, cycles, and the state.",
+        GraspResult,
+        (
+            _FORCE,
+            Param(
+                "speed_mm_s",
+                "number",
+                "Closing speed (default: grasp_speed_mm_s of the configuration).",
+                minimum=0.1,
+                maximum=200,
+            ),
+            Param(
+                "hold_s",
+                "number",
+                "Answer after so long a hold; 0 (the default) never: the hold lasts until it is"
+                " ended. The jaws hold on in any case.",
+                minimum=0,
+                maximum=86_400,
+            ),
+            Param(
+                "until",
+                "string",
+                "Answer when the hold is over (held, the default) or when it has begun (verdict).",
+                choices=("held", "verdict"),
+            ),
+            Param(
+                "hold_by",
+                "string",
+                "Hold by a pure torque (torque, the default), or stiff around a position that is"
+                " read every hold_interval, with hold_kp and hold_kd (gains).",
+                choices=("torque", "gains"),
+            ),
+            Param("width_mm", "number", "The width that is expected.", minimum=0, maximum=1000),
+            Param("tolerance_mm", "number", "By how much it may differ.", minimum=0, maximum=1000),
+            *RUN_PARAMS,
+        ),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _grasp(self, call: Call) -> Answer:
+        config, params = self._config(call), call.params
+        _check_grasp(params)
+        request = GraspRequest(
+            force_n=params.get("force_n", config.force_n),
+            speed_mm_s=params.get("speed_mm_s", config.grasp_speed_mm_s),
+            hold_s=params.get("hold_s", 0.0),
+            until=params.get("until", "held"),
+            hold_by=params.get("hold_by", "torque"),
+            width_mm=params.get("width_mm"),
+            tolerance_mm=params.get("tolerance_mm", 0.0),
+        )
+        return later(self._motions.grasp(request, call.owner, config, call.detached))
+
+    @Method(
+        "motion.move",
+        "Move to a position inside the calibrated travel, then hold.",
+        "The move's result and the state.",
+        MoveResult,
+        (
+            *target_params(),
+            speed_param("speed_mm_s"),
+            Param(
+                "duration_s",
+                "number",
+                "How long the way shall take, in place of a speed.",
+                minimum=0.01,
+                maximum=3600,
+            ),
+            *RUN_PARAMS,
+        ),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _move(self, call: Call) -> Answer:
+        config, target = self._config(call), _target("motion.move", call.params)
+        speed, duration_s = call.params.get("speed_mm_s"), call.params.get("duration_s")
+        if speed is not None and duration_s is not None:
+            text = "motion.move takes speed_mm_s or duration_s, not both"
+            return Refusal("invalid_params", text, {"parameter": "duration_s"})
+        return later(
+            self._motions.move_to(
+                target,
+                call.owner,
+                config,
+                speed_mm_s=speed,
+                duration_s=duration_s,
+                detached=call.detached,
+            )
+        )
+
+    @Method(
+        "motion.hold",
+        "Hold from now on: what is held already, else the measured position.",
+        "The position and the state.",
+        HoldResult,
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _hold(self, call: Call) -> Answer:
+        return later(self._motions.hold(call.owner))
+
+    @Method(
+        "motion.zero_gravity",
+        "Let the jaws go: enabled, but moved freely by hand, until motion.hold or a motion.",
+        "The position and the state.",
+        SlackResult,
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _zero_gravity(self, call: Call) -> Answer:
+        return later(self._motions.zero_gravity(call.owner))
+
+    @Method(
+        "motion.set_force",
+        "Squeeze with this force from now on: what is gripped, else from where the jaws are.",
+        "The force and the state.",
+        ForceResult,
+        (_FORCE_DUE, CONFIG),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+    )
+    def _set_force(self, call: Call) -> Answer:
+        config = self._config(call)
+        force_n = call.params["force_n"]
+        return self._at_once(self._motions.set_force(force_n, call.owner, config), force_n=force_n)
+
+    @Method(
+        "stream.set",
+        "Go towards a set-point; the latest wins. It may be sent without an id, up to 200 times a"
+        " second. When none comes in time, the jaws hold where they are. It counts from sent_s,"
+        " else from when it was received.",
+        "The number of the stream's job.",
+        JobNumber,
+        (
+            *target_params(),
+            Param(
+                "valid_s",
+                "number",
+                "How long it counts (default 0.2).",
+                minimum=0.02,
+                maximum=2,
+            ),
+            speed_param("speed_mm_s"),
+            Param(
+                "torque_nm",
+                "number",
+                "How hard to press on whatever is in the way (default 1).",
+                minimum=0.1,
+                maximum=3,
+            ),
+        ),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        may_notify=True,
+    )
+    def _stream(self, call: Call) -> Answer:
+        target = _target("stream.set", call.params)
+        valid_s = call.params.get("valid_s", DEFAULT_VALID_S)
+        since_s = min(call.params.get("sent_s", call.received_s), call.received_s)
+        if call.now_s >= since_s + valid_s:
+            return _expired(call.now_s - since_s, valid_s)
+        job = self._motions.stream(
+            target,
+            call.owner,
+            valid_until_s=since_s + valid_s,
+            speed_mm_s=call.params.get("speed_mm_s"),
+            torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
+        )
+        return JobNumber(job=accepted(job).number)
+
+    @Method(
+        "stop",
+        "Stop and latch: nothing moves until stop.clear. Anybody may.",
+        "The latched level, the generation and the state.",
+        Stopped,
+        (
+            Param(
+                "level",
+                "string",
+                "Freeze the position (hold, the default), go slack (relax), or disable.",
+                choices=STOP_LEVELS,
+            ),
+            Param("why", "string", "A reason, shown to everybody whom the stop refuses."),
+        ),
+    )
+    def _stop(self, call: Call) -> Stopped:
+        level, why = call.params.get("level", "hold"), call.params.get("why")
+        self._engine.stop(level, call.owner, why, call.now_s)
+        latched = self._engine.stop_latch.latched
+        return {
+            "level": level if latched is None else latched.level,
+            "generation": self._engine.stop_latch.generation,
+            "state": self._changed_state(),
+        }
+
+    @Method(
+        "stop.clear",
+        "Allow motions again. While somebody has the lease, that one may, an admin, and whoever has"
+        " stopped (by uid); an observer only what nobody else has stopped, too. Refused where a"
+        " stop came after it was sent: look, clear again.",
+        "The generation and the state.",
+        Cleared,
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        lifts_stop=True,
+    )
+    def _clear_stop(self, call: Call) -> Cleared:
+        self._engine.clear_stop(call.owner)
+        return {"generation": self._engine.stop_latch.generation, "state": self._changed_state()}
+
+    @Method(
+        "job.cancel",
+        "End a job, running or queued; the jaws go on holding what they hold.",
+        "The job.",
+        Job,
+        (JOB,),
+        role="operator",
+    )
+    def _cancel(self, call: Call) -> Answer:
+        job = self._engine.cancel(call.params["job"], call.owner)
+        self._reporter.refresh()
+        return self._reporter.job(accepted(job))
+
+    def _at_once(self, job: Job | Refusal, **figures: float) -> Answer:
+        """Answer with what is in force from now on, and the state as this request has left it."""
+        return {"job": accepted(job).number, **figures, "state": self._changed_state()}
+
+    def _changed_state(self) -> StateView:
+        self._reporter.refresh()
+        return self._reporter.state_view()
+
+
+def _target(method: str, params: Mapping[str, Any]) -> Target:
+    """Find the one quantity that says where to go."""
+    given = [name for name in QUANTITIES if name in params]
+    if len(given) != 1:
+        text = f"{method} takes exactly one of {', '.join(QUANTITIES)}"
+        raise Refused(Refusal("invalid_params", text, {"parameter": (given or QUANTITIES)[0]}))
+    return Target(given[0], float(params[given[0]]))
+
+
+def _expired(age_s: float, valid_s: float) -> Refusal:
+    return Refusal(
+        "set_point_expired",
+        f"the set-point is {age_s:.3f} s old and counts for {valid_s:g} s: the jaws do not follow"
+        " it; send newer ones, or a larger valid_s",
+        {"age_s": round(age_s, 6), "limit": valid_s},
+    )
+
+
+def _check_grasp(params: Mapping[str, Any]) -> None:
+    """Refuse parameters of a grasp that do not go together."""
+    if ("width_mm" in params) != ("tolerance_mm" in params):
+        text = "motion.grasp: width_mm and tolerance_mm go together"
+        raise Refused(Refusal("invalid_params", text, {"parameter": "tolerance_mm"}))
+    if params.get("until") == "verdict" and "hold_s" in params:
+        text = 'motion.grasp: with until = "verdict" leave hold_s out: the hold goes on anyway'
+        raise Refused(Refusal("invalid_params", text, {"parameter": "hold_s"}))

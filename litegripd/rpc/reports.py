@@ -1,0 +1,367 @@
+"""The forms that states, jobs and results have on the wire, and who waits for them.
+
+What is the same for many, such as the state of a tick, is encoded once and spliced in as it is.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, NewType, TypedDict
+
+from litegripd.control.engine import Engine
+from litegripd.control.jobs import KEPT_JOBS
+from litegripd.control.snapshot import snapshot
+from litegripd.model.errors import Refusal
+from litegripd.model.events import EventKind
+from litegripd.model.jobs import Job, JobKind, Owner
+from litegripd.model.results import Progress, Result
+from litegripd.model.state import GripperState, JobSummary
+from litegripd.rpc.jsonrpc import (
+    ErrorObject,
+    RequestId,
+    encode,
+    error_line,
+    error_object,
+    notification_line,
+    result_line,
+)
+from litegripd.rpc.sessions import Session
+
+# Forms --------------------------------------------------------------------------------------------
+
+_STATE_FIELDS = tuple(field.name for field in fields(GripperState))
+
+StateView = NewType("StateView", dict[str, Any])
+"""The wire form of a `GripperState`, or of some of its fields."""
+
+
+class JobNumber(TypedDict):
+    """The number of a job."""
+
+    job: int
+
+
+class EndState(TypedDict):
+    """The state in which a job ended."""
+
+    state: StateView
+
+
+class Program(TypedDict):
+    """A process."""
+
+    program: str
+    pid: int
+
+
+class OwnerView(Program):
+    """Who asked for something: the number of a connection, and the process at its other end."""
+
+    client: int
+    uid: int
+
+
+class JobSummaryView(JobNumber):
+    """The running job, in brief."""
+
+    kind: str
+    phase: str | None
+    owner: Program
+
+
+class JobHead(JobNumber):
+    """A job, but for its result; `state` is the value of a `JobState`."""
+
+    kind: JobKind
+    state: str
+    owner: OwnerView
+    detached: bool
+    started_s: float
+    ended_s: float | None
+    phase: str | None
+    error: ErrorObject | None
+
+
+class JobEnd(TypedDict):
+    """The result of a job."""
+
+    result: Result | None
+
+
+class NumberedEvent(TypedDict):
+    """An event; `data` is other for each kind."""
+
+    seq: int
+    monotonic_s: float
+    kind: EventKind
+    message: str
+    data: Mapping[str, object]
+
+
+class ProgressHead(JobNumber):
+    """Whose progress it is: the job's, and the id of the request that wants it."""
+
+    request: str | int
+    kind: JobKind
+
+
+class ProgressEnd(TypedDict):
+    """Where the jaws are, where that is known."""
+
+    opening_mm: float | None
+
+
+def _plain(value: Any) -> dict[str, Any]:
+    """Make a dict of a flat dataclass, field by field; `dataclasses.asdict` copies deeply."""
+    return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def state_view(state: GripperState, names: tuple[str, ...] = ()) -> StateView:
+    """Give a state its wire form, or only these fields of it, in this order."""
+    view: dict[str, Any] = {name: getattr(state, name) for name in names or _STATE_FIELDS}
+    if view.get("job") is not None:
+        view["job"] = _summary_view(view["job"])
+    if view.get("stop") is not None:
+        view["stop"] = _plain(view["stop"])
+    return StateView(view)
+
+
+def _summary_view(job: JobSummary) -> JobSummaryView:
+    owner: Program = {"program": job.program, "pid": job.pid}
+    return {"job": job.job, "kind": job.kind, "phase": job.phase, "owner": owner}
+
+
+def owner_view(owner: Owner) -> OwnerView:
+    """Give an owner its wire form."""
+    return {
+        "client": owner.client,
+        "pid": owner.pid,
+        "uid": owner.uid,
+        "program": owner.program,
+    }
+
+
+def encode_result(job: Job, result: Result, state: bytes) -> bytes:
+    """Encode a job's result, with the encoded state in which the job ended."""
+    return _with(encode({"job": job.number, **_plain(result)}), b"state", state)
+
+
+def encode_job(job: Job, phase: str | None, result: bytes | None) -> bytes:
+    """Encode a job, with its encoded result, if it has one."""
+    view: JobHead = {
+        "job": job.number,
+        "kind": job.kind,
+        "state": job.state.value,
+        "owner": owner_view(job.owner),
+        "detached": job.detached,
+        "started_s": job.started_s,
+        "ended_s": job.ended_s,
+        "phase": phase,
+        "error": None if job.error is None else error_object(job.error),
+    }
+    return _with(encode(view), b"result", b"null" if result is None else result)
+
+
+def _with(encoded: bytes, name: bytes, value: bytes) -> bytes:
+    """Add a member, which is JSON already, to an encoded object that has others."""
+    return b'%b,"%b":%b}' % (encoded[:-1], name, value)
+
+
+def progress_view(
+    job: Job, request: RequestId, progress: Progress, opening_mm: float | None
+) -> dict[str, Any]:
+    """Give a progress report its wire form; `request` is the id of the request that wants it."""
+    return {
+        "job": job.number,
+        "request": request,
+        "kind": job.kind,
+        **_plain(progress),
+        "opening_mm": opening_mm,
+    }
+
+
+# Once per tick ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """A job that has ended, and its result, as JSON: 64 of them are listed in one answer."""
+
+    job: bytes
+    result: bytes | None
+
+
+class Reporter:
+    """One encoding of the state per tick serves all who ask for it.
+
+    A request may change the state between two ticks: `refresh` is called after each that can.
+    """
+
+    def __init__(self, engine: Engine, period_s: float) -> None:
+        self._engine = engine
+        self._period_s = period_s
+        self._now_s = 0.0
+        self._state: GripperState | None = None
+        self._line: bytes | None = None
+        self._ends: dict[int, _End] = {}
+
+    @property
+    def rate_hz(self) -> float:
+        """How often the state is new."""
+        return round(1.0 / self._period_s, 6)
+
+    def tick(self, now_s: float) -> None:
+        """Begin a new period."""
+        self._now_s = now_s
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Make the state anew when it is next asked for."""
+        self._state = None
+        self._line = None
+
+    def state(self) -> GripperState:
+        """Return the present state."""
+        if self._state is None:
+            self._state = snapshot(self._engine, self._now_s, self._period_s)
+        return self._state
+
+    def state_view(self) -> StateView:
+        """Return the present state in its wire form."""
+        return state_view(self.state())
+
+    def state_line(self) -> bytes:
+        """Return the present state as JSON."""
+        if self._line is None:
+            self._line = encode(self.state_view())
+        return self._line
+
+    def job(self, job: Job) -> bytes:
+        """Return a job as JSON; one that has ended with the state in which it ended."""
+        if job.is_running:
+            progress = self._engine.progress() if job is self._engine.jobs.running else None
+            return encode_job(job, None if progress is None else progress.phase, None)
+        return self._end_of(job).job
+
+    def result(self, job: Job) -> bytes | None:
+        """Return the result of a job that ended with one, as JSON."""
+        return self._end_of(job).result
+
+    def keep_ends(self) -> None:
+        """Encode every job that has ended in this period, and forget those no longer kept."""
+        for job in self._engine.jobs.take_ended():
+            self._end_of(job)
+        if len(self._ends) > 2 * KEPT_JOBS:
+            kept = {job.number for job in self._engine.jobs}
+            self._ends = {number: end for number, end in self._ends.items() if number in kept}
+
+    def memory(self) -> dict[str, list[str | None]]:
+        """Return what is kept of the jobs that have ended, as JSON can hold it."""
+        return {
+            str(number): [end.job.decode(), None if end.result is None else end.result.decode()]
+            for number, end in self._ends.items()
+        }
+
+    def restore(self, plain: Mapping[str, Sequence[str | None]]) -> None:
+        """Keep what `memory` has returned in a predecessor."""
+        for number, (job, result) in plain.items():
+            encoded = None if result is None else result.encode()
+            self._ends[int(number)] = _End((job or "").encode(), encoded)
+
+    def _end_of(self, job: Job) -> _End:
+        end = self._ends.get(job.number)
+        if end is None:
+            result = (
+                None if job.result is None else encode_result(job, job.result, self.state_line())
+            )
+            end = self._ends[job.number] = _End(encode_job(job, None, result), result)
+        return end
+
+
+# Who waits ----------------------------------------------------------------------------------------
+
+MAX_PER_SESSION = 32
+PROGRESS_INTERVAL_S = 0.05  # 20 Hz
+
+
+@dataclass(frozen=True, slots=True)
+class Waiter:
+    """One unanswered request: for the job's result, or for the job itself (`job.wait`)."""
+
+    session: Session
+    request: RequestId
+    job: Job
+    wants_job: bool
+    wants_progress: bool
+
+
+class Waiters:
+    """The unanswered requests by the number of the job that they wait for, and their answers.
+
+    A defect in one answer leaves the others.
+    """
+
+    def __init__(self, engine: Engine, reporter: Reporter) -> None:
+        self._engine = engine
+        self._reporter = reporter
+        self._waiters: dict[int, list[Waiter]] = {}
+        self._next_progress_s = 0.0
+
+    def add(self, waiter: Waiter) -> None:
+        """Let a request wait."""
+        waiter.session.unanswered += 1
+        self._waiters.setdefault(waiter.job.number, []).append(waiter)
+
+    def remove_all(self, session: Session) -> None:
+        """Forget the requests of a client that is gone."""
+        for job, waiters in list(self._waiters.items()):
+            kept = [waiter for waiter in waiters if waiter.session is not session]
+            if kept:
+                self._waiters[job] = kept
+            else:
+                del self._waiters[job]
+
+    def answer(self) -> None:
+        """Answer the requests whose job has ended."""
+        for number, waiters in list(self._waiters.items()):
+            if waiters[0].job.is_running:
+                continue
+            del self._waiters[number]
+            for waiter in waiters:
+                waiter.session.unanswered -= 1
+                try:
+                    line = self._final_line(waiter)
+                except Exception as error:  # noqa: BLE001 - the other waiters get their answers
+                    line = error_line(waiter.request, defect(waiter.job.kind, error))
+                waiter.session.write(line)
+
+    def send_progress(self, now_s: float) -> None:
+        """Tell where the running job is, to who wants to know, when that is due.
+
+        Nobody is told who has not read the last.
+        """
+        job, progress = self._engine.jobs.running, self._engine.progress()
+        if job is None or progress is None:
+            return
+        if job.number not in self._waiters or now_s < self._next_progress_s:
+            return
+        self._next_progress_s = now_s + PROGRESS_INTERVAL_S
+        for waiter in self._waiters[job.number]:
+            if waiter.wants_progress and not waiter.session.congested:
+                opening_mm = self._reporter.state().opening_mm
+                view = progress_view(job, waiter.request, progress, opening_mm)
+                waiter.session.write(notification_line("job.progress", encode(view)))
+
+    def _final_line(self, waiter: Waiter) -> bytes:
+        job = waiter.job
+        if waiter.wants_job:
+            return result_line(waiter.request, self._reporter.job(job))
+        result = self._reporter.result(job)
+        if result is None:
+            ended = job.error or Refusal("internal_error", f"job {job.number} ended without result")
+            return error_line(waiter.request, ended)
+        return result_line(waiter.request, result)
+
+
+def defect(what: str, error: Exception) -> Refusal:
+    """Word what should not have happened, for who asked."""
+    return Refusal("internal_error", f"{what} failed by a defect: {type(error).__name__}: {error}")

@@ -1,0 +1,61 @@
+"""A method's row stands above its function, and is found there."""
+
+from collections.abc import Mapping
+
+import pytest
+
+from litegripd.rpc.method import Call, Method, functions_of, methods_of
+from litegripd.rpc.methods import BY_NAME, GROUPS, METHODS
+from litegripd.rpc.methods.lease import Tokens
+from litegripd.rpc.requests import Requests
+from tests.world import World
+
+
+class _Group:
+    @property
+    def broken(self) -> object:
+        raise AssertionError("looking for rows reads no property")
+
+    @Method("b.second", "", "", Mapping)
+    def _second(self, _call: Call) -> bytes:
+        return b"2"
+
+    def helper(self) -> None:
+        """Have no row."""
+
+    @Method("a.first", "", "", Mapping)
+    def _first(self, _call: Call) -> bytes:
+        return b"1"
+
+
+def test_rows_are_found_in_the_order_of_their_functions() -> None:
+    assert [row.name for row in methods_of(_Group)] == ["b.second", "a.first"]
+
+
+def test_functions_are_found_by_the_names_of_their_methods() -> None:
+    group = _Group()
+    assert functions_of(group) == {"b.second": group._second, "a.first": group._first}
+
+
+def test_no_two_methods_have_one_name() -> None:
+    assert len(BY_NAME) == len(METHODS) == sum(len(methods_of(group)) for group in GROUPS)
+
+
+def test_methods_without_an_object_are_found_at_the_start() -> None:
+    engine, tokens = World().engine, Tokens(lambda: "")
+    with pytest.raises(LookupError, match=r"state\.get"):
+        Requests(engine, tokens, [])
+    with pytest.raises(LookupError, match=r"b\.second"):
+        Requests(engine, tokens, [_Group()])
+
+
+@pytest.mark.parametrize("if_busy", ["replace", "queue"])
+def test_what_a_function_raises_is_a_refusal_whenever_its_turn_comes(if_busy: str) -> None:
+    world = World()
+    client = world.enabled()
+    running = client.result("motion.open", wait=False)["job"]
+    both = {"opening_mm": 30, "openness": 0.5}
+    error = client.call("motion.move", if_busy=if_busy, **both)["error"]
+    assert error["data"]["reason"] == "invalid_params"
+    assert error["data"]["parameter"] == "opening_mm"
+    assert client.result("job.wait", job=running)["state"] == "done"
