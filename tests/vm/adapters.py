@@ -11,11 +11,10 @@ from typing import Any
 
 from tests.vm.emulated import Emulated
 from tests.vm.guest import Rpc, check, ip, pause, play, reaches, reasons
+from tests.vm.installing import ONE, installed
 from tests.vm.two_grippers import grippers_after_reboot, two_grippers
 from tests.vm.unit import (
-    CONFIGURATION,
     PROGRAMS,
-    SLOW,
     Unit,
     ctl,
     flags,
@@ -26,27 +25,8 @@ from tests.vm.unit import (
     typed,
 )
 
-ONE = "ONE"
 STAYS_S = 5.0
 """For how long a state has to stay: longer than any that the daemon holds for a while."""
-
-
-def installed() -> Emulated:
-    """Install by what the documentation and install-units say; return the adapter."""
-    adapter = Emulated(ONE)
-    if Unit().is_active():
-        return adapter
-    adapter.start()
-    must("useradd", "--create-home", "alice")
-    CONFIGURATION.parent.mkdir(exist_ok=True)
-    CONFIGURATION.write_text(SLOW)
-    out = must(f"{PROGRAMS}/litegripctl", "install-units", "--can", "can0")
-    print(out, flush=True)
-    must("ln", "-s", f"{PROGRAMS}/litegripctl", "/usr/local/bin/")
-    for command in out.partition("next, as root:\n")[2].splitlines():
-        status, said = typed(command.strip().replace("USER", "alice"))
-        check(f"typed as printed: {command.strip()}", status == 0, said)
-    return adapter
 
 
 def adapter_refuses_restart() -> None:
@@ -66,7 +46,7 @@ def adapter_installed() -> None:
     """Installation by the words of the documentation, on a gs_usb adapter that is plugged in."""
     installed()
     up = reaches(lambda: is_set_up("can0", restart_ms=0))
-    check("udev has brought can0 up", up, link("can0"))
+    check("udev has brought can0 up", up, flags("can0"))
     unit = Unit()
     check("the unit is active", unit.is_active(), unit.tell())
     rpc = unit.rpc()
@@ -87,11 +67,11 @@ def adapter_replugged() -> None:
     hold(rpc)
     adapter.unplug()
     check("unplugged: noticed", reaches(partial(rpc.bus_is, "adapter_gone")), reasons(rpc))
-    told = reaches(lambda: "unplugged" in unit.show("StatusText") or "gone" in unit.tell())
+    told = reaches(lambda: "adapter_gone" in unit.show("StatusText"))
     check("unplugged: STATUS says so", told, unit.show("StatusText"))
     adapter.plug()
     up = reaches(lambda: is_set_up("can0", restart_ms=0))
-    check("plugged in: udev brings it up", up, link("can0"))
+    check("plugged in: udev brings it up", up, flags("can0"))
     works_again(rpc, "plugged in")
     check("the daemon never ended", unit.pid == before and unit.is_active(), unit.tell())
     adapter.unplug()
@@ -115,13 +95,12 @@ def adapter_bus_off() -> None:
         states.add(health["bus"]["state"])
         pause.wait(0.2)
     check(f"and called so for {STAYS_S} s", states == {"bus_off"}, states)
-    print(f"      STATUS: {unit.show('StatusText')}\n      health: {reasons(rpc)}", flush=True)
-    check("STATUS says so", "off" in unit.show("StatusText"), unit.show("StatusText"))
+    check("STATUS says so", "bus_off" in unit.show("StatusText"), unit.show("StatusText"))
     state = link("can0").get("linkinfo", {}).get("info_data", {}).get("state")
     check("the kernel says so", state == "BUS-OFF", state)
     adapter.tell("mend")
-    check("wires alone mend nothing", rpc.bus_is("bus_off"), reasons(rpc))
-    type_remedies("bus off")
+    check("wires alone mend nothing", not rpc.bus_is("up"), reasons(rpc))
+    type_remedies(adapter, "bus off")
     works_again(rpc, "bus off, down and up")
     rpc.close()
 
@@ -158,12 +137,12 @@ STATES: tuple[tuple[str, Callable[[], object]], ...] = (
 
 def doctors_remedies() -> None:
     """What doctor prints is typed in the state in which it prints it."""
-    installed()
+    adapter = installed()
     for what, spoil in STATES:
         spoil()
-        found = reaches(lambda: any(row["command"] for row in complaints()))
+        found = reaches(lambda: bool(remedies()))
         check(f"{what}: doctor names a command", found, complaints())
-        type_remedies(what)
+        type_remedies(adapter, what)
 
 
 def hold(rpc: Rpc) -> None:
@@ -183,24 +162,40 @@ def works_again(rpc: Rpc, what: str) -> None:
 
 
 def complaints() -> list[dict[str, Any]]:
-    """Return what doctor finds not to be all right, but for the machine's slowness."""
+    """Return what doctor finds not to be all right, but for what no adapter can be blamed for."""
     out = run(f"{PROGRAMS}/litegripctl", "doctor", "--json")[1]
     rows: list[dict[str, Any]] = json.loads(out)["findings"]
-    return [row for row in rows if row["level"] != "ok" and row["check"] not in SLOWNESS]
+    return [row for row in rows if row["level"] != "ok" and row["check"] not in OTHERS]
 
 
-SLOWNESS = ("lateness", "rate", "load")
+OTHERS = ("calibration", "real-time", "health")
+"""The calibration that was not measured on this gripper, and a slow machine."""
+REMEDIES_AT_MOST = 4
 
 
-def type_remedies(what: str) -> None:
-    """Type each command of doctor's as it stands; then it has none any more."""
-    for row in complaints():
-        print(f"      {row['check']}: {row['text']}; {row['command']}; {row['advice']}", flush=True)
-        if row["command"] is not None:
-            status, out = typed(row["command"])
-            check(f"{what}: typed as printed: {row['command']}", status == 0, out)
-    mended = reaches(lambda: not any(row["command"] for row in complaints()), limit_s=20.0)
+def remedies() -> list[str]:
+    """Return the commands that doctor names now."""
+    return [row["command"] for row in complaints() if row["command"] is not None]
+
+
+def names_other_than(commands: list[str]) -> bool:
+    """Whether doctor names other commands now."""
+    return remedies() != commands
+
+
+def type_remedies(adapter: Emulated, what: str) -> None:
+    """Type the first command of doctor's as it stands, and ask anew, until it has none."""
+    for _ in range(REMEDIES_AT_MOST):
+        if not (commands := remedies()):
+            break
+        status, out = typed(commands[0])
+        check(f"{what}: typed as printed: {commands[0]}", status == 0, out)
+        reaches(partial(names_other_than, commands), limit_s=20.0)
+    mended = not remedies()
     check(f"{what}: doctor names no command any more", mended, complaints())
+    if not mended:  # the next scene has something of its own to tell
+        adapter.unplug()
+        adapter.plug()
 
 
 FIRST = (

@@ -38,7 +38,7 @@ class Emulated:
     def start(self) -> None:
         """Let there be such an adapter, plugged in."""
         must("systemctl", "start", self.unit)
-        if not reaches(lambda: self.interface() is not None):
+        if not reaches(self.is_there):
             raise TimeoutError(f"the kernel makes no interface of {self.serial}")
 
     def tell(self, command: str) -> None:
@@ -53,14 +53,22 @@ class Emulated:
     def plug(self) -> None:
         """Plug it in, and wait for its interface."""
         self.tell("plug")
-        if not reaches(lambda: self.interface() is not None):
+        if not reaches(self.is_there):
             raise TimeoutError(f"{self.serial} does not come back")
 
     def unplug(self) -> None:
         """Pull it out, and wait until its interface has gone."""
         self.tell("unplug")
-        if not reaches(lambda: self.interface() is None):
+        if not reaches(lambda: not self.is_there()):
             raise TimeoutError(f"{self.serial} is still there")
+
+    def is_there(self) -> bool:
+        """Whether it has a network interface."""
+        return self.interface() is not None
+
+    def is_named(self, name: str) -> bool:
+        """Whether its network interface has this name."""
+        return self.interface() == name
 
     def interface(self) -> str | None:
         """Return the name of its network interface, None while there is none."""
