@@ -82,13 +82,10 @@ def adapter_replugged() -> None:
 
 
 def adapter_bus_off() -> None:
-    """The wires are shorted while the jaws are held; mended, the printed remedy brings it back."""
+    """The wires are shorted while the jaws are held; mended, the printed remedies bring it back."""
     adapter, unit = installed(), Unit()
     rpc = unit.rpc()
-    hold(rpc)
-    adapter.tell("short")
-    off = reaches(partial(rpc.bus_is, "bus_off"))
-    check("shorted: the bus is off", off, reasons(rpc))
+    leave_bus(adapter, rpc)
     until_s = rpc.call("health")["uptime_s"] + STAYS_S
     states = set()
     while (health := rpc.call("health"))["uptime_s"] < until_s:
@@ -101,7 +98,15 @@ def adapter_bus_off() -> None:
     adapter.tell("mend")
     check("wires alone mend nothing", not rpc.bus_is("up"), reasons(rpc))
     type_remedies(adapter, "bus off")
-    works_again(rpc, "bus off, down and up")
+    works_again(rpc, "bus off, by doctor")
+    leave_bus(adapter, rpc)
+    adapter.tell("mend")
+    type_last_of(unit.show("StatusText"))
+    works_again(rpc, "bus off, by STATUS")
+    ip("link set can0 down")
+    reaches(partial(rpc.bus_is, "link_down"))
+    type_last_of(reasons(rpc))
+    works_again(rpc, "link down, by health")
     rpc.close()
 
 
@@ -143,6 +148,20 @@ def doctors_remedies() -> None:
         found = reaches(lambda: bool(remedies()))
         check(f"{what}: doctor names a command", found, complaints())
         type_remedies(adapter, what)
+
+
+def leave_bus(adapter: Emulated, rpc: Rpc) -> None:
+    """Short the wires while the jaws are held."""
+    hold(rpc)
+    adapter.tell("short")
+    check("shorted: the bus is off", reaches(partial(rpc.bus_is, "bus_off")), reasons(rpc))
+
+
+def type_last_of(text: str) -> None:
+    """Type the command at the end of a sentence that says what to do."""
+    command = text[text.find("sudo ") :].partition(";")[0] if "sudo " in text else ""
+    status, out = typed(command)
+    check(f"typed as printed: {command}", bool(command) and status == 0, out or text)
 
 
 def hold(rpc: Rpc) -> None:
