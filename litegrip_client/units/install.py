@@ -52,10 +52,15 @@ def hiding(root: Path) -> list[str]:
     return [str(path) for path in paths if path.is_file()]
 
 
+def outdated(root: Path) -> list[str]:
+    """Return the administrator's copies of files that are no longer installed: they hide none."""
+    copies = [root / path.replace("usr/local/lib", "etc", 1) for path in plan.SUPERSEDED]
+    return [str(path) for path in copies if path.is_file()]
+
+
 def channels(root: Path) -> list[str]:
     """Return the CAN interfaces that are brought up by what was installed before."""
-    any_channel = (plan.EXAMPLE_CHANNEL,)
-    paths = [root / file.path for file in plan.udev(any_channel) + plan.networkd(any_channel)[:1]]
+    paths = [root / path for path in (plan.RULES, *plan.SUPERSEDED)]
     contents = [path.read_text(errors="replace") for path in paths if path.is_file()]
     return list(dict.fromkeys(name for text in contents for name in plan.channels_in(text)))
 
@@ -71,10 +76,8 @@ def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
         files += plan.serial()
     named = list(dict.fromkeys([*channels(root), *wishes.channels]))
     if named:
-        by_networkd, by_udev = plan.networkd(named), plan.udev(named)
-        chosen, other = (by_networkd, by_udev) if uses_networkd(root) else (by_udev, by_networkd)
-        files += chosen
-        done += _remove_all(root, other)  # one of the two, or each would undo the other's
+        files += plan.udev(named)
+        done += _remove_all(root, plan.superseded())
     return [_put(root, file) for file in files] + done
 
 
@@ -87,8 +90,7 @@ def uninstall(root: Path) -> list[Done]:
             reason="wrong_usage",
             data={"hint": f"first: systemctl disable --now {' '.join(running)}"},
         )
-    any_channel = (plan.EXAMPLE_CHANNEL,)
-    files = plan.units("") + plan.serial() + plan.networkd(any_channel) + plan.udev(any_channel)
+    files = plan.units("") + plan.serial() + plan.udev((plan.EXAMPLE_CHANNEL,)) + plan.superseded()
     return _remove_all(root, files)
 
 

@@ -20,8 +20,15 @@ PROGRAMS = "/opt/litegripd/bin/"
 
 EXAMPLE_CHANNEL = "can0"
 _UNITS = "usr/local/lib/systemd/system"
-_NETWORKS = "usr/local/lib/systemd/network"
-_NAMED = re.compile(r'^(?:Name=|.*KERNEL==")([^"\n]+)', re.MULTILINE)
+RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
+"""Behind 80-net-setup-link.rules, before which an interface does not have its name."""
+SUPERSEDED = (
+    "usr/local/lib/udev/rules.d/80-litegrip.rules",
+    "usr/local/lib/systemd/network/80-litegrip.network",
+    "usr/local/lib/systemd/network/80-litegrip.link",
+)
+"""What earlier versions installed for the same, which would undo it or do it twice."""
+_NAMED = re.compile(r'^(?:Name=|.*(?:KERNEL|LITEGRIP_NAME\})==")([^"\n]+)', re.MULTILINE)
 _PLAIN = re.compile(r"[A-Za-z0-9_./+-]+")
 _HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # noqa: S108 - not used, refused
 """What the unit does not see: ProtectHome and PrivateTmp."""
@@ -52,22 +59,18 @@ def serial() -> list[Planned]:
     return [Planned(f"{_UNITS}/litegripd@.service.d/serial.conf", _read("systemd/serial.conf"))]
 
 
-def networkd(channels: Sequence[str]) -> list[Planned]:
-    """Return what has systemd-networkd bring these CAN interfaces up."""
-    return [
-        Planned(f"{_NETWORKS}/{name}", _for(channels, f"systemd/{name}", " "))
-        for name in ("80-litegrip.network", "80-litegrip.link")
-    ]
-
-
 def udev(channels: Sequence[str]) -> list[Planned]:
-    """Return what has udev bring these CAN interfaces up."""
-    content = _for(channels, "systemd/80-litegrip.rules", "|")
-    return [Planned("usr/local/lib/udev/rules.d/80-litegrip.rules", content)]
+    """Return what has udev bring these CAN interfaces up, whoever is in charge of the network."""
+    return [Planned(RULES, _for(channels, "systemd/85-litegrip.rules", "|"))]
+
+
+def superseded() -> list[Planned]:
+    """Return what of earlier versions is to be removed."""
+    return [Planned(path, "") for path in SUPERSEDED]
 
 
 def channels_in(content: str) -> list[str]:
-    """Return the CAN interfaces that a file of `networkd` or `udev` names."""
+    """Return the CAN interfaces that a file of `udev`, of any version, names."""
     found = _NAMED.search(content)
     return found[1].replace("|", " ").split() if found else []
 

@@ -58,7 +58,11 @@ class Daemon:
         self._config = config
         self._places = occupy_places(config) if legacy is None else legacy.places
         unit = Unit(
-            config.channel, config.motor.can_id, config.gripper.stroke_mm, config.gripper.mount
+            config.channel,
+            config.bus.channel,
+            config.motor.can_id,
+            config.gripper.stroke_mm,
+            config.gripper.mount,
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"

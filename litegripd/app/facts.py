@@ -124,7 +124,7 @@ class DaemonFacts:
         """Return what keeps the gripper from being used, and what is merely not as it should."""
         view = self._machine.motor.view()
         down: list[str] = []
-        refusal = parts.bus.condition.refusal()
+        refusal = parts.bus.condition.refusal(self._config.bus.channel)
         if refusal is not None:
             down.append(refusal.message)
         elif view.phase in (MotorPhase.SILENT, MotorPhase.FAULT) or view.problem is not None:

@@ -51,7 +51,7 @@ class Machine:
         is_silent = view.phase is MotorPhase.SILENT and is_asked
         if is_silent and bus.is_usable and view.problem is not None:
             bus = BusCondition("motor_silent", view.problem.message)
-        refusal = bus.refusal()
+        refusal = bus.refusal(self.engine.unit.bus_channel)
         if refusal is not None:
             view = replace(view, problem=refusal)
         self.engine.note_bus(bus)

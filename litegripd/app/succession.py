@@ -151,7 +151,7 @@ class Succession:
 
     def _not_now(self, *, is_under_way: bool = False) -> Refusal | None:
         refusal = handover.unsettled(self._machine)
-        refusal = refusal or self._bus.condition.refusal()
+        refusal = refusal or self._bus.condition.refusal(self._config.bus.channel)
         has_work = self._helper.is_busy or self._machine.engine.errands
         if refusal is None and is_under_way and has_work:
             refusal = Refusal("busy", "the helper process is at work")

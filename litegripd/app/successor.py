@@ -141,7 +141,7 @@ class Successor(Daemon):
             self._insist_on_bus()
 
     def _insist_on_bus(self) -> None:
-        refusal = self._bus.condition.refusal()
+        refusal = self._bus.condition.refusal(self._config.bus.channel)
         if refusal is not None:
             raise NotTakenError(f"the successor: {refusal.message}")
 

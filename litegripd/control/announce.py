@@ -6,7 +6,7 @@ from dataclasses import fields
 
 from litegripd.control.heat import HeatChange
 from litegripd.control.lease import Grant, Loss, LossCause
-from litegripd.model.bus import BUS_REMEDIES, BusCondition
+from litegripd.model.bus import BusCondition, remedy
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
@@ -203,12 +203,12 @@ def _registers_changed(before: MotorIdentity, now: MotorIdentity) -> list[Event]
     return [Event("motor", text, {"registers": finite, "error": text})]
 
 
-def bus_changed(before: BusCondition, now: BusCondition) -> Event:
+def bus_changed(before: BusCondition, now: BusCondition, bus_channel: str) -> Event:
     """Tell that the bus is in another state, and what to do about it."""
     text = "CAN bus: " + ("" if before.state == now.state else f"{before.state} -> ") + now.state
-    remedy = BUS_REMEDIES.get(now.state)
+    hint = remedy(now.state, bus_channel)
     if now.error is not None:
         text += f": {now.error}"
-    if remedy is not None and now.state != "motor_silent":  # its error says what to do
-        text += f" ({remedy})"
-    return Event("bus", text, {"state": now.state, "error": now.error, "hint": remedy})
+    if hint is not None and now.state != "motor_silent":  # its error says what to do
+        text += f" ({hint})"
+    return Event("bus", text, {"state": now.state, "error": now.error, "hint": hint})

@@ -93,7 +93,7 @@ class Engine(Arbiter):
         """
         is_first = self.bus == NOT_OPENED and bus != NOT_OPENED
         if is_first or bus.state != self.bus.state:
-            self.events.append(announce.bus_changed(self.bus, bus))
+            self.events.append(announce.bus_changed(self.bus, bus, self.unit.bus_channel))
         self.bus = bus
 
     def recording_refusal(self) -> Refusal | None:

@@ -22,6 +22,14 @@ _STATES: dict[int, BusState] = {
 }
 
 
+_UNOPENED = {
+    errno.ENODEV: "there is no network interface {channel}",
+    errno.EAFNOSUPPORT: "this system has no CAN sockets: load them by 'sudo modprobe can_raw' (of a"
+    " container, on its host); a kernel without that module cannot use SocketCAN",
+}
+"""What the errors of SocketCAN's socket mean."""
+
+
 def code_of(error: BaseException) -> int | None:
     """Return the system's error number of an error or of what caused it, where there is one."""
     seen: BaseException | None = error
@@ -40,6 +48,17 @@ def condition_of(error: BaseException, text: str, channel: str) -> BusCondition:
     is_missing = channel.startswith("/") and not Path(channel).exists()
     state = _STATES.get(code_of(error) or 0, "down")
     return BusCondition("adapter_gone" if is_missing else state, text)
+
+
+def not_opened(error: BaseException, text: str, interface: str, channel: str) -> BusCondition:
+    """Name what opening a bus has raised, in words where the system's own do not tell."""
+    condition = condition_of(error, f"cannot be opened: {text}", channel)
+    why = _UNOPENED.get(code_of(error) or 0)
+    if interface != "socketcan" or why is None:
+        return condition
+    return BusCondition(
+        condition.state, f"cannot be opened: {why.format(channel=channel)} ({text})"
+    )
 
 
 def told_by(message: can.Message) -> BusState | None:

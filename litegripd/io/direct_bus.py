@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import can
 
 from litegripd.io.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
-from litegripd.io.bus_errors import condition_of, told_by
+from litegripd.io.bus_errors import condition_of, not_opened, told_by
 from litegripd.io.messages import describe, open_bus, to_frame, to_message
 from litegripd.model.bus import NOT_OPENED, UP, BusCondition
 from litegripd.model.frame import CanFrame
@@ -129,7 +129,10 @@ class DirectBus:
         try:
             self._bus = open_bus(self._settings)
         except Exception as error:  # noqa: BLE001 - an interface may raise anything
-            self.condition = self._condition(error, f"cannot be opened: {describe(error)}")
+            settings = self._settings
+            self.condition = not_opened(
+                error, describe(error), settings.interface, settings.channel
+            )
             self._reopen_at_s = now_s + self._reopen_after_s
             self._reopen_after_s = min(2 * self._reopen_after_s, _REOPEN_AT_MOST_S)
             return
@@ -143,8 +146,10 @@ class DirectBus:
     def _failed(self, error: Exception, now_s: float, *, sending: bool = False) -> None:
         """Note what was raised; close the bus, to open it again, where nothing else helps."""
         self.counters.errors += 1
-        condition = self._condition(error, describe(error))
+        condition = condition_of(error, describe(error), self._settings.channel)
         if condition.state == "bus_stalled":
+            if self.condition.state == "bus_off":
+                return  # the adapter sends nothing, and so its queue fills up
             if self._full_since_s is None:
                 self._full_since_s = now_s
             if now_s - self._full_since_s < _FULL_AT_MOST_S:
@@ -156,9 +161,6 @@ class DirectBus:
         if condition.state == "adapter_gone" or isinstance(error, ValueError):
             self.close()
             self._reopen_at_s = now_s + self._reopen_after_s
-
-    def _condition(self, error: Exception, text: str) -> BusCondition:
-        return condition_of(error, text, self._settings.channel)
 
     def _works(self) -> None:
         self._sending_failed = False

@@ -3,9 +3,8 @@
 The names are part of the protocol: `state.get`, `health` and the events carry them.
 """
 
-from collections.abc import Mapping
+import shlex
 from dataclasses import dataclass
-from types import MappingProxyType
 from typing import Literal, TypeAlias
 
 from litegripd.model.errors import Refusal
@@ -15,21 +14,28 @@ BusState: TypeAlias = Literal[
 ]
 """`down` is what has no name of its own: not opened yet, or an adapter's own error."""
 
-BUS_REMEDIES: Mapping[BusState, str] = MappingProxyType(
-    {
-        "link_down": "bring the link up: ip link set CHANNEL up type can bitrate 1000000"
-        " restart-ms 100 (without restart-ms for an adapter that refuses it)",
-        "adapter_gone": "plug the adapter in, or correct its name ('ip link' lists interfaces): it"
-        " is opened as soon as it is there",
-        "bus_off": "check wiring, termination and bit rate; with restart-ms set, the controller"
-        " comes back by itself, else: ip link set CHANNEL type can restart, or, where the adapter"
-        " refuses that, down and up",
-        "bus_stalled": "nobody on the bus acknowledges a frame: check the cable and the motor's"
-        " power",
-        "motor_silent": "check the motor's 24 V supply, the CAN wiring and its id",
-        "down": "mend what the error names: the bus is opened again and again by itself",
-    }
-)
+_REMEDIES: dict[BusState, str] = {
+    "link_down": "bring the link up: {up}",
+    "adapter_gone": "plug the adapter in, or correct its name ('ip -brief link show type can' lists"
+    " CAN interfaces): it is opened as soon as it is there",
+    "bus_off": "check wiring, termination and bit rate; a controller with restart-ms set then comes"
+    " back by itself, any other one by: sudo ip link set {name} down && sudo ip link set {name} up",
+    "bus_stalled": "nobody on the bus acknowledges a frame: check the cable and the motor's power",
+    "motor_silent": "check the motor's 24 V supply, the CAN wiring and its id",
+    "down": "mend what the error names: the bus is opened again and again by itself",
+}
+
+
+def remedy(state: BusState, bus_channel: str) -> str | None:
+    """Say what to do about a state of the bus that [bus] channel names; nothing about "up".
+
+    Every adapter takes these commands: some drivers refuse `restart-ms`, and the restart by hand.
+    """
+    name = shlex.quote(bus_channel)
+    settings = "" if bus_channel.startswith(("vcan", "vxcan")) else " type can bitrate 1000000"
+    text = _REMEDIES.get(state)
+    up = f"sudo ip link set {name} up{settings}"
+    return None if text is None else text.format(name=name, up=up)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +50,13 @@ class BusCondition:
         """Whether frames can be exchanged as far as is known; a silent motor is no matter of it."""
         return self.state in ("up", "motor_silent")
 
-    def refusal(self) -> Refusal | None:
+    def refusal(self, bus_channel: str) -> Refusal | None:
         """Say why the motor cannot be reached, where it is the bus that stands in the way."""
         if self.is_usable:
             return None
-        remedy = BUS_REMEDIES[self.state]
-        text = f"the CAN bus cannot be used ({self.state}): {self.error}; {remedy}"
-        return Refusal("bus_down", text, {"bus": self.state, "hint": remedy})
+        hint = remedy(self.state, bus_channel)
+        text = f"the CAN bus cannot be used ({self.state}): {self.error}; {hint}"
+        return Refusal("bus_down", text, {"bus": self.state, "hint": hint})
 
 
 UP = BusCondition("up")

@@ -4,8 +4,9 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.bus import NOT_OPENED, UP, BusCondition, BusState
+from litegripd.model.bus import NOT_OPENED, UP, BusCondition, BusState, remedy
 from litegripd.model.motor import MotorPhase
+from litegripd.model.unit import Unit
 from litegripd.motor import codec
 from tests.world import CAN_ID, Client, World
 
@@ -193,3 +194,33 @@ def test_a_motor_that_was_lost_with_the_bus_for_a_moment_is_neither_found_anew_n
         assert len(phases) == 1
     assert phases == {MotorPhase.SILENT}
     assert world.state.mode == "relaxed"
+
+
+@pytest.mark.parametrize(
+    ("state", "commands"),
+    [
+        ("link_down", "sudo ip link set left up type can bitrate 1000000"),
+        ("bus_off", "sudo ip link set left down && sudo ip link set left up"),
+    ],
+)
+def test_the_commands_that_are_told_name_the_interface_and_suit_any_driver(
+    state: BusState, commands: str
+) -> None:
+    """Those without a restart after bus-off refuse `restart-ms`, and one by hand as well."""
+    world = World()
+    world.engine.unit = Unit("arm", "left")
+    client = world.start().client()
+    client.result("events.subscribe")
+    cut(world, state)
+    world.run(0.1)
+    [told] = bus_events(client)
+    assert told["hint"].endswith(f": {commands}")
+    error = client.call("motor.enable")["error"]
+    assert error["data"]["hint"] == told["hint"]
+    assert commands in error["message"]
+
+
+def test_a_virtual_bus_has_no_bit_rate_to_be_set() -> None:
+    assert remedy("link_down", "vcan0") == "bring the link up: sudo ip link set vcan0 up"
+    assert remedy("up", "can0") is None
+    assert "set 'a b' down" in str(remedy("bus_off", "a b"))

@@ -184,7 +184,7 @@ def test_an_adapter_that_comes_back_is_opened_again() -> None:
         world.faults.unplug()
         world.run(20.0)
         assert world.bus.condition.error == "cannot be opened: [Errno 19] No such device"
-        refusal = world.bus.condition.refusal()
+        refusal = world.bus.condition.refusal("can0")
         assert refusal is not None
         assert "correct its name" in refusal.message
         assert client.refusal("motor.enable") == "bus_down"

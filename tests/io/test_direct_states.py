@@ -90,19 +90,31 @@ def test_what_is_raised_has_a_state_by_name(rig: Rig, error: Exception, state: s
     rig.fake.to_receive.append(error)
     rig.bus.receive(rig.now_s)
     assert rig.state == state
-    refusal = rig.bus.condition.refusal()
+    refusal = rig.bus.condition.refusal("can0")
     assert refusal is not None
     assert refusal.data["bus"] == state
 
 
 @pytest.mark.parametrize(
-    ("error", "state"),
-    [(OSError(errno.ENODEV, "No such device"), "adapter_gone"), (OSError(97, "no CAN"), "down")],
+    ("error", "state", "why"),
+    [
+        (OSError(errno.ENODEV, "No such device"), "adapter_gone", "no network interface can0"),
+        (
+            OSError(errno.EAFNOSUPPORT, "no family"),
+            "down",
+            "no CAN sockets: load them by 'sudo mod",
+        ),
+        (OSError(errno.EPERM, "Operation not permitted"), "down", "Operation not permitted"),
+    ],
 )
-def test_what_opening_raises_has_a_state_by_name(rig: Rig, error: Exception, state: str) -> None:
+def test_what_opening_raises_has_a_state_by_name(
+    rig: Rig, error: Exception, state: str, why: str
+) -> None:
     rig.open_error = error
     rig.tick()
     assert rig.state == state
+    assert str(rig.bus.condition.error).startswith("cannot be opened: ")
+    assert why in str(rig.bus.condition.error)
 
 
 def error_frame(kind: int) -> can.Message:
@@ -123,6 +135,23 @@ def test_bus_off_lasts_until_something_comes_though_frames_can_be_sent(
     rig.fake.to_receive.append(over)
     rig.tick()
     assert rig.state == "up"
+
+
+def test_bus_off_fills_the_queue_of_an_adapter_and_stays_bus_off(rig: Rig) -> None:
+    """As with gs_usb: nothing is sent any more, and what waits for it is no news."""
+    rig.tick()
+    rig.fake.to_receive.append(error_frame(0x40))
+    rig.tick()
+    rig.fake.send_error = operation_error(errno.ENOBUFS)
+    for _ in range(600):
+        rig.tick()
+        assert rig.state == "bus_off"
+    rig.fake.send_error = operation_error(errno.ENETDOWN)  # somebody sets it down, and up
+    rig.tick()
+    assert rig.state == "link_down"
+    rig.fake.send_error = None
+    rig.tick()
+    assert rig.is_up()
 
 
 @pytest.mark.parametrize(

@@ -22,13 +22,18 @@ def install_units(run: Run) -> int:
                 "--uninstall removes everything", "leave --can and --serial out, or --uninstall"
             )
         done = install.uninstall(root)
-        following = _after_removal(done)
+        following = _after_removal(root, done)
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
         wishes = Wishes(options.can, options.serial)
         done = install.install(root, wishes, plan.program_directory())
         following = _after_installation(root, done, options.can)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
+        notes += [
+            f"{path} is a copy of a file of earlier versions, and still does what it says, beside"
+            f" /{plan.RULES}: remove it, or rename a rule to {Path(plan.RULES).name}"
+            for path in install.outdated(root)
+        ]
     data = {"files": [asdict(one) for one in done], "next": following, "notes": notes}
     run.output.result(data, _text(done, following, notes))
     return OK
@@ -36,14 +41,11 @@ def install_units(run: Run) -> int:
 
 def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str]) -> list[str]:
     following = ["systemd-sysusers", "systemctl daemon-reload"]
-    if channels or any(one.what != "unchanged" and _is_of_network(one.path) for one in done):
-        if install.uses_networkd(root):
-            following.append("networkctl reload")
-        following.append("udevadm control --reload")
-        following += [
-            f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
-            for channel in channels
-        ]
+    following += _reloads(root, done, is_rule_wanted=bool(channels))
+    following += [
+        f"udevadm trigger --action=add --subsystem-match=net --sysname-match={channel}"
+        for channel in channels
+    ]
     running = [name for name in install.enabled(root) if "@" in name]
     if running:
         verb = "restart" if _has_new_settings(done) else "reload"
@@ -67,16 +69,20 @@ def _has_new_settings(done: Sequence[Done]) -> bool:
     )
 
 
-def _is_of_network(path: str) -> bool:
-    return "/network/" in path or "/rules.d/" in path
-
-
-def _after_removal(done: Sequence[Done]) -> list[str]:
-    removed = [one.path for one in done if one.what == "removed"]
-    following = ["systemctl daemon-reload"] if removed else []
-    if any(map(_is_of_network, removed)):
+def _reloads(root: Path, done: Sequence[Done], *, is_rule_wanted: bool = False) -> list[str]:
+    """Return what has networkd and udev read their files anew, where one of them has changed."""
+    changed = [one.path for one in done if one.what not in ("unchanged", "kept")]
+    is_network = any("/systemd/network/" in path for path in changed)
+    is_rule = any("/rules.d/" in path for path in changed)
+    following = ["networkctl reload"] if is_network and install.uses_networkd(root) else []
+    if is_rule_wanted or is_rule or is_network:  # a .link is udev's
         following.append("udevadm control --reload")
     return following
+
+
+def _after_removal(root: Path, done: Sequence[Done]) -> list[str]:
+    is_any_removed = any(one.what == "removed" for one in done)
+    return ["systemctl daemon-reload", *_reloads(root, done)] if is_any_removed else []
 
 
 def _text(done: Sequence[Done], following: Sequence[str], notes: Sequence[str]) -> str:

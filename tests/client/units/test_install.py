@@ -17,7 +17,10 @@ from litegripd.app.main import EXIT_USAGE
 
 PROGRAMS = "/opt/grippers/bin"
 UNITS = "usr/local/lib/systemd/system"
-RULES = "usr/local/lib/udev/rules.d/80-litegrip.rules"
+OLD_RULES = "usr/local/lib/udev/rules.d/80-litegrip.rules"
+NETWORK = "usr/local/lib/systemd/network/80-litegrip.network"
+LINK = "usr/local/lib/systemd/network/80-litegrip.link"
+RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
 CONFIGURATION = "etc/litegripd/litegripd.toml"
 SOURCES = Path(__file__).parents[3]
 
@@ -91,12 +94,28 @@ def test_an_older_unit_is_replaced_but_no_configuration(tmp_path: Path) -> None:
 
 def test_udev_brings_exactly_the_named_interfaces_up(tmp_path: Path) -> None:
     put(tmp_path, "can0", "arm_can1")
-    assert 'KERNEL=="can0|arm_can1"' in (tmp_path / RULES).read_text()
+    rule = (tmp_path / RULES).read_text()
+    assert ' ENV{.LITEGRIP_NAME}=="can0|arm_can1", ATTR{tx_queue_len}="10", RUN+=' in rule
+    assert re.findall(r"can\d", re.sub(r"^#.*", "", rule, flags=re.M)) == ["can0", "can1"]
+
+
+def test_an_interface_is_known_by_its_last_name_and_not_by_the_kernels(tmp_path: Path) -> None:
+    """At its next plug one that was renamed comes as can0 again."""
+    put(tmp_path, "left")
+    rule = tmp_path / RULES
+    assert rule.name > "80-net-setup-link.rules"  # which gives the name; udev sorts by file name
+    naming, line = [one for one in rule.read_text().splitlines() if one[:1] not in ("", "#")]
+    assert naming.endswith(', ENV{.LITEGRIP_NAME}="$name"')
+    assert ', ENV{.LITEGRIP_NAME}=="left",' in line
+    assert "KERNEL" not in naming + line
+    assert set(re.findall(r"ip link set (\S+)", line)) == {"$name"}
 
 
 def test_an_adapter_that_refuses_to_restart_by_itself_comes_up_all_the_same(tmp_path: Path) -> None:
     put(tmp_path, "can0")
-    assert re.findall(r'RUN\+="/sbin/ip link set %k ([^"]*)"', (tmp_path / RULES).read_text()) == [
+    assert re.findall(
+        r'RUN\+="/sbin/ip link set \$name ([^"]*)"', (tmp_path / RULES).read_text()
+    ) == [
         "type can bitrate 1000000",
         "type can restart-ms 100",
         "up",
@@ -106,7 +125,7 @@ def test_an_adapter_that_refuses_to_restart_by_itself_comes_up_all_the_same(tmp_
 def test_interfaces_of_an_earlier_call_stay(tmp_path: Path) -> None:
     put(tmp_path, "can0", "arm_can1")
     put(tmp_path, "can7", "can0")
-    assert 'KERNEL=="can0|arm_can1|can7"' in (tmp_path / RULES).read_text()
+    assert '_NAME}=="can0|arm_can1|can7"' in (tmp_path / RULES).read_text()
 
 
 def test_an_upgrade_renews_what_earlier_calls_installed(tmp_path: Path) -> None:
@@ -121,17 +140,48 @@ def test_an_upgrade_renews_what_earlier_calls_installed(tmp_path: Path) -> None:
     assert [path.read_text() for path in (rule, drop_in)] == contents
 
 
-def test_networkd_does_where_it_is_enabled_and_udev_no_longer(tmp_path: Path) -> None:
-    put(tmp_path, "can0")
-    wants = tmp_path / "etc/systemd/system/multi-user.target.wants"
+def use_networkd(root: Path) -> None:
+    wants = root / "etc/systemd/system/multi-user.target.wants"
     wants.mkdir(parents=True)
     (wants / "systemd-networkd.service").symlink_to("/lib/systemd/system/systemd-networkd.service")
-    done = put(tmp_path, "can1")
-    assert done[RULES] == "removed"
-    put(tmp_path, "can1")
-    network = tmp_path / "usr/local/lib/systemd/network"
-    assert "\nName=can0 can1\n" in (network / "80-litegrip.network").read_text()
-    assert "\nOriginalName=can0 can1\n" in (network / "80-litegrip.link").read_text()
+
+
+def write(root: Path, name: str, content: str) -> Path:
+    path = root / name
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(content)
+    return path
+
+
+def of_earlier_versions(root: Path) -> list[Path]:
+    """Install what they did: with systemd-networkd the last two, else the first."""
+    return [
+        write(root, OLD_RULES, '# old\nACTION=="add", SUBSYSTEM=="net", KERNEL=="can0", RUN+=""\n'),
+        write(root, NETWORK, "# old\n\n[Match]\nName=can1 can2\n\n[CAN]\nRestartSec=100ms\n"),
+        write(root, LINK, "# old\n\n[Match]\nOriginalName=can1 can2\n"),
+    ]
+
+
+def test_an_upgrade_replaces_what_brought_interfaces_up_before(tmp_path: Path) -> None:
+    of_earlier_versions(tmp_path)
+    done = put(tmp_path)
+    assert done[RULES] == "installed"
+    assert {done[path] for path in (OLD_RULES, NETWORK, LINK)} == {"removed"}
+    assert '_NAME}=="can0|can1|can2",' in (tmp_path / RULES).read_text()
+    assert set(put(tmp_path).values()) <= {"unchanged", "kept"}
+
+
+def test_what_earlier_versions_installed_is_removed(tmp_path: Path) -> None:
+    paths = of_earlier_versions(tmp_path)
+    assert {one.what for one in install.uninstall(tmp_path)} == {"removed"}
+    assert not any(path.exists() for path in paths)
+
+
+def test_systemd_networkd_has_no_say_in_it(tmp_path: Path) -> None:
+    """It leaves alone what it has no file for; with RestartSec= it fails on some drivers."""
+    use_networkd(tmp_path)
+    assert put(tmp_path, "can0")[RULES] == "installed"
+    assert not list(tmp_path.glob("**/*.network"))
 
 
 def test_removal_takes_all_but_configuration_and_data(tmp_path: Path) -> None:
@@ -220,6 +270,36 @@ def test_the_command_tells_what_it_did_and_what_comes_next(
         "systemctl start litegripd@can1",
     ):
         assert f"\n  {command}" in out
+
+
+@pytest.mark.usefixtures("usable")
+def test_the_command_says_to_read_anew_what_was_removed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    use_networkd(tmp_path)
+    of_earlier_versions(tmp_path)
+    assert main(["install-units", "--root", str(tmp_path), "--json"]) == 0
+    upgrading = json.loads(capsys.readouterr().out)["next"]
+    assert upgrading[1:4] == [
+        "systemctl daemon-reload",
+        "networkctl reload",
+        "udevadm control --reload",
+    ]
+    assert not any("trigger" in command for command in upgrading)
+    of_earlier_versions(tmp_path)
+    assert main(["install-units", "--root", str(tmp_path), "--uninstall", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["next"] == upgrading[1:4]
+    assert main(["install-units", "--root", str(tmp_path), "--uninstall", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["next"] == []
+
+
+@pytest.mark.usefixtures("usable")
+def test_the_command_names_a_copy_of_what_is_no_longer_installed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = write(tmp_path, "etc/udev/rules.d/80-litegrip.rules", "# mine")
+    assert main(["install-units", "--root", str(tmp_path), "--can", "can0"]) == 0
+    assert f"note: {own} is a copy of a file of earlier versions" in capsys.readouterr().out
 
 
 @pytest.mark.usefixtures("usable")
