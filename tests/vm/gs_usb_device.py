@@ -69,8 +69,8 @@ class Device:
         """Pull the adapter out; the motor keeps its power."""
         if self._cable is None:
             raise ValueError("it is unplugged already")
+        (VHCI / "detach").write_text(str(self._port))  # first: the kernel notices the end as well
         self._let_go(self._cable)
-        (VHCI / "detach").write_text(str(self._port))
 
     def advance(self) -> None:
         """Let the motor live on, and tell the host what there is to tell."""
