@@ -21,6 +21,13 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
 SYSTEM_DIRECTORY = "/run/litegripd"
 ENABLED_DIRECTORY = "/etc/systemd/system/litegripd.target.wants"
+UNIT_DIRECTORIES = (
+    "/etc/systemd/system",
+    "/run/systemd/system",
+    "/usr/local/lib/systemd/system",
+    "/usr/lib/systemd/system",
+    "/lib/systemd/system",
+)
 GROUP = "litegrip"
 
 _CHANNEL = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
@@ -80,6 +87,12 @@ def is_enabled(channel: str) -> bool:
     return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
 
 
+def is_unit_installed() -> bool:
+    """Whether systemd has the unit of the daemons: without it there is none to be started."""
+    paths = [f"{directory}/litegripd@.service" for directory in UNIT_DIRECTORIES]
+    return any(os.path.exists(path) for path in paths)  # noqa: PTH110 - see _names
+
+
 def _names(directory: str) -> list[str]:
     try:
         return os.listdir(directory)  # noqa: PTH208 - pathlib takes long to import
@@ -123,8 +136,9 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
     """Say what was tried; a single path was given, so that it and not the channel was asked for."""
     of_channel = f" for channel {channel}" if len(failures) > 1 else ""
     tried = "; ".join(f"{path}: {_why(path, error)}" for path, error in failures)
+    unit = f"'systemctl start litegripd@{channel}' or " if is_unit_installed() else ""
     hint = (
-        f"start one with 'systemctl start litegripd@{channel}' or 'litegripd {channel}', or try "
+        f"start one with {unit}'litegripd {channel}', or try "
         f"without hardware: 'litegripd {channel} --simulate'"
     )
     if not of_channel:  # which channel the socket is of, and so which unit, is not known

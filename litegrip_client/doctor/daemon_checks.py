@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.facts import Facts
+from litegrip_client.doctor.facts import SIMULATED, Facts
 from litegrip_client.doctor.findings import Finding, error, ok, warning
 
 STANDSTILL_US = 100_000
@@ -22,13 +22,17 @@ def configuration(facts: Facts) -> Finding | None:
     found = facts.configuration
     if found is None:
         return None
-    again = f"litegripd {facts.channel} --check"
+    as_user = f"sudo -u {found.as_user} " if found.as_user else ""
+    again = f"{as_user}litegripd {facts.channel} --check"
     if found.error is not None:
         advice = f"the daemon ends with it: correct it, and check it again: {again}"
         return error(found.error, advice=advice)
     if found.content is None:
+        bus = f"which may name another bus than {facts.bus_channel}"
+        if facts.interface is None:
+            bus = "nor the bus that it names"
         return warning(
-            f"{found.file} was not checked, nor the bus that it names: {found.unchecked}",
+            f"{found.file} was not checked, {bus}: {found.unchecked}",
             advice=f"where the daemon is installed, as who may read it: {again}",
         )
     return ok(f"{found.file}: interface {facts.interface}, channel {facts.bus_channel}")
@@ -57,11 +61,12 @@ def version(facts: Facts) -> Finding | None:
     told = facts.daemon.hello.get("version")
     if told == facts.version:
         return ok(f"{told}, as this program")
-    return warning(
-        f"the daemon is {told}, this program {facts.version}",
-        f"sudo systemctl restart {facts.unit}",
-        "a daemon goes on running as what it was started; else install one version for both",
-    )
+    text = f"the daemon is {told}, this program {facts.version}"
+    why = "a daemon goes on running as what it was started; else install one version for both"
+    if facts.interface in SIMULATED:
+        return warning(text, advice=f"end it, and start it anew; {why}")
+    hold = f"{facts.ctl} restart --hold" if facts.unit is None else _systemctl("reload", facts)
+    return warning(text, hold, f"the jaws hold meanwhile what they hold; {why}")
 
 
 def sockets(facts: Facts) -> Finding | None:
@@ -114,11 +119,18 @@ def real_time(facts: Facts) -> Finding | None:
     if not missing:
         order = f"SCHED_FIFO {priority}" if priority else "ordinary priority, as configured"
         return ok(f"{order}, memory locked")
+    text = f"not granted: {' and '.join(missing)}; {stood_still or 'ticks may start late'}"
+    container = "a container must be given CAP_SYS_NICE and CAP_IPC_LOCK as well"
+    if facts.unit is None:
+        advice = (
+            "start it where 'ulimit -r' is 50 or more and 'ulimit -l' is unlimited, as units do"
+        )
+        return warning(text, advice=f"{advice}; {container}")
     return warning(
-        f"not granted: {' and '.join(missing)}; {stood_still or 'ticks may start late'}",
+        text,
         f"sudo mkdir -p {_DROP_IN} && printf '{_LIMITS}' | sudo tee {_DROP_IN}/realtime.conf"
-        f" && sudo systemctl daemon-reload && sudo systemctl restart {facts.unit}",
-        "a container must be given CAP_SYS_NICE and CAP_IPC_LOCK as well",
+        f" && sudo systemctl daemon-reload && {_systemctl('restart', facts)}",
+        container,
     )
 
 
@@ -156,13 +168,15 @@ def _no_daemon(facts: Facts) -> Finding:
         who = f"pid {facts.hung_pid}" if facts.hung_pid else "a process"
         return error(
             f"{who} listens, but {failure}",
-            None if facts.unit is None else f"sudo systemctl restart {facts.unit}",
+            _systemctl("restart", facts),
             f"{f'look first: {status}; ' if status else ''}without systemd: end it, start it anew",
         )
-    if facts.unit is None:
+    if not facts.is_channel_known:
         advice = "start its daemon: litegripd CHANNEL --socket PATH"
         return error(failure, advice=f"{advice}; without hardware: with --simulate")
-    start = f"sudo systemctl start {facts.unit}"
+    if facts.unit is None:
+        return _not_installed(facts, failure)
+    start = _systemctl("start", facts)
     if facts.configuration is not None and facts.configuration.error is not None:
         return error(failure, start, "not before the configuration is mended")
     if facts.is_unit_enabled:
@@ -175,6 +189,21 @@ def _no_daemon(facts: Facts) -> Finding:
     )
 
 
+def _not_installed(facts: Facts, failure: str) -> Finding:
+    """Tell how a daemon is started where systemd has no unit for any."""
+    foreground = f"litegripd {facts.channel}"
+    option = f" --can {facts.bus_channel}" if facts.interface == "socketcan" else ""
+    is_wrong = facts.configuration is not None and facts.configuration.error is not None
+    advice = "not before the configuration is mended; " if is_wrong else ""
+    advice += "that is in the foreground; as a service, as root: litegripctl install-units"
+    advice += f"{option}, which says what comes next; without hardware: {foreground} --simulate"
+    return error(failure, foreground, advice)
+
+
+def _systemctl(verb: str, facts: Facts) -> str | None:
+    return None if facts.unit is None else f"sudo systemctl {verb} {facts.unit}"
+
+
 def _closed(facts: Facts) -> list[str]:
     return [socket.path for socket in facts.sockets if not socket.is_accessible]
 
@@ -183,7 +212,7 @@ def _admit(facts: Facts) -> str | None:
     """Give the command that lets this user connect."""
     user = facts.user
     if user.has_group:
-        return None if facts.unit is None else f"sudo systemctl restart {facts.unit}"
+        return _systemctl("restart", facts)
     if user.group_exists and user.is_member:
         return f"newgrp {user.group}"
     join = f"sudo usermod --append --groups {user.group} {user.name}"
@@ -198,4 +227,6 @@ def _then(facts: Facts) -> str:
     login = "groups count from the next login on"
     if facts.user.group_exists:
         return login
+    if facts.daemon is None and not facts.sockets:
+        return f"the daemon looks for its group when it starts; {login}"
     return f"then start the daemon again, which looks for its group when it starts; {login}"

@@ -108,6 +108,8 @@ class Configuration:
     content: Mapping[str, Any] | None = None
     error: str | None = None
     unchecked: str | None = None
+    as_user: str | None = None
+    """As whom it was read, where that is not who runs this program."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +131,8 @@ class Facts:
     asked_channel: str | None = None
     is_unit_enabled: bool = False
     """Whether systemd starts the channel's daemon by itself."""
+    is_unit_installed: bool = True
+    """Whether systemd has a unit for daemons at all."""
     is_channel_known: bool = True
     """False where a socket alone was named, and nobody answers there."""
     hung_pid: int | None = None
@@ -141,8 +145,9 @@ class Facts:
 
     @property
     def unit(self) -> str | None:
-        """The systemd unit of the channel's daemon; None where the channel is not known."""
-        return f"litegripd@{self.channel}" if self.is_channel_known else None
+        """The systemd unit of the channel's daemon; None where the channel or units are unknown."""
+        is_known = self.is_channel_known and self.is_unit_installed
+        return f"litegripd@{self.channel}" if is_known else None
 
     @property
     def is_enabled(self) -> bool:

@@ -13,6 +13,7 @@ from litegrip_client.discovery import (
     connect,
     is_enabled,
     is_socket_given,
+    is_unit_installed,
     socket_paths,
 )
 from litegrip_client.doctor import gather_configuration, gather_system
@@ -40,8 +41,9 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         file = gather_configuration.configuration(channel)
         configuration = (file.content if file is not None else None) or {}
     bus = configuration.get("bus", {})
-    is_bus_known = is_channel_known and (file is None or file.content is not None)
-    interface = str(bus.get("interface", "socketcan")) if is_bus_known else None
+    is_read = is_channel_known and (file is None or file.content is not None)
+    may_be_it = file is not None and file.unchecked is not None and gather_system.is_can(channel)
+    interface = str(bus.get("interface", "socketcan")) if is_read or may_be_it else None
     bus_channel = str(bus.get("channel", channel))
     where = f" -c {channel}" if is_channel_known else ""
     if socket:
@@ -57,6 +59,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         ctl=f"litegripctl{where}",
         asked_channel=asked,
         is_unit_enabled=not is_socket_given(socket) and is_enabled(channel),
+        is_unit_installed=is_unit_installed(),
         is_channel_known=is_channel_known,
         hung_pid=hung_pid,
         configuration=file,

@@ -37,6 +37,11 @@ def system(interface: str, bus_channel: str, net: Path = NET) -> System:
     return System(link, problem, _can_links(net), driver, adapter)
 
 
+def is_can(name: str) -> bool:
+    """Whether there is a CAN interface of a name."""
+    return name in _can_links(NET)
+
+
 def user(group: str) -> User:
     """Ask who runs this program, and whether that is somebody of `group`."""
     uid = os.getuid()

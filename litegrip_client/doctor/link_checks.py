@@ -40,12 +40,15 @@ _OPENING = (
 
 _OPENING_ELSE = "mend what its driver says, or correct [bus] in the configuration and restart"
 
-_SETTINGS = f"type can bitrate {BITRATE} restart-ms 100"
+_NO_RESTART = (None, "gs_usb")
+"""Drivers without a restart after bus-off, as those of serial lines, which sysfs does not name.
+Kernels from 2025 on refuse `restart-ms` for them, after the bit rate is set; the link stays down.
+"""
+
 _IF_REFUSED = (
-    'if it answers "Device doesn\'t support restart from Bus Off", leave restart-ms 100 out;'
-    ' if "No such file or directory", unplug the adapter and plug it in again'
+    'if it answers "No such file or directory", the adapter has lost its USB endpoints: unplug it'
+    ' and plug it in again; if "Device doesn\'t support restart from Bus Off", leave restart-ms out'
 )
-"""What some gs_usb clones make of these settings, and of an adapter that lost its USB endpoints."""
 
 _WIRING = (
     "look at the wiring (CAN-H, CAN-L, 120 ohms at both ends), the motor's 24 V, and the bit rate"
@@ -78,7 +81,7 @@ def link(facts: Facts) -> Finding | None:
         )
     virtual = ", virtual: without bit rate and error counters" if _is_virtual(found) else ""
     if not found.is_up:
-        settings = "" if virtual else f" {_SETTINGS}"
+        settings = "" if virtual else f" {_settings(facts)}"
         advice = None if virtual else _IF_REFUSED
         return error(f"{name} is down{virtual}", f"sudo ip link set {name} up{settings}", advice)
     return ok(f"{name} is up{virtual}")
@@ -90,11 +93,12 @@ def bit_rate(facts: Facts) -> Finding | None:
     if found is None:
         return _configured_bit_rate(facts)
     if found.bitrate is None:
-        return error("no bit rate is set", _anew(facts, _SETTINGS), _IF_REFUSED)
+        return error("no bit rate is set", _anew(facts, _settings(facts)), _IF_REFUSED)
     text = f"{found.bitrate / 1e6:g} Mbit/s"
     if found.bitrate == BITRATE:
         return ok(text)
-    return error(f"{text}, but the motor speaks at 1 Mbit/s", _anew(facts, _SETTINGS), _IF_REFUSED)
+    text = f"{text}, but the motor speaks at 1 Mbit/s"
+    return error(text, _anew(facts, _settings(facts)), _IF_REFUSED)
 
 
 def sample_point(facts: Facts) -> Finding | None:
@@ -111,16 +115,22 @@ def sample_point(facts: Facts) -> Finding | None:
 
 
 def restart(facts: Facts) -> Finding | None:
-    """Check whether the controller restarts by itself after bus-off."""
+    """Check whether the controller of a link that is up restarts by itself after bus-off.
+
+    No command: the link would have to go down, and it works.
+    """
     found = _controller(facts)
-    if found is None or found.restart_ms is None:
+    if found is None or found.restart_ms is None or not found.is_up:
         return None
+    if facts.system.driver in _NO_RESTART:
+        return ok(f"this driver has none: after bus-off, {_down_and_up(found)}")
     if found.restart_ms > 0:
         return ok(f"by itself, {found.restart_ms} ms after bus-off")
     return warning(
-        "restart-ms is not set: after bus-off the bus stays off",
-        _anew(facts, "type can restart-ms 100" if found.bitrate else _SETTINGS),
-        "an adapter that refuses that has no such restart: after bus-off set it down and up",
+        f"restart-ms is not set: after bus-off, {_down_and_up(found)}",
+        advice="it can be set only while the link is down: the next time, before it is brought up,"
+        f" sudo ip link set {found.name} type can restart-ms 100; what 'litegripctl install-units"
+        f" --can {found.name}' installs does so at every plug and boot, where the driver can do it",
     )
 
 
@@ -153,9 +163,8 @@ def bus_state(facts: Facts) -> Finding | None:
         return ok(text)
     if found.state == "ERROR-WARNING":
         return warning(text, advice=_WIRING)
-    if found.state == "BUS-OFF" and not found.restart_ms:
-        command = f"sudo ip link set {found.name} type can restart"
-        return error(text, command, f"{_WIRING}; if it refuses the restart, set it down and up")
+    if found.state == "BUS-OFF" and (not found.restart_ms or facts.system.driver in _NO_RESTART):
+        return error(text, _down_and_up(found), _WIRING)
     return error(text, None, _WIRING)
 
 
@@ -271,6 +280,19 @@ def _is_virtual(found: Link) -> bool:
     return found.kind in ("vcan", "vxcan") or (
         found.kind is None and found.name.startswith(("vcan", "vxcan"))
     )
+
+
+def _settings(facts: Facts) -> str:
+    """Return what `ip` is told of an adapter; a `restart-ms` that was ever set stays as it was."""
+    found = facts.system.link
+    is_unset = found is not None and found.restart_ms == 0
+    restart_ms = " restart-ms 100" if is_unset and facts.system.driver not in _NO_RESTART else ""
+    return f"type can bitrate {BITRATE}{restart_ms}"
+
+
+def _down_and_up(found: Link) -> str:
+    """Return what ends a bus-off with every driver."""
+    return f"sudo ip link set {found.name} down && sudo ip link set {found.name} up"
 
 
 def _anew(facts: Facts, settings: str) -> str:

@@ -123,7 +123,7 @@ class BusFaults:
                 self._report(BUS_OFF_ID, bytes(8))
 
     def recover(self) -> None:
-        """Let the controller take part again, as `restart-ms` does."""
+        """Let the controller take part again, as `restart-ms` does, or the link set down and up."""
         with self._switching():
             self._is_off = False
 

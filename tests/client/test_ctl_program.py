@@ -124,7 +124,11 @@ def test_a_state_answers_at_once(daemon: FakeDaemon, tmp_path: Path) -> None:
     assert min(figures) < 0.15, f"litegripctl state takes {figures} s"
 
 
-def test_without_a_daemon(capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_a_daemon(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "litegripd@.service").touch()
+    monkeypatch.setattr("litegrip_client.discovery.UNIT_DIRECTORIES", (str(tmp_path),))
     assert main(["-c", "nodaemon7", "state"]) == 3
     what, hint = capsys.readouterr().err.splitlines()
     assert what.startswith("litegripctl: no daemon can be reached for channel nodaemon7 (/run/")

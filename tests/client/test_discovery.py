@@ -55,6 +55,7 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(discovery, "UNIT_DIRECTORIES", (str(tmp_path),))
     dead = tmp_path / "can3.sock"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
         listener.bind(str(dead))
@@ -65,7 +66,8 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
         f"no daemon can be reached for channel can3 ({dead}: refused: nobody listens; "
         f"{own}: missing)"
     )
-    assert "systemctl start litegripd@can3" in str(caught.value)
+    assert "start one with 'litegripd can3', or try without" in str(caught.value)
+    assert "systemctl" not in str(caught.value)  # which has no such unit
     assert "litegripd can3 --simulate" in str(caught.value)
     assert GROUP_HINT not in str(caught.value)
     assert caught.value.data["tried"] == [str(dead), own]
@@ -88,6 +90,8 @@ def test_a_daemon_that_systemd_should_run_is_looked_at_before_it_is_started_agai
 ) -> None:
     monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
     monkeypatch.setattr(discovery, "ENABLED_DIRECTORY", str(tmp_path))
+    monkeypatch.setattr(discovery, "UNIT_DIRECTORIES", (str(tmp_path),))
+    (tmp_path / "litegripd@.service").touch()
     (tmp_path / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
     with pytest.raises(ConnectError, match=r"systemctl status litegripd@can3") as caught:
         connect("can3")

@@ -10,6 +10,9 @@ JOIN = "sudo usermod --append --groups litegrip alice"
 MAKE = "sudo groupadd --system litegrip"
 RESTART = "sudo systemctl restart litegripd@can0"
 LOGIN = "groups count from the next login on"
+STARTS = "the daemon looks for its group when it starts; groups"
+RELOAD = "sudo systemctl reload litegripd@can0"
+BARE = facts(daemon=None, failure="nobody listens", sockets=(), is_unit_installed=False)
 AGAIN = "then start the daemon again"
 CLOSED = (replace(SOCKETS[0], is_accessible=False), SOCKETS[1])
 ALICE = User("alice", 1000, "litegrip")
@@ -96,6 +99,48 @@ DAEMON_CASES = [
         "is closed to this",
         advises="ask who",
     ),
+    Case(
+        "daemon",
+        BARE,
+        "error",
+        "nobody listens",
+        "litegripd can0",
+        "as root: litegripctl install-units --can can0, which",
+    ),
+    Case(
+        "daemon",
+        replace(BARE, interface="slcan", bus_channel="/dev/ttyACM0", configuration=None),
+        "error",
+        "nobody listens",
+        "litegripd can0",
+        "litegripctl install-units, which",
+    ),
+    Case(
+        "daemon",
+        replace(BARE, configuration=WRONG),
+        "error",
+        "nobody listens",
+        "litegripd can0",
+        "not before the configuration is mended; that is in the foreground",
+    ),
+    Case(
+        "daemon",
+        replace(BARE, hung_pid=77),
+        "error",
+        "pid 77 listens",
+        advises="without systemd: end it",
+    ),
+    Case("group", replace(BARE, user=NO_GROUP), "warning", "no group", f"{MAKE} && {JOIN}", STARTS),
+    Case(
+        "real-time",
+        replace(
+            with_daemon(health_control={"fifo_priority": 0, "memory_locked": False}),
+            is_unit_installed=False,
+        ),
+        "warning",
+        "not granted: SCHED_FIFO 50 and locked memory",
+        advises="start it where 'ulimit -r' is 50 or more",
+    ),
     Case("configuration", facts(), None),
     Case(
         "configuration",
@@ -112,10 +157,28 @@ DAEMON_CASES = [
     ),
     Case(
         "configuration",
-        facts(daemon=None, configuration=Configuration(FILE, unchecked="it is closed")),
+        facts(
+            daemon=None,
+            configuration=Configuration(FILE, unchecked="it is closed"),
+            interface=None,
+        ),
         "warning",
         f"{FILE} was not checked, nor the bus that it names: it is closed",
         advises="litegripd can0 --check",
+    ),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=Configuration(FILE, unchecked="it takes long")),
+        "warning",
+        f"{FILE} was not checked, which may name another bus than can0: it takes long",
+        advises="litegripd can0 --check",
+    ),
+    Case(
+        "configuration",
+        facts(daemon=None, configuration=replace(WRONG, as_user="litegrip"), interface=None),
+        "error",
+        f"{FILE}: not valid TOML",
+        advises="check it again: sudo -u litegrip litegripd can0 --check",
     ),
     Case("version", facts(), "ok", "1.2.3, as this program"),
     Case("version", facts(daemon=None), None),
@@ -124,8 +187,23 @@ DAEMON_CASES = [
         with_daemon(hello_version="1.2.2"),
         "warning",
         "the daemon is 1.2.2, this program 1.2.3",
-        "sudo systemctl restart litegripd@can0",
+        RELOAD,
         "install one version",
+    ),
+    Case(
+        "version",
+        replace(with_daemon(hello_version="1.2.2"), is_unit_installed=False),
+        "warning",
+        "the daemon is 1.2.2",
+        "litegripctl -c can0 restart --hold",
+        "the jaws hold meanwhile what they hold",
+    ),
+    Case(
+        "version",
+        replace(with_daemon(hello_version="1.2.2"), interface="litegrip_sim"),
+        "warning",
+        "the daemon is 1.2.2",
+        advises="end it, and start it anew",
     ),
     Case("sockets", facts(sockets=()), None),
     Case(

@@ -6,12 +6,12 @@ from litegrip_client.doctor.facts import Device, Facts
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import daemon, facts, link, system, with_daemon
 
-REFUSED = "leave restart-ms 100 out"
-NO_RESTART = "refuses that has no such restart"
-UP = "sudo ip link set can0 up type can bitrate 1000000 restart-ms 100"
+REFUSED = "leave restart-ms out"
+UP = "sudo ip link set can0 up type can bitrate 1000000"
 ANEW = f"sudo ip link set can0 down && {UP}"
 SERIAL = Device("/dev/ttyACM0", True, True, True, "dialout")
 CLOSED = replace(SERIAL, is_accessible=False)
+CYCLE = "sudo ip link set can1 down && sudo ip link set can1 up"
 ONLY_FILES = replace(link("healthy"), kind=None, bitrate=None, sample_point=None, state=None)
 WIRING = "wiring"
 
@@ -24,6 +24,15 @@ def serial(device: Device | None, **changes: object) -> Facts:
         bus_channel="/dev/ttyACM0",
         system=replace(system(), link=None, device=device),
         daemon=daemon(**changes),
+    )
+
+
+def gs_usb(link_name: str) -> Facts:
+    """Return facts of an adapter whose driver has no restart after bus-off, as kernels tell it."""
+    found = replace(link(link_name), restart_ms=0)
+    return facts(
+        system=system(link=found, driver="gs_usb", adapter="candleLight USB to CAN adapter"),
+        bus_channel=found.name,
     )
 
 
@@ -41,7 +50,9 @@ LINK_CASES = [
         "link", facts("vcan", bus_channel="vcan0"), "ok", "vcan0 is up, virtual: without bit rate"
     ),
     Case("link", facts("down"), "error", "can0 is down", UP, advises=REFUSED),
-    Case("link", facts("unset"), "error", "can0 is down", UP, advises=REFUSED),
+    Case("link", facts("unset"), "error", "can0 is down", f"{UP} restart-ms 100", REFUSED),
+    Case("link", gs_usb("down"), "error", "can0 is down", UP, "lost its USB endpoints"),
+    Case("link", gs_usb("unset"), "error", "can0 is down", UP, "lost its USB endpoints"),
     Case(
         "link",
         facts("vcan_down", bus_channel="vcan0"),
@@ -129,8 +140,9 @@ LINK_CASES = [
     Case(
         "device", serial(CLOSED, health_bus__state="motor_silent"), "ok", "is there and accessible"
     ),
-    Case("adapter", facts(), "ok", "driver gs_usb, candleLight USB to CAN adapter"),
-    Case("adapter", facts(system=system(adapter=None)), "ok", "driver gs_usb"),
+    Case("adapter", facts(), "ok", "driver peak_usb, PCAN-USB"),
+    Case("adapter", gs_usb("healthy"), "ok", "driver gs_usb, candleLight USB to CAN adapter"),
+    Case("adapter", facts(system=system(adapter=None)), "ok", "driver peak_usb"),
     Case("adapter", facts("vcan"), None),
     Case(
         "adapter",
@@ -161,9 +173,11 @@ LINK_CASES = [
         facts("unset"),
         "error",
         "no bit rate is set",
-        UP,
-        advises="leave restart-ms 100 out",
+        f"{UP} restart-ms 100",
+        advises=REFUSED,
     ),
+    Case("bit-rate", gs_usb("unset"), "error", "no bit rate is set", UP, REFUSED),
+    Case("bit-rate", gs_usb("wrong_bitrate"), "error", "0.5 Mbit/s", ANEW, REFUSED),
     Case("bit-rate", facts("vcan"), None),
     Case("bit-rate", facts(system=system(link=ONLY_FILES)), None),
     Case("bit-rate", serial(SERIAL), "ok", "1 Mbit/s, by the configuration"),
@@ -188,20 +202,20 @@ LINK_CASES = [
     Case("restart", facts(), "ok", "by itself, 100 ms after bus-off"),
     Case(
         "restart",
-        facts("no_restart"),
+        facts("no_restart", bus_channel="can1"),
         "warning",
-        "restart-ms is not set: after bus-off the bus stays off",
-        "sudo ip link set can0 down && sudo ip link set can0 up type can restart-ms 100",
-        advises=NO_RESTART,
+        f"restart-ms is not set: after bus-off, {CYCLE}",
+        advises="at every plug and boot, where the driver can do it",
     ),
+    Case("restart", gs_usb("no_restart"), "ok", f"this driver has none: after bus-off, {CYCLE}"),
     Case(
         "restart",
-        facts("unset"),
-        "warning",
-        "restart-ms is not set",
-        UP,
-        advises=NO_RESTART,
+        facts(system=system(driver="gs_usb")),  # a restart-ms that an older kernel has taken
+        "ok",
+        "this driver has none",
     ),
+    Case("restart", facts("unset"), None),
+    Case("restart", facts("down"), None),
     Case("restart", facts("vcan"), None),
     Case("queue", facts(), "ok", "10 frames, 50 ms of commands at 200 Hz"),
     Case("queue", with_daemon(hello_limits__rate_hz=100), "ok", "10 frames, 100 ms of commands"),
@@ -235,7 +249,16 @@ LINK_CASES = [
         facts("bus_off"),
         "error",
         "bus-off, tx errors 248",
-        "sudo ip link set can1 type can restart",
+        CYCLE,
+        WIRING,
+    ),
+    Case("bus-state", gs_usb("bus_off"), "error", "bus-off, tx errors 248", CYCLE, WIRING),
+    Case(
+        "bus-state",
+        facts(system=system(link=replace(link("bus_off"), restart_ms=100), driver="gs_usb")),
+        "error",
+        "bus-off",
+        CYCLE,
         WIRING,
     ),
     Case(

@@ -18,7 +18,7 @@ from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
 from tests.client.fake_daemon import FakeDaemon, Handler
 from tests.client.helpers import Ctl
 
-ADAPTER = System(link("healthy"), None, ("can0",), "gs_usb")
+ADAPTER = System(link("healthy"), None, ("can0",), "peak_usb")
 
 
 @pytest.fixture(autouse=True)
@@ -34,6 +34,8 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
 
     monkeypatch.setattr(gather_configuration, "DIRECTORY", tmp_path / "etc")
     monkeypatch.setattr(gather_system, "system", system)
+    monkeypatch.setattr(gather, "is_unit_installed", lambda: True)
+    monkeypatch.setattr(gather_system, "is_can", lambda name: name in asked.get("links", ()))
     monkeypatch.setattr(gather_system, "user", lambda group: User("alice", 1000, group))
     return asked
 
@@ -80,7 +82,7 @@ def test_what_is_not_well_is_told_and_ends_with_1(well: FakeDaemon, ctl: Ctl) ->
 
 
 def test_warnings_alone_end_with_0(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
-    machine["system"] = System(link("long_queue"), None, ("can0",), "gs_usb")
+    machine["system"] = System(link("long_queue"), None, ("can0",), "peak_usb")
     code, out, _ = ctl("doctor")
     assert (code, out.splitlines()[-1]) == (0, "no errors, 1 warning")
 
@@ -96,7 +98,7 @@ def test_as_json(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
         "level": "error",
         "text": "0.5 Mbit/s, but the motor speaks at 1 Mbit/s",
         "command": "sudo ip link set can0 down"
-        " && sudo ip link set can0 up type can bitrate 1000000 restart-ms 100",
+        " && sudo ip link set can0 up type can bitrate 1000000",
         "advice": _IF_REFUSED,
     }
 
@@ -171,6 +173,31 @@ def test_a_configuration_tells_the_bus_of_a_daemon_that_does_not_run(
     assert main(["-c", "nodaemon7", "doctor", "--json"]) == 1
     found = levels(capsys.readouterr().out)
     assert (found["configuration"], "link" in found, "bus" in machine) == ("error", False, False)
+
+
+def test_a_configuration_that_was_not_checked_hides_no_interface_of_the_channels_name(
+    capsys: pytest.CaptureFixture[str], machine: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = Configuration("/x.toml", unchecked="it takes too long")
+    monkeypatch.setattr(gather_configuration, "configuration", lambda channel: told)
+    assert main(["-c", "nodaemon7", "doctor", "--json"]) == 1
+    assert "link" not in levels(capsys.readouterr().out)
+    machine["links"] = ["nodaemon7"]
+    assert main(["-c", "nodaemon7", "doctor", "--json"]) == 1
+    found = levels(capsys.readouterr().out)
+    assert (found["configuration"], found["link"], found["bit-rate"]) == ("warning", "ok", "ok")
+    assert machine["bus"] == ("socketcan", "nodaemon7")
+
+
+def test_before_the_installation_no_unit_is_named(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gather, "is_unit_installed", lambda: False)
+    assert main(["-c", "nodaemon7", "doctor"]) == 1
+    out = capsys.readouterr().out
+    assert "systemctl" not in out
+    assert "\n         litegripd nodaemon7\n" in out
+    assert "litegripctl install-units --can nodaemon7" in out
 
 
 def test_a_bus_that_the_daemon_names(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:

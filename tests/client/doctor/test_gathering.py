@@ -2,7 +2,9 @@
 
 import json
 import os
+import pwd
 import socket
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -54,6 +56,16 @@ def test_iproute2_is_asked_for_one_link(net: Path, programs: Path) -> None:
     assert gather_system.system("socketcan", "can0", net) == System(
         link("healthy"), None, ("can0", "can1"), "gs_usb", "candleLight USB to CAN adapter"
     )
+
+
+def test_whether_systemd_has_the_unit_is_asked(
+    tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directories = (str(tmp_path / "a"), str(programs))
+    monkeypatch.setattr("litegrip_client.discovery.UNIT_DIRECTORIES", directories)
+    assert not gather("can4", None, channel_chosen=True).is_unit_installed
+    (programs / "litegripd@.service").touch()
+    assert gather("can4", None, channel_chosen=True).is_unit_installed
 
 
 def test_whether_systemd_should_run_the_daemon_is_asked(
@@ -135,6 +147,43 @@ def test_a_configuration_that_this_user_may_not_read(
     path = str(directory / "can0.toml")
     found = gather_configuration.configuration("can0")
     assert found == Configuration(path, unchecked="this user may not read it")
+
+
+def test_root_has_a_configuration_read_as_the_user_that_the_daemons_run_as(
+    directory: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Root may read every file."""
+    asked: dict[str, object] = {}
+
+    def run(command: list[str], **options: object) -> subprocess.CompletedProcess[bytes]:
+        asked.update(options)
+        told = b"litegripd: can0.toml: cannot be read: Permission denied"
+        return subprocess.CompletedProcess(command, 2, b"", told)
+
+    monkeypatch.setattr("subprocess.run", run)
+    monkeypatch.setattr("os.getuid", lambda: 0)
+    monkeypatch.setattr("os.getgrouplist", lambda name, gid: [gid, 20])
+    litegripd_says(programs, "exit 0")
+    entry = pwd.struct_passwd(("litegrip", "x", 991, 992, "", "/", ""))
+    monkeypatch.setattr("pwd.getpwnam", {"litegrip": entry}.__getitem__)
+    found = gather_configuration.configuration("can0")
+    why = "can0.toml: cannot be read: Permission denied"
+    assert found == Configuration(str(directory / "can0.toml"), error=why, as_user="litegrip")
+    assert (asked["user"], asked["group"], asked["extra_groups"]) == (991, 992, [992, 20])
+    for uid, users in ((0, {}), (1000, {"litegrip": entry})):  # not installed; not root
+        asked.clear()
+        monkeypatch.setattr("os.getuid", lambda uid=uid: uid)
+        monkeypatch.setattr("pwd.getpwnam", users.__getitem__)
+        found = gather_configuration.configuration("can0")
+        assert found is not None
+        assert (found.as_user, "user" in asked) == (None, False)
+
+
+def test_whether_there_is_a_can_interface_is_asked(
+    net: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(gather_system, "NET", net)
+    assert [gather_system.is_can(name) for name in ("can0", "eth0", "can9")] == [True, False, False]
 
 
 def test_a_link_that_there_is_not(net: Path, programs: Path) -> None:
