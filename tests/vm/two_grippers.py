@@ -12,7 +12,10 @@ from tests.vm.unit import CONFIGURATION, SLOW, Unit, ctl, flags, is_set_up, must
 PERSONS = {"left": "lena", "right": "rick"}
 """Who may use which gripper."""
 
-_LINK = "[Match]\nProperty=ID_SERIAL_SHORT={serial}\n\n[Link]\nName={name}\n"
+_RULE = 'ACTION=="add", SUBSYSTEM=="net", ATTR{type}=="280", ATTRS{serial}=="LEFT", NAME="left"'
+_LINK = "[Match]\nProperty=ID_SERIAL_SHORT=RIGHT\n\n[Link]\nName=right\n"
+"""The two ways of the documentation."""
+
 _DROP_IN = "[Service]\nGroup={group}\n"
 
 
@@ -26,6 +29,8 @@ def two_grippers() -> None:
     installed().tell("end")
     for name, person in PERSONS.items():
         give(name, person)
+    Path("/etc/udev/rules.d/70-can-names.rules").write_text(f"{_RULE}\n")
+    Path("/etc/systemd/network/70-right.link").write_text(_LINK)
     must("systemctl", "daemon-reload")
     must("udevadm", "control", "--reload")
     left, right = adapters()
@@ -54,8 +59,6 @@ def give(name: str, person: str) -> None:
     group = f"{person}s"
     must("groupadd", "--system", group)
     must("useradd", "--create-home", "--groups", group, person)
-    links = Path("/etc/systemd/network")
-    (links / f"70-{name}.link").write_text(_LINK.format(serial=name.upper(), name=name))
     configuration = SLOW + f'[rpc]\ngroup = "{group}"\n'
     (CONFIGURATION.parent / f"{name}.toml").write_text(configuration)
     drop_in = Path(f"/etc/systemd/system/litegripd@{name}.service.d/group.conf")
