@@ -26,7 +26,9 @@ def adapters() -> tuple[Emulated, Emulated]:
 
 def two_grippers() -> None:
     """Two adapters with names by their serial numbers, for two groups of people."""
-    installed().tell("end")
+    one = installed()
+    must("systemctl", "disable", "--now", "litegripd@can0")
+    one.tell("end")
     for name, person in PERSONS.items():
         give(name, person)
     Path("/etc/udev/rules.d/70-can-names.rules").write_text(f"{_RULE}\n")
