@@ -33,9 +33,9 @@ demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
 
 # What runs in virtual time may share the processors; what runs in real time wants them to itself.
-TESTS = $(BIN)/python -m pytest --numprocesses auto --dist worksteal \
+TESTS = $(BIN)/python -m pytest --durations 15 --numprocesses auto --dist worksteal \
 	--ignore tests/process --ignore tests/io && \
-	$(BIN)/python -m pytest tests/process tests/io
+	$(BIN)/python -m pytest --durations 15 tests/process tests/io
 
 test: $(STAMP)
 	$(TESTS)

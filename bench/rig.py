@@ -10,12 +10,11 @@ from dataclasses import replace
 from litegripd.app.machine import Machine
 from litegripd.control.actions.base import Action, PlainAction, Step
 from litegripd.control.actions.grasp import Grasp, GraspRequest
+from litegripd.control.actions.move import Ramp
 from litegripd.control.actions.power import Enable
+from litegripd.control.detectors import StallDetector
 from litegripd.control.gains import DEFAULT_GAINS, Gains
-from litegripd.control.grip import Grip, GripSettings
-from litegripd.control.ramp import Ramp
-from litegripd.control.rest import Rest
-from litegripd.control.stall import StallDetector
+from litegripd.control.holds import Grip, GripSettings, Rest
 from litegripd.model.calibration import Calibration
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry

@@ -10,12 +10,19 @@ from dataclasses import dataclass
 from bench.rig import DEFAULTS, PERIOD_S, Rig
 from litegripd.control.actions.base import Action, PlainAction, Step
 from litegripd.control.gains import DEFAULT_GAINS
-from litegripd.control.teleop.follower import Course, Follow
+from litegripd.control.teleop.follower import Course, TeleopFollower
 from litegripd.control.teleop.intake import MAX_FRAME_GAP_S
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import MitCommand, MotorView
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish, TeleopSettings
-from litegripd.model.teleop_frame import TeleopFrame, decode_frame, encode_frame
+from litegripd.model.teleop import (
+    Arrival,
+    LinkStatus,
+    LinkWish,
+    TeleopFrame,
+    TeleopSettings,
+    decode_frame,
+    encode_frame,
+)
 
 ON_ITS_WAY_S = 0.0005
 """What zenoh and two schedulers take on one machine or a quiet network."""
@@ -145,7 +152,7 @@ def action_of(way: Way, geometry: Geometry, link: ScriptedLeader) -> Action:
         return VendorFollow(geometry, link)
     settings = TeleopSettings(dq_max_rad_s=way.dq_max_rad_s)
     course = Course(geometry, DEFAULTS, DEFAULT_GAINS, settings, PERIOD_S)
-    return Follow(link, LinkWish("slave", "none"), lambda _event: None, course)
+    return TeleopFollower(link, LinkWish("slave", "none"), lambda _event: None, course)
 
 
 def judge(

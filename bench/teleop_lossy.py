@@ -26,8 +26,7 @@ from bench.teleop_follow import (
     action_of,
     judge,
 )
-from litegripd.model.teleop import Arrival
-from litegripd.model.teleop_frame import TeleopFrame, encode_frame
+from litegripd.model.teleop import Arrival, TeleopFrame, encode_frame
 
 SWING = swing(2.5, 60.0)
 RUN_S = 30.0

@@ -18,6 +18,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import TypeAlias
 
+    from litegrip_client.ctl.parser import LateParser
     from litegrip_client.ctl.way import Way
 
 OK = 0
@@ -61,3 +62,6 @@ def installing(*libraries: str) -> str:
 
 
 Command: TypeAlias = Callable[[Run], int]
+"""Carries out one command; returns its exit code."""
+Fill: TypeAlias = "Callable[[LateParser], None]"
+"""Adds what a command takes to its parser."""

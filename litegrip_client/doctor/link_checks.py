@@ -45,10 +45,11 @@ _NO_RESTART = (None, "gs_usb")
 Kernels from 2025 on refuse `restart-ms` for them, after the bit rate is set; the link stays down.
 """
 
-_IF_REFUSED = (
+_IF_LOST = (
     'if it answers "No such file or directory", the adapter has lost its USB endpoints: unplug it'
-    ' and plug it in again; if "Device doesn\'t support restart from Bus Off", leave restart-ms out'
+    " and plug it in again"
 )
+_IF_REFUSED = 'if "Device doesn\'t support restart from Bus Off", leave restart-ms 100 out'
 
 _WIRING = (
     "look at the wiring (CAN-H, CAN-L, 120 ohms at both ends), the motor's 24 V, and the bit rate"
@@ -81,9 +82,9 @@ def link(facts: Facts) -> Finding | None:
         )
     virtual = ", virtual: without bit rate and error counters" if _is_virtual(found) else ""
     if not found.is_up:
-        settings = "" if virtual else f" {_settings(facts)}"
-        advice = None if virtual else _IF_REFUSED
-        return error(f"{name} is down{virtual}", f"sudo ip link set {name} up{settings}", advice)
+        if virtual:
+            return error(f"{name} is down{virtual}", f"sudo ip link set {name} up")
+        return _set_up(facts, f"{name} is down")
     return ok(f"{name} is up{virtual}")
 
 
@@ -93,12 +94,11 @@ def bit_rate(facts: Facts) -> Finding | None:
     if found is None:
         return _configured_bit_rate(facts)
     if found.bitrate is None:
-        return error("no bit rate is set", _anew(facts, _settings(facts)), _IF_REFUSED)
+        return _set_up(facts, "no bit rate is set")
     text = f"{found.bitrate / 1e6:g} Mbit/s"
     if found.bitrate == BITRATE:
         return ok(text)
-    text = f"{text}, but the motor speaks at 1 Mbit/s"
-    return error(text, _anew(facts, _settings(facts)), _IF_REFUSED)
+    return _set_up(facts, f"{text}, but the motor speaks at 1 Mbit/s")
 
 
 def sample_point(facts: Facts) -> Finding | None:
@@ -282,12 +282,16 @@ def _is_virtual(found: Link) -> bool:
     )
 
 
-def _settings(facts: Facts) -> str:
-    """Return what `ip` is told of an adapter; a `restart-ms` that was ever set stays as it was."""
-    found = facts.system.link
+def _set_up(facts: Facts, text: str) -> Finding:
+    """Find a link that is not as it should be, and give the command that sets it up.
+
+    A `restart-ms` that was ever set stays as it was.
+    """
+    found, settings = facts.system.link, f"type can bitrate {BITRATE}"
     is_unset = found is not None and found.restart_ms == 0
-    restart_ms = " restart-ms 100" if is_unset and facts.system.driver not in _NO_RESTART else ""
-    return f"type can bitrate {BITRATE}{restart_ms}"
+    if not is_unset or facts.system.driver in _NO_RESTART:
+        return error(text, _anew(facts, settings), _IF_LOST)
+    return error(text, _anew(facts, f"{settings} restart-ms 100"), f"{_IF_LOST}; {_IF_REFUSED}")
 
 
 def _down_and_up(found: Link) -> str:

@@ -12,11 +12,11 @@ from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.app.parts import Parts
 from litegripd.control.admission import position_refusal
-from litegripd.control.in_use import CalibrationInUse
+from litegripd.control.calibration import CalibrationInUse
 from litegripd.control.teleop.base import TeleopAction
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.motor import MotorIdentity, MotorPhase
-from litegripd.motor.look import warnings
+from litegripd.motor.identity import warnings
 from litegripd.rpc.facts import (
     CalibrationFacts,
     GripperFacts,

@@ -20,9 +20,9 @@ FORMAT = 4
 _ENDS = Mapping[str, tuple[str, str | None]]
 
 
-def unsettled(machine: Machine) -> Refusal | None:
+def why_not_restartable(machine: Machine) -> Refusal | None:
     """Say why nothing can be handed over now, if so."""
-    return machine.engine.unsettled() or motor.refusal(machine.motor)
+    return machine.engine.why_not_restartable() or motor.refusal(machine.motor)
 
 
 def export(machine: Machine, service: RpcService) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.model.events import Event
 from litegripd.model.motor import MotorIdentity
-from litegripd.motor.look import warnings
+from litegripd.motor.identity import warnings
 
 _log = logging.getLogger(__name__)
 

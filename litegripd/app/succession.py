@@ -25,7 +25,7 @@ from litegripd.io.places import Places
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
-from litegripd.model.restarted import Restarted
+from litegripd.model.results import Restarted
 from litegripd.rpc.restarting import OnRestarted
 from litegripd.rpc.service import RpcService
 
@@ -150,7 +150,7 @@ class Succession:
         return None
 
     def _not_now(self, *, is_under_way: bool = False) -> Refusal | None:
-        refusal = handover.unsettled(self._machine)
+        refusal = handover.why_not_restartable(self._machine)
         refusal = refusal or self._bus.condition.refusal(self._config.bus.channel)
         has_work = self._helper.is_busy or self._machine.engine.errands
         if refusal is None and is_under_way and has_work:

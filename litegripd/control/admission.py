@@ -7,7 +7,7 @@ from typing import Literal
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, JobKind
-from litegripd.model.motion_limits import Conflict
+from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
 
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0

@@ -7,12 +7,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TypeAlias
 
-from litegripd.control.actions.by_hand import CalibrateByHand, Side
-from litegripd.control.actions.calibrate import Calibrate
-from litegripd.control.actions.set_zero import SetZero
+from litegripd.control.actions.by_hand import CalibrateByHand, SetZero, Side
+from litegripd.control.actions.zero import Calibrate
 from litegripd.control.admission import NO_FEEDBACK, busy_refusal, busy_with, motor_refusal
+from litegripd.control.calibration import Saving, content_of, save_errand
 from litegripd.control.engine import Engine
-from litegripd.control.saving import Saving, content_of, save_errand
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
@@ -88,7 +87,7 @@ class Calibrating:
     def set_zero(self, owner: Owner, detached: bool) -> Job | Refusal:
         """Begin to make the present position the motor's zero."""
         engine = self._engine
-        refusal = engine.unfree() or (None if engine.motor.feedback else NO_FEEDBACK)
+        refusal = engine.why_busy() or (None if engine.motor.feedback else NO_FEEDBACK)
         if refusal is not None:
             return refusal
         return engine.begin("set_zero", SetZero(), owner, detached)
@@ -125,7 +124,7 @@ class Calibrating:
 
     def _unready(self) -> Refusal | None:
         engine = self._engine
-        return engine.unfree() or motor_refusal(engine.motor)
+        return engine.why_busy() or motor_refusal(engine.motor)
 
     def _by_hand_of(self, owner: Owner) -> CalibrateByHand | Refusal:
         running, action = self._engine.jobs.running, self._engine.action

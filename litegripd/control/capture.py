@@ -1,21 +1,108 @@
-"""One capture of the jaws' motion: a sample for each due time, by the times of the measurements.
+"""Recording a trajectory: a sample for each due time, and the grips on the way.
 
-It only watches. A measurement is taken once and never as if it were newer than it is; when none
-comes for `LONGEST_GAP_S`, or what it is measured in changes, the capture has failed and says so.
+A capture only watches. A measurement is taken once and never as if it were newer than it is; when
+none comes for `LONGEST_GAP_S`, or what it is measured in changes, it has failed and says so.
+
+`GripNotes` notes where the jaws gripped: contact, force, and who commanded it. It claims what the
+daemon has commanded and judged by itself, which is a grip that is watched. While a hand pushes
+slack jaws the motor applies no force, and measures none: of that nothing is noted.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from litegripd.control.grip import Grip
-from litegripd.control.grip_notes import GripNotes
+from litegripd.control.actions.base import PlainAction, Step, progress_of
+from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import Job
+from litegripd.model.grips import MAX_SOURCE, MOST_GRIPS
+from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
-from litegripd.model.path import PIECE_BYTES
-from litegripd.model.trajectory import SAMPLE
+from litegripd.model.results import Progress, RecordOutcome, RecordResult
+from litegripd.model.trajectory import PIECE_BYTES, SAMPLE
+
+_METHODS: Mapping[JobKind, str] = {
+    "grasp": "motion.grasp",
+    "set_force": "motion.set_force",
+    "play": "trajectory.play",
+}
+"""What makes grips or changes them: whatever holds something comes from the latest of these."""
+
+
+@dataclass(slots=True)
+class _Note:
+    """A grip that is being held; its times count from the begin of the recording."""
+
+    grip: Grip
+    force_n: float
+    closing_s: float
+    start_s: float
+    end_s: float
+    position_rad: float
+    source: str
+
+
+class GripNotes:
+    """The grips of one recording; `left_out` counts those beyond `MOST_GRIPS`.
+
+    A force that is changed makes another grip of it, which begins where the one before ends.
+    """
+
+    def __init__(self) -> None:
+        self.left_out = 0
+        self._notes: list[_Note] = []
+        self._held: _Note | None = None
+
+    def see(
+        self, t_s: float, began_s: float, position_rad: float, grip: Grip | None, jobs: JobBook
+    ) -> None:
+        """Take what the jaws hold `t_s` after `began_s`, when the recording began."""
+        before = self._held
+        if before is not None:
+            before.end_s = t_s
+        if grip is None or not grip.is_holding or grip.force_n <= 0.0:
+            self._held = None
+        elif before is None or grip is not before.grip or grip.force_n != before.force_n:
+            job = jobs.latest(*_METHODS)
+            closing_s = t_s
+            if before is None and job is not None and job.kind == "grasp":
+                last_s = self._notes[-1].end_s if self._notes else 0.0
+                closing_s = min(max(job.started_s - began_s, last_s), t_s)
+            source = "unknown" if job is None else f"{_METHODS[job.kind]} by {job.owner.program}"
+            note = _Note(grip, grip.force_n, closing_s, t_s, t_s, position_rad, _plain(source))
+            self._held = note
+            if len(self._notes) < MOST_GRIPS:
+                self._notes.append(note)
+            else:
+                self.left_out += 1
+
+    def plain(self, geometry: Geometry, duration_s: float) -> list[dict[str, float | str]]:
+        """Return the grips of a recording of this length, with the names of `TaughtGrip`.
+
+        They are judged where they are kept, by the helper process: for so many that takes too long
+        for a tick.
+        """
+        return [
+            {
+                "closing_s": note.closing_s,
+                "start_s": note.start_s,
+                "end_s": min(note.end_s, duration_s),
+                "openness": geometry.openness(note.position_rad),
+                "width_mm": max(geometry.opening_mm(note.position_rad), 0.0),
+                "force_n": note.force_n,
+                "source": note.source,
+            }
+            for note in self._notes
+            if note.start_s <= duration_s
+        ]
+
+
+def _plain(source: str) -> str:
+    """Return a source as the file has it: a program may call itself anything."""
+    return "".join(c if c.isascii() and c.isprintable() else "?" for c in source)[:MAX_SOURCE]
+
 
 LONGEST_GAP_S = 0.1
 """Single measurements may be lost on the bus, and are counted as missed; a longer gap is a hole."""
@@ -171,3 +258,41 @@ class Capture:
             "can_id": can_id,
             "mount": geometry.mount,
         }
+
+
+class Teach(PlainAction):
+    """Lets the jaws go until the capture is over; then they hold where they are."""
+
+    def __init__(self, capture: Capture) -> None:
+        self._capture = capture
+        self._feedback: Feedback | None = None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Keep the jaws slack."""
+        feedback = motor.feedback
+        if self._capture.is_over:
+            outcome: RecordOutcome = "full" if self._capture.error is None else "failed"
+            return Step(outcome=result_of(self._capture, outcome))
+        if feedback is None:
+            return Step()
+        self._feedback = feedback
+        return Step(Slack().command(now_s, feedback))
+
+    def progress(self) -> Progress | None:
+        """Tell how many samples there are, and where the jaws are."""
+        if self._feedback is None:
+            return None
+        capture, here_rad = self._capture, self._feedback.position_rad
+        total = capture.max_samples
+        return progress_of("record", capture.samples, total, here_rad, self._feedback)
+
+
+def result_of(capture: Capture, outcome: RecordOutcome) -> RecordResult:
+    """Tell how a capture ended."""
+    return RecordResult(
+        ok=capture.error is None,
+        outcome=outcome,
+        samples=capture.samples,
+        missed=capture.missed,
+        message=capture.error,
+    )

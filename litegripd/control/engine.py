@@ -6,29 +6,38 @@ motor but through `step`.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import TypeVar
 
 from litegripd.control import announce
+from litegripd.control.actions.base import Action
 from litegripd.control.admission import (
+    ENDING,
     NOT_ENABLED,
     ZERO_MOVED,
+    busy_refusal,
+    busy_with,
     motor_refusal,
+    stopped_under_way,
 )
-from litegripd.control.arbiter import Arbiter
+from litegripd.control.calibration import CalibrationInUse, content_of, save_errand
 from litegripd.control.capture import Capture
-from litegripd.control.filter import bounds_of
 from litegripd.control.gains import Gains
-from litegripd.control.grip import Grip
+from litegripd.control.holds import Grip, Hold, Rest, Slack
 from litegripd.control.inquiries import Inquiries
-from litegripd.control.output import Output
-from litegripd.control.rest import Hold, Relax
-from litegripd.control.saving import content_of, save_errand
+from litegripd.control.jobs import JobBook, Start
+from litegripd.control.lease import Grant, Lease, Loss, LossCause, OnAnswer, Wish
+from litegripd.control.limiter import Output, bounds_of
+from litegripd.control.second_master import SecondMaster
+from litegripd.control.stop import StopLatch
 from litegripd.model.bus import NOT_OPENED, BusCondition
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import Job, JobKind, OnLost, Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,
@@ -41,29 +50,51 @@ from litegripd.model.motor import (
     Ranges,
     ZeroView,
 )
-from litegripd.model.results import Progress
+from litegripd.model.results import Progress, Result
 from litegripd.model.unit import Unit
 
 _SAFE_JOBS = ("disable", "clear_fault")
 """What goes on though another program commands the motor: it energises nothing."""
 
+_Begun = TypeVar("_Begun")
 
-class Engine(Arbiter):
-    """Runs one gripper: what the arbiter lets run, step by step."""
+
+class Engine:
+    """Runs one gripper: at most one job, else a rest that holds the jaws or lets them go.
+
+    It also says who may: the stop, the lease, and clients that are lost. Whatever is asked between
+    two ticks reaches the motor only by the next `step`.
+    """
 
     def __init__(self, config: MotionConfig, period_s: float, unit: Unit | None = None) -> None:
-        super().__init__()
         self.config = config
         self.config_is_kept = False
         self.period_s = period_s
         self.unit = unit or Unit()
+        self.now_s = 0.0
         self.ticks = 0
         self.bus = NOT_OPENED
+        self.motor = MotorView(MotorPhase.UNKNOWN)
+        self.calibrated = CalibrationInUse()
+        self.second_master = SecondMaster()
+        self.jobs = JobBook()
+        self.lease = Lease()
+        self.stop_latch = StopLatch()
+        self.action: Action | None = None
+        self.has_stepped = False
+        """Whether the present or latest action has had any say in what the motor is told."""
+        self.rest: Rest = Slack()
         self.output = Output()
         self.inquiries = Inquiries()
-        self.errands: list[Errand] = []
         self.capture: Capture | None = None
         self.recordings = 0
+        self.events: list[Event] = []
+        self.errands: list[Errand] = []
+        self.must_disable = False
+        self._is_ending = False
+        self._owed: OnLost | None = None
+        self._starting: Job | None = None
+        self._replaced: Refusal | None = None
 
     @property
     def geometry(self) -> Geometry | None:
@@ -74,6 +105,34 @@ class Engine(Arbiter):
     def gains(self) -> Gains:
         """The gains of holds and moves: the calibration's, else the default."""
         return self.calibrated.gains
+
+    @property
+    def grip(self) -> Grip | None:
+        """The hold by force, if there is one, be it a grasp's or what one has left."""
+        if self._replaced is not None:
+            rest: Rest | None = self._left()
+        else:
+            rest = self.rest if self.action is None else self.action.rest()
+        return rest if isinstance(rest, Grip) else None
+
+    @property
+    def in_the_way(self) -> Job | None:
+        """The running job, but for one that the next motion replaces."""
+        return None if self._replaced is not None else self.jobs.running
+
+    @property
+    def is_ending(self) -> bool:
+        """Whether the daemon's end has begun."""
+        return self._is_ending
+
+    def progress(self) -> Progress | None:
+        """Tell where the running job is."""
+        return None if self.action is None else self.action.progress()
+
+    def take_events(self) -> list[Event]:
+        """Return what happened since the last call."""
+        events, self.events = self.events, []
+        return events
 
     def use_calibration(
         self,
@@ -96,6 +155,28 @@ class Engine(Arbiter):
             self.events.append(announce.bus_changed(self.bus, bus, self.unit.bus_channel))
         self.bus = bus
 
+    # Why not
+
+    def why_busy(self) -> Refusal | None:
+        """Say why no motion may be asked for: the end, a stop, another master or a motion."""
+        ending = ENDING if self._is_ending else None
+        refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
+        return refused or busy_refusal(self.in_the_way)
+
+    def why_not_restartable(self) -> Refusal | None:
+        """Return why no successor can take over now, if so.
+
+        That is the daemon's end, a motion, a disabling, or a recording that would be lost.
+        """
+        ending = ENDING if self._is_ending else None
+        refusal = ending or busy_refusal(self.jobs.running)
+        if refusal is None and (self.jobs.queue or self.must_disable):
+            refusal = Refusal("busy", "a motion, or disabling the motor, is about to begin")
+        if refusal is None and self.capture is not None and self.capture.would_be_lost:
+            text = "a recording is not kept yet: end it (trajectory.record_stop)"
+            refusal = Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+        return refusal
+
     def recording_refusal(self) -> Refusal | None:
         """Say that a recording is under way, if so; replay and teleoperation wait for its end."""
         if self.capture is None or self.capture.is_over:
@@ -103,13 +184,285 @@ class Engine(Arbiter):
         text = "a recording is under way: end it (trajectory.record_stop)"
         return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
 
-    def unsettled(self) -> Refusal | None:
-        """Say why no successor can take over now; so does a recording that would be lost."""
-        refusal, capture = super().unsettled(), self.capture
-        if refusal is None and capture is not None and capture.would_be_lost:
-            text = "a recording is not kept yet: end it (trajectory.record_stop)"
-            return Refusal("trajectory_busy", text, {"hint": "trajectory.record_stop"})
+    # Jobs
+
+    def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
+        """Begin a job; the caller has made sure that it may."""
+        self._end_replaced()
+        job = self._new_job(kind, owner, detached)
+        self.jobs.begin(job, self.now_s)
+        self.action, self.has_stepped = action, False
+        self.events.append(announce.job_started(job))
+        return job
+
+    def settle(self, kind: JobKind, rest: Rest, owner: Owner, result: Result) -> Job:
+        """Change at once what the jaws do without a motion; the job has ended when it returns."""
+        self._end_replaced()
+        self.rest = rest
+        job = self._new_job(kind, owner, detached=True)
+        self.jobs.begin(job, self.now_s)
+        self.events.append(announce.job_started(job))
+        self.end(result)
+        return job
+
+    def replace(self, reason: Refusal, start: Callable[[], _Begun]) -> _Begun:
+        """Begin another motion in the place of the running one, which ends by `reason`.
+
+        It ends when the other one begins: one that is refused leaves it running.
+        """
+        self._replaced = reason
+        try:
+            return start()
+        finally:
+            self._replaced = None
+
+    def queue(self, kind: JobKind, owner: Owner, detached: bool, start: Start) -> Job | Refusal:
+        """Let a motion wait for the end of the running one; `start` is called then."""
+        return self.jobs.enqueue(kind, owner, detached, self.now_s, start)
+
+    def cancel(self, number: int, by: Owner) -> Job | Refusal:
+        """End a job; the jaws go on holding what they hold, else where they are."""
+        job = self.jobs.get(number)
+        if job is None:
+            return Refusal("unknown_job", f"there is no job {number}, or it is no longer kept")
+        who = f"{by.program} (pid {by.pid})"
+        cancelled = Refusal("cancelled", f"cancelled by {who}", {"by": who})
+        if job is self.jobs.running:
+            self.end(cancelled)
+        else:
+            self._drop_queued(cancelled, lambda queued: queued is job)
+        return job
+
+    def end(self, outcome: Result | Refusal, *, by_defect: bool = False) -> None:
+        """End the running job; what the jaws do then is its action's to say, else they hold.
+
+        An action that failed `by_defect` is not asked: they hold where they are.
+        """
+        job, action = self.jobs.running, self.action
+        if job is None:
+            self.action = None
+            return
+        self.jobs.end(job, outcome, self.now_s)
+        self.rest, self.action = self._left(by_defect=by_defect), None
+        broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
+        if broken_off and self.motor.phase is not MotorPhase.ENABLED:
+            self.must_disable = True  # it may still take effect
+        owed, self._owed = self._owed, None
+        if owed is not None:
+            self._settle_into(owed)
+        self.events += announce.job_ended(job, outcome)
+        if action is not None:
+            action.close()
+
+    def break_off(self, error: Exception) -> None:
+        """End the job that runs, or was to begin, in the tick in which a defect raised `error`.
+
+        It would fail in every tick, and the motor be told nothing.
+        """
+        starting, self._starting = self._starting, None
+        if starting is not None:
+            self._end_queued(starting, _defect(starting, error))
+        running = self.jobs.running
+        if running is not None:
+            self.must_disable = self.must_disable or running.kind == "disable"
+            self.end(_defect(running, error), by_defect=True)
+
+    def shut_down(self) -> None:
+        """Begin the daemon's end: what runs is cancelled, the motor disabled, all else refused."""
+        self._is_ending = True
+        self.must_disable = True
+        self.end(ENDING)
+        self._drop_queued(ENDING, lambda _job: True)
+
+    def _end_replaced(self) -> None:
+        reason, self._replaced = self._replaced, None
+        if reason is not None:
+            self.end(reason)
+
+    def _left(self, *, by_defect: bool = False) -> Rest:
+        """Return what the jaws do if the running action ends now."""
+        action, feedback = self.action, self.motor.feedback
+        if action is None or feedback is None or not (action.needs_power and self.has_stepped):
+            return self.rest
+        rest = None if by_defect else action.rest()
+        return rest or Hold(feedback.position_rad, self.calibrated.gains)
+
+    def _new_job(self, kind: JobKind, owner: Owner, detached: bool) -> Job:
+        """Return the queued job whose turn it is, else a new one, under the present lease."""
+        job, self._starting = self._starting, None
+        job = job or self.jobs.add(kind, owner, detached, self.now_s)
+        holder = self.lease.holder
+        job.grant = None if holder is None else holder.number
+        return job
+
+    def _start_queued(self) -> None:
+        """Start the motion whose turn it is; one that is refused by now ends so."""
+        while self.jobs.queue and self.jobs.running is None:
+            entry = self.jobs.queue.popleft()
+            self._starting = entry.job
+            refused = self.lease.refusal(entry.job.owner) or entry.start()
+            self._starting = None
+            if isinstance(refused, Refusal):
+                self._end_queued(entry.job, refused)
+
+    def _drop_queued(self, refusal: Refusal, which: Callable[[Job], bool]) -> None:
+        for job in self.jobs.take_queued(which):
+            self._end_queued(job, refusal)
+
+    def _end_queued(self, job: Job, refusal: Refusal) -> None:
+        self.jobs.end(job, refusal, self.now_s)
+        self.events += announce.job_ended(job, refusal)
+
+    # The stop
+
+    def stop(self, level: StopLevel, by: Owner | None, why: str | None, now_s: float) -> None:
+        """Stop, in force with the next command that is sent, and latched.
+
+        One that raises nothing takes effect all the same, but is only counted: a flood of stops
+        is no flood of events.
+        """
+        before = self.stop_latch.latched
+        stop = self.stop_latch.raise_to(level, by, why, now_s)
+        refusal = self.stop_latch.refusal()
+        self._owed = None  # what a client who is gone wished for the jaws would undo the stop
+        if refusal is not None:
+            running = self.jobs.running
+            if running is not None and running.kind != "disable":
+                self.end(stopped_under_way(running, refusal))
+            self._drop_queued(refusal, lambda _job: True)
+            if stop is not before:
+                self.events.append(announce.stopped(stop.level, refusal))
+        self._settle_into(stop.level)
+        if isinstance(self.rest, Grip):
+            self.rest.freeze()  # no more torque than there is now, but not a dropped object either
+
+    def clear_stop(self, by: Owner) -> None:
+        """Allow motions again; the jaws stay as they are."""
+        if self.stop_latch.latched is not None:
+            self.events.append(announce.stop_cleared(by, self.stop_latch.clear()))
+
+    # The lease
+
+    def acquire(self, owner: Owner, wish: Wish) -> Grant | Refusal:
+        """Grant the lease, where it is free and nobody else's motion runs."""
+        before, running = self.lease.holder, self.jobs.running
+        if before is None and running is not None and running.owner.client != owner.client:
+            return busy_with(running)
+        answer = self.lease.acquire(owner, wish, self.now_s)
+        is_new = isinstance(answer, Grant) and (before is None or answer.number != before.number)
+        return self._granted(answer) if is_new else answer
+
+    def await_lease(
+        self, owner: Owner, wish: Wish, wait_s: float, on_answer: OnAnswer
+    ) -> Refusal | None:
+        """Let `owner` wait for the lease, first come, first served."""
+
+        def granted(answer: Grant | Refusal) -> None:
+            on_answer(self._granted(answer))
+
+        return self.lease.wait(owner, wish, self.now_s + wait_s, granted)
+
+    def release(self, owner: Owner) -> Refusal | None:
+        """Give the lease back; a motion that runs under it goes on."""
+        holder, running = self.lease.holder, self.jobs.running
+        refusal = self.lease.release(owner)
+        if refusal is None and holder is not None:
+            self.events.append(announce.lease_released(holder, owner))
+            if running is not None and running.grant == holder.number:
+                running.grant = None
         return refusal
+
+    def take_over(self, owner: Owner, wish: Wish, why: str, left: OnLost = "hold") -> Grant:
+        """Take the lease from whoever has it; the caller has made sure that `owner` may.
+
+        What runs ends, whoever's it is and also what is detached, but for disabling and for the
+        taker's own motion without a lease. What the jaws do then is the taker's to say (`left`),
+        not the loser's, unless something goes on.
+        """
+        grant, loss = self.lease.take(owner, wish, why, left, self.now_s)
+        running = self.jobs.running
+        is_anothers = running is not None and running.owner.client != owner.client
+        if running is not None and is_anothers and running.kind != "disable":
+            self.end(announce.taken_refusal(owner, why, left))
+        if loss is not None:
+            self.lose(loss, loss.grant.owner.client)
+        elif self.jobs.running is None:
+            self._settle_into(left)
+        self._granted(grant)
+        return grant
+
+    def resume(self, number: int, owner: Owner) -> Grant | Refusal:
+        """Grant a lapsed lease again to who reconnected, if nobody has had one since."""
+        return self._granted(self.lease.resume(number, owner, self.now_s))
+
+    def _granted(self, answer: Grant | Refusal) -> Grant | Refusal:
+        """Tell of a grant; what a lost client wished for the jaws counts no more from then on."""
+        if isinstance(answer, Grant):
+            if self._owed is not None:
+                self._owed = None
+                self.events.append(announce.left_to_holder())
+            self.events.append(announce.lease_granted(answer))
+        return answer
+
+    # Lost clients and lost leases
+
+    def client_lost(self, client: int, cause: LossCause = "connection") -> None:
+        """End what a client owned: its motions, unless detached, and its lease."""
+        self.lose(self.lease.lose(client, cause), client)
+
+    def lose(self, loss: Loss | None, client: int) -> None:
+        """End the motion of a lost client or lease; then the jaws do what was wished.
+
+        That is done at once, or when the motion has ended that goes on without its client: a
+        detached one, or another client's. Disabling always goes on.
+        """
+        running = self.jobs.running
+        refusal = announce.loss_refusal(loss)
+        self._drop_queued(refusal, lambda job: _falls(job, loss, client))
+        ends = running is not None and running.kind != "disable" and _falls(running, loss, client)
+        if ends:
+            self.end(refusal)
+        on_lost: OnLost = "hold" if loss is None else loss.on_lost
+        cause = None if loss is None else loss.cause
+        later = loss is not None and self.jobs.running is not None
+        if loss is not None:
+            self.events.append(announce.lease_lost(loss))
+        if ends or loss is not None:
+            self.events.append(announce.client_lost(on_lost, cause, later=later))
+        if later:
+            self._owed = on_lost
+        elif ends or loss is not None:
+            self._settle_into(on_lost)
+
+    def _step_authority(self, now_s: float) -> None:
+        """Take what time brings: a lease that runs out, and whose turn it is.
+
+        A motion under a lease that is not the present one never goes on, whatever the way;
+        disabling always does.
+        """
+        loss = self.lease.expire(now_s)
+        if loss is not None:
+            self.lose(loss, loss.grant.owner.client)
+        running, holder = self.jobs.running, self.lease.holder
+        present = None if holder is None else holder.number
+        if (
+            running is not None
+            and not running.detached
+            and running.kind != "disable"
+            and running.grant not in (None, present)
+        ):
+            self.end(announce.loss_refusal(None))
+        self._start_queued()
+        self.lease.step(now_s, may_grant=self.jobs.running is None and not self.jobs.queue)
+
+    def _settle_into(self, level: StopLevel) -> None:
+        """Go into what a stop or a lost client leaves behind; a hold is kept, force included."""
+        if level == "disable" or (level == "relax" and self.motor.phase is MotorPhase.SILENT):
+            self.must_disable = True  # a motor that does not answer can only be told to let go
+        elif level == "relax":
+            self.rest = Slack()
+        elif isinstance(self.rest, Grip):
+            self.rest.stay()
 
     # The tick
 
@@ -138,15 +491,6 @@ class Engine(Arbiter):
         command = command or self._rest_command(now_s, feedback)
         self._note_moved_object(feedback)
         return MotorOrder(self._send(now_s, command, feedback), request, is_motion, inquiry)
-
-    def progress(self) -> Progress | None:
-        """Tell where the running job is."""
-        return None if self.action is None else self.action.progress()
-
-    def take_events(self) -> list[Event]:
-        """Return what happened since the last call."""
-        events, self.events = self.events, []
-        return events
 
     def _act(self, now_s: float) -> tuple[MitCommand | None, MotorRequest | None]:
         """Step the running action, if its motor is still there."""
@@ -244,8 +588,21 @@ class Engine(Arbiter):
         was_silent = before is MotorPhase.SILENT
         if was_silent and isinstance(self.rest, Grip):
             self.rest.resume()
-        elif not (was_silent and isinstance(self.rest, Relax)):
+        elif not (was_silent and isinstance(self.rest, Slack)):
             self.rest = Hold(motor.feedback.position_rad, self.gains)
+
+
+def _defect(job: Job, error: Exception) -> Refusal:
+    text = f"{job.kind} failed by a defect: {type(error).__name__}: {error}"
+    return Refusal("internal_error", text)
+
+
+def _falls(job: Job, loss: Loss | None, client: int) -> bool:
+    """Whether a job ends with its client, or with the lease that it runs under."""
+    if job.detached:
+        return False
+    under = loss is not None and job.grant == loss.grant.number
+    return under or job.owner.client == client
 
 
 def _finite(motor: MotorView) -> MotorView:

@@ -12,8 +12,7 @@ noisy. Durations are counted in time, and each measurement counts once.
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegripd.control.lasting import Lasting
-from litegripd.control.speed_window import SpeedWindow
+from litegripd.control.detectors import Lasting, SpeedWindow
 from litegripd.model.motor import Feedback
 
 WatchState: TypeAlias = Literal["held", "searching", "recovering"]

@@ -9,29 +9,25 @@ from collections import OrderedDict, deque
 from dataclasses import replace
 from typing import Any
 
+from litegripd.control.calibration import CalibrationInUse
+from litegripd.control.detectors import Lasting, SpeedWindow
 from litegripd.control.engine import Engine
-from litegripd.control.filter import LastWord
 from litegripd.control.gains import Gains
-from litegripd.control.grip import Grip, GripSettings
 from litegripd.control.grip_watch import GripWatch, WatchLimits, WatchState
 from litegripd.control.heat import HeatGuard, HeatModel, Readings
-from litegripd.control.in_use import CalibrationInUse
+from litegripd.control.holds import Grip, GripSettings, Hold, Rest, Slack
 from litegripd.control.jobs import JobBook
-from litegripd.control.lasting import Lasting
 from litegripd.control.lease import Grant, Lease
-from litegripd.control.output import Output
-from litegripd.control.rest import Hold, Relax, Rest
+from litegripd.control.limiter import CommandLimiter, Output
 from litegripd.control.second_master import SecondMaster
-from litegripd.control.speed_window import SpeedWindow
 from litegripd.control.stop import StopLatch
 from litegripd.model.bus import BusCondition
 from litegripd.model.calibration import Calibration
-from litegripd.model.carried import Carried
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Stop
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase, MotorView, ZeroView
-from litegripd.model.plain import TYPE_KEY, PlainError, plain_of, value_of
+from litegripd.model.plain import TYPE_KEY, Carried, PlainError, plain_of, value_of
 
 _OUTPUT = Carried(
     Output,
@@ -69,8 +65,8 @@ _OUTPUT = Carried(
         _raise_every_s=float,
         _top_nm=float,
     ),
-    _last_word=Carried(
-        LastWord,
+    _limiter=Carried(
+        CommandLimiter,
         _impulse_nm_s=float,
         _rated_only=bool,
         _damping=float,
@@ -85,7 +81,7 @@ _ENGINE = Carried(
     Engine,
     left=(
         "action",
-        "capture",  # what could only be lost refuses: `unsettled`
+        "capture",  # what could only be lost refuses: `why_not_restartable`
         "errands",
         "events",
         "has_stepped",
@@ -97,12 +93,11 @@ _ENGINE = Carried(
         "unit",
         "_is_ending",
         "_owed",
-        "_queue",
         "_replaced",
         "_starting",
     ),
     jobs=Carried(
-        JobBook, left=("running", "_ended", "_jobs"), _last=int
+        JobBook, left=("running", "queue", "_ended", "_jobs"), _last=int
     ),  # the others: `export_jobs`
     lease=_LEASE,
     stop_latch=Carried(
@@ -178,11 +173,11 @@ _GRIP = Carried(
     _slice_began_s=float,
     _slice_rad=float | None,
 )
-_JOBS = Carried(JobBook, left=("running", "_ended", "_last"), _jobs=OrderedDict[int, Job])
+_JOBS = Carried(JobBook, left=("running", "queue", "_ended", "_last"), _jobs=OrderedDict[int, Job])
 
 
 def export(engine: Engine) -> dict[str, Any]:
-    """Return the engine's state; the caller has asked whether it is `unsettled`."""
+    """Return the engine's state; the caller has asked whether it is `why_not_restartable`."""
     plain = _ENGINE.memory(engine)
     if engine.lease.holder is not None:
         plain["lease"]["_lapsed"] = plain_of(engine.lease.holder)
@@ -216,7 +211,7 @@ def adopt_jobs(engine: Engine, plain: Any) -> None:
 
 def _rest_of(plain: Any) -> Rest:
     if not isinstance(plain, dict) or plain.get(TYPE_KEY) != Grip.__name__:
-        hold: Rest = value_of(plain, Hold | Relax, "rest")
+        hold: Rest = value_of(plain, Hold | Slack, "rest")
         return hold
     settings = value_of(plain.get("_settings"), GripSettings, "Grip._settings")
     grip = Grip(settings, 0.0, 0.0, watched=False)

@@ -1,7 +1,9 @@
 """The jobs: at most one runs; those that ended are kept for a while, for clients that come back."""
 
-from collections import OrderedDict
-from collections.abc import Iterator
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, JobState, Owner
@@ -14,14 +16,27 @@ MOST_QUEUED = 8
 _CANCELLED_BY = frozenset({"cancelled", "client_lost", "lease_lost", "replaced", "stopped"})
 
 
-class JobBook:
-    """Numbers the jobs, knows the running one and keeps the last `KEPT_JOBS`.
+Start: TypeAlias = Callable[[], Job | Refusal]
+"""Asks for a motion again, as its request did: it may be refused by now."""
 
-    A queued job is known by its number, too; whoever queues it starts it.
+
+@dataclass(frozen=True, slots=True)
+class QueuedJob:
+    """A job that waits for the end of the running one, and what begins it then."""
+
+    job: Job
+    start: Start
+
+
+class JobBook:
+    """Numbers the jobs, knows the running one and those that wait, and keeps the last `KEPT_JOBS`.
+
+    A queued job is known by its number, too; the engine starts it.
     """
 
     def __init__(self) -> None:
         self.running: Job | None = None
+        self.queue: deque[QueuedJob] = deque()
         self._jobs: OrderedDict[int, Job] = OrderedDict()
         self._last = 0
         self._ended: list[Job] = []
@@ -53,6 +68,23 @@ class JobBook:
             oldest = next(number for number, kept in self._jobs.items() if not kept.is_running)
             del self._jobs[oldest]
         return job
+
+    def enqueue(
+        self, kind: JobKind, owner: Owner, detached: bool, now_s: float, start: Start
+    ) -> Job | Refusal:
+        """Let a motion wait for its turn; return a refusal where `MOST_QUEUED` wait already."""
+        if len(self.queue) >= MOST_QUEUED:
+            text = f"{MOST_QUEUED} motions wait for their turn already"
+            return Refusal("too_many_requests", text, {"limit": MOST_QUEUED})
+        job = self.add(kind, owner, detached, now_s)
+        self.queue.append(QueuedJob(job, start))
+        return job
+
+    def take_queued(self, which: Callable[[Job], bool]) -> list[Job]:
+        """Take jobs out of the queue, the oldest first, and return them."""
+        taken = [entry.job for entry in self.queue if which(entry.job)]
+        self.queue = deque(entry for entry in self.queue if entry.job not in taken)
+        return taken
 
     def begin(self, job: Job, now_s: float) -> None:
         """Make a job the running one; the caller has made sure that none is running."""

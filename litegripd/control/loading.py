@@ -7,8 +7,7 @@ from typing import Any
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.grips import TaughtGrip
-from litegripd.model.path import PIECE_BYTES, Path
-from litegripd.model.trajectory import SAMPLE
+from litegripd.model.trajectory import PIECE_BYTES, SAMPLE, Path
 
 LOAD_WITHIN_S = 10.0
 """So long each answer may take; judging the longest trajectory takes the helper half a second."""

@@ -3,9 +3,8 @@
 A motion's `config` is the caller's own; it counts for this motion only.
 """
 
-from litegripd.control.actions.grasp import Grasp, GraspRequest
-from litegripd.control.actions.move_to import MoveTo
-from litegripd.control.actions.move_to_stop import Direction, MoveToStop
+from litegripd.control.actions.grasp import BUDGET_NM, Grasp, GraspRequest
+from litegripd.control.actions.move import Direction, MoveTo, MoveToStop
 from litegripd.control.actions.power import ClearFault, Disable, Enable
 from litegripd.control.actions.stream import SetPoint, Stream
 from litegripd.control.admission import (
@@ -20,15 +19,13 @@ from litegripd.control.admission import (
     position_refusal,
     target_refusal,
 )
-from litegripd.control.approach import BUDGET_NM
 from litegripd.control.engine import Engine
-from litegripd.control.grip import Grip, GripSettings
-from litegripd.control.rest import Hold, Relax
+from litegripd.control.holds import Grip, GripSettings, Hold, Slack
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import (
+from litegripd.model.motion_config import (
+    MotionConfig,
     damping_conflict,
     fast_conflict,
     move_conflict,
@@ -49,7 +46,7 @@ class Motions:
     def enable(self, owner: Owner, config: MotionConfig, detached: bool) -> Job | Refusal:
         """Begin to enable the motor."""
         engine = self._engine
-        refusal = engine.unfree() or engine.motor.problem
+        refusal = engine.why_busy() or engine.motor.problem
         if refusal is not None:
             return refusal
         request = EnableMotor(config.enable_retries, config.enable_retry_interval)
@@ -178,7 +175,7 @@ class Motions:
         if isinstance(feedback, Refusal):
             return feedback
         rest = engine.rest
-        if isinstance(rest, Relax):  # holding anew would lose the force of a hold
+        if isinstance(rest, Slack):  # holding anew would lose the force of a hold
             rest = Hold(feedback.position_rad, engine.gains)
         elif isinstance(rest, Grip):
             rest.stay()
@@ -191,7 +188,7 @@ class Motions:
         if isinstance(feedback, Refusal):
             return feedback
         result = SlackResult(feedback.position_rad)
-        return self._engine.settle("zero_gravity", Relax(), owner, result)
+        return self._engine.settle("zero_gravity", Slack(), owner, result)
 
     def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
         """Squeeze by `force_n` from now on: what is gripped, else from where the jaws are.
@@ -273,13 +270,13 @@ class Motions:
 
     def _powered(self) -> Feedback | Refusal:
         """Return the present feedback where the motor is free and enabled, else why not."""
-        refusal = self._engine.unfree() or motor_refusal(self._engine.motor)
+        refusal = self._engine.why_busy() or motor_refusal(self._engine.motor)
         return refusal or self._engine.motor.feedback or NO_FEEDBACK
 
     def _ready(self) -> Geometry | Refusal:
         """Return the travel where a motion in it may begin, else say why not."""
         engine = self._engine
-        refusal = engine.unfree()
+        refusal = engine.why_busy()
         if refusal is not None:
             return refusal
         geometry = engine.geometry

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import get_args
 
 from litegripd.control.engine import Engine
-from litegripd.control.rest import Relax
+from litegripd.control.holds import Slack
 from litegripd.control.ring import OVERHEAD_BYTES, Ring
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
@@ -199,7 +199,7 @@ class Recorder:
             flags |= HAS_FEEDBACK
         if engine.output.requested is not None:
             flags |= HAS_REQUEST
-        if type(engine.rest) is Relax:
+        if type(engine.rest) is Slack:
             flags |= IS_SLACK
         if engine.stop_latch.latched is not None:
             flags |= IS_STOPPED

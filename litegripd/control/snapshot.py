@@ -3,8 +3,7 @@
 from typing import Literal
 
 from litegripd.control.engine import Engine
-from litegripd.control.grip import Grip
-from litegripd.control.rest import Relax
+from litegripd.control.holds import Grip, Slack
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job
 from litegripd.model.motor import Feedback, MotorPhase, MotorView, Status, status_name
@@ -48,7 +47,7 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         error_code=None if feedback is None else feedback.status,
         status=None if feedback is None else status_name(feedback.status),
         enabled=_enabled(motor),
-        mode=mode_of(motor.phase, engine.jobs.running is not None, isinstance(engine.rest, Relax)),
+        mode=mode_of(motor.phase, engine.jobs.running is not None, isinstance(engine.rest, Slack)),
         position_rad=None if feedback is None else feedback.position_rad,
         velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
         torque_nm=None if feedback is None else feedback.torque_nm,

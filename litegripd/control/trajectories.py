@@ -4,13 +4,13 @@ Recording and replay exclude each other. A recording that is over is kept until 
 to the helper process, or the next one begins.
 """
 
+import base64
+import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from litegripd.control.actions.replay import Replay
-from litegripd.control.actions.replay_request import ReplayRequest
-from litegripd.control.actions.teach import Teach, result_of
+from litegripd.control.actions.replay import Replay, ReplayRequest
 from litegripd.control.admission import (
     NO_FEEDBACK,
     busy_with,
@@ -19,16 +19,91 @@ from litegripd.control.admission import (
     position_refusal,
     trajectory_or_teleop_refusal,
 )
-from litegripd.control.capture import Capture
+from litegripd.control.capture import Capture, Teach, result_of
 from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
-from litegripd.control.keeping import Keeping
+from litegripd.control.loading import outcome_of
+from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import damping_conflict, slow_conflict
-from litegripd.model.trajectory import MAX_SAMPLES
+from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_conflict
+from litegripd.model.trajectory import MAX_SAMPLES, PIECE_BYTES
+
+
+def recording_key(number: int) -> str:
+    """Return what the helper process keeps a recording under."""
+    return f"recording {number}"
+
+
+class Keeping:
+    """One recording on its way; `on_kept` is called once, with what is known of the whole.
+
+    With a `name` it is a trajectory of the user `uid`.
+
+    Only the latest recording is kept: the one before goes when this one comes.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        capture: Capture,
+        number: int,
+        on_kept: Callable[[Mapping[str, Any] | Refusal], None],
+        *,
+        name: str | None,
+        uid: int,
+    ) -> None:
+        self._engine = engine
+        self._capture = capture
+        self._number = number
+        self._name = name
+        self._uid = uid
+        self._on_kept = on_kept
+        self._grips = json.dumps(capture.grips()).encode()
+        self._sent = 0
+
+    def begin(self) -> None:
+        """Send the first piece."""
+        before = {"keys": [recording_key(self._number - 1)]}
+        self._engine.errands.append(Errand("trajectory.drop", before, lambda _result: None))
+        self._send()
+
+    def _send(self) -> None:
+        """Send the next piece: of the samples, then of what is known of the grips."""
+        capture = self._capture
+        offset = self._sent
+        if offset < capture.size:
+            data = capture.piece(offset // PIECE_BYTES)
+        else:
+            data = memoryview(self._grips)[offset - capture.size :][:PIECE_BYTES]
+        parameters = {
+            "key": recording_key(self._number),
+            "offset": offset,
+            "total": capture.size + len(self._grips),
+            "grip_bytes": len(self._grips),
+            "sha256": None,
+            "data": base64.b64encode(data).decode("ascii"),
+            "name": self._name,
+            "uid": self._uid,
+            "header": capture.header(self._engine.unit.can_id),
+        }
+        self._sent += len(data)
+        self._engine.errands.append(Errand("trajectory.put", parameters, self._answered))
+
+    def _answered(self, result: ErrandResult) -> None:
+        answer = outcome_of(result, "not_saved")
+        if isinstance(answer, Refusal):
+            self._on_kept(answer)
+        elif answer["complete"]:
+            number = None if self._name is not None else self._number
+            known = {
+                key: value for key, value in answer.items() if key not in ("received", "complete")
+            }
+            self._on_kept({"recording": number, **known})
+        else:
+            self._send()
+
 
 STAYS = (
     "the recording stays until the next one begins: end it again (trajectory.record_stop), under a"
@@ -72,7 +147,7 @@ class Trajectories:
         engine = self._engine
         geometry = self._ready()
         refusal = self.refusal() or (geometry if isinstance(geometry, Refusal) else None)
-        refusal = refusal or self._rate_refusal(rate_hz) or (engine.unfree() if slack else None)
+        refusal = refusal or self._rate_refusal(rate_hz) or (engine.why_busy() if slack else None)
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or NO_FEEDBACK
         capture = Capture(
@@ -166,7 +241,7 @@ class Trajectories:
     ) -> Job | Refusal:
         """Begin to load and replay a trajectory; the gains are the calibration's by default."""
         engine = self._engine
-        refusal, geometry = self.refusal() or engine.unfree(), self._ready()
+        refusal, geometry = self.refusal() or engine.why_busy(), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
         kp = engine.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad

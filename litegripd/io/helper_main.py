@@ -34,7 +34,7 @@ from litegripd.io.spawner import OPERATION as START_SPAWNER
 from litegripd.io.standard_error import LineWriter
 from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
-from litegripd.model.saved import Dumped
+from litegripd.model.calibration import Dumped
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]

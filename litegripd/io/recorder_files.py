@@ -17,7 +17,7 @@ from litegripd.io.calibration_files import own_directory
 from litegripd.io.child import MEMORY_FD
 from litegripd.io.recorder_mcap import to_mcap
 from litegripd.io.shared_memory import copy_of
-from litegripd.model.saved import Dumped
+from litegripd.model.calibration import Dumped
 
 KEPT_FILES = 10
 KEPT_BYTES = 64_000_000

@@ -13,8 +13,7 @@ from typing import Any
 from litegripd.io import atomic_file
 from litegripd.io.atomic_file import REAL, FileError, FileSystem
 from litegripd.io.calibration_files import MAX_FILE_BYTES, own_file
-from litegripd.model.calibration import CalibrationError, parse_calibration
-from litegripd.model.saved import Saved
+from litegripd.model.calibration import CalibrationError, Saved, parse_calibration
 
 
 def save_calibration(parameters: Mapping[str, object], file_system: FileSystem = REAL) -> Saved:

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from typing import Any, Protocol, TypeAlias
 
 from litegripd.io.teleop_wire import MAX_PAYLOAD_BYTES
-from litegripd.model.teleop import LinkWish
-from litegripd.model.teleop_targets import udp_targets
+from litegripd.model.teleop import LinkWish, udp_targets
 
 Deliver: TypeAlias = Callable[[bytes, str], None]
 """Takes a payload and the name of its sender, from any thread."""

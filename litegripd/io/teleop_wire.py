@@ -9,9 +9,7 @@ import json
 import struct
 from dataclasses import asdict, dataclass
 
-from litegripd.model.force_frame import FORCE_FRAME_BYTES
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
-from litegripd.model.teleop_frame import FRAME_BYTES
+from litegripd.model.teleop import FORCE_FRAME_BYTES, FRAME_BYTES, Arrival, LinkStatus, LinkWish
 
 OPEN, CLOSE, FRAME, REPLY, STATUS = b"o", b"c", b"f", b"r", b"s"
 _ARRIVED = struct.Struct("<IdB")  # generation, when it came, bytes of the source's name

@@ -29,8 +29,7 @@ from litegripd.io.trajectory_content import (
 )
 from litegripd.io.trajectory_grips import Grips
 from litegripd.io.trajectory_owners import Limits, Owners, lgt_names
-from litegripd.model.path import PIECE_BYTES
-from litegripd.model.trajectory import HEADER, MAX_BYTES, SAMPLE, Header, name_problem
+from litegripd.model.trajectory import HEADER, MAX_BYTES, PIECE_BYTES, SAMPLE, Header, name_problem
 
 LISTED_BYTES = 40_000
 """So much of a list in one answer, which must fit into a packet."""

@@ -8,10 +8,28 @@ import math
 import reprlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Any, TypedDict
 
 from litegripd.model.geometry import Geometry
-from litegripd.model.motion_limits import damping_conflict
+from litegripd.model.motion_config import damping_conflict
+
+
+class Saved(TypedDict):
+    """Where a file was written, where the one before is, and the new one's date (Unix time)."""
+
+    path: str
+    previous: str | None
+    saved_s: float
+
+
+class Dumped(TypedDict):
+    """A file of the flight recorder's, and what is in it."""
+
+    path: str
+    ticks: int
+    seconds: float
+    bytes: int
+
 
 _KNOWN_NUMBERS = ("zero_position_rad", "max_position_rad", "rad_to_mm")
 _GAIN_RANGES = {"kp": (1.0, 500.0), "kd": (0.0, 5.0)}

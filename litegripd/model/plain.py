@@ -1,7 +1,11 @@
-"""Values as JSON can carry them from one process of the daemon to its successor, and back.
+"""Values as JSON carries them from one process of the daemon to its successor, and back.
 
 What arrives is checked against the declared type, down to the last field: a state that another
 version has written, or that is damaged, is refused and never guessed at.
+
+`Carried` is a table of the attributes of an object that a successor takes over. Every attribute is
+either carried or left: one that is in neither list is a defect, which is found before anything is
+handed over, and not by jaws that let go.
 """
 
 from collections import OrderedDict, deque
@@ -194,3 +198,48 @@ def check_object(plain: Any, name: str, expected: set[str], where: str) -> None:
     differing = expected ^ plain.keys()
     if differing:
         raise PlainError(f"{where}: a {name} of another version, by {', '.join(sorted(differing))}")
+
+
+class Carried:
+    """The table of one class: the carried attributes with their types, and those that are left.
+
+    A type may be another `Carried`: the object in that attribute is filled, not replaced. Keyed
+    and bounded rows are filled, too, so that they keep their bounds.
+    """
+
+    def __init__(self, owner: type, *, left: tuple[str, ...] = (), **kinds: Any) -> None:
+        self._owner = owner
+        self._left = frozenset(left)
+        self._kinds = kinds
+
+    def memory(self, source: Any) -> dict[str, Any]:
+        """Return what JSON can hold of the carried attributes. Raises `PlainError` for a defect."""
+        unknown = vars(source).keys() ^ (self._kinds.keys() | self._left)
+        if unknown:
+            names = ", ".join(sorted(unknown))
+            raise PlainError(f"of {self._owner.__name__} it is not said who takes over: {names}")
+        plain = {name: _part(getattr(source, name), kind) for name, kind in self._kinds.items()}
+        return {TYPE_KEY: self._owner.__name__, **plain}
+
+    def restore(self, target: Any, plain: Any, where: str = "") -> None:
+        """Fill `target` with what `memory` returned. Raises `PlainError` for anything else."""
+        where = where or self._owner.__name__
+        check_object(plain, self._owner.__name__, {TYPE_KEY, *self._kinds}, where)
+        for name, kind in self._kinds.items():
+            present, inner = getattr(target, name), f"{where}.{name}"
+            if isinstance(kind, Carried):
+                kind.restore(present, plain[name], inner)
+                continue
+            value = value_of(plain[name], kind, inner)
+            if isinstance(present, OrderedDict):
+                present.clear()
+                present.update(value)
+            elif isinstance(present, deque):
+                present.clear()
+                present.extend(value)
+            else:
+                setattr(target, name, value)
+
+
+def _part(value: Any, kind: Any) -> Any:
+    return kind.memory(value) if isinstance(kind, Carried) else plain_of(value)

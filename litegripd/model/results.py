@@ -1,4 +1,4 @@
-"""What a motion ended with, and what it reports on its way; names as in the vendor's SDK."""
+"""What motions end with, and what is told on their way."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -245,3 +245,11 @@ class ReplayProgress(Progress):
     loops: int
     grips: int
     width_mm: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Restarted:
+    """The successor that has taken over, and the time between the commands of the two."""
+
+    pid: int
+    gap_s: float

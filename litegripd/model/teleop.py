@@ -1,5 +1,19 @@
-"""Leader/follower teleoperation as values: what is asked for, what a link brings, how it goes."""
+"""Values of teleoperation: what is wished for, its links, and the frames on the wire.
 
+A leader's frame has 32 bytes that other stacks send and read, too: four big-endian float64, the
+openness, position, force and the sender's time. Nothing is clamped here: what is no number is no
+frame. Nor is one whose openness or position is subnormal: no measurement is that small, but a
+double in the other byte order looks like that, and would close the jaws.
+
+A follower's frame, 40 bytes of our own, tells the leader's hand how hard it presses. It has a key
+of its own, and a length and a mark that no frame of a leader has: neither is ever taken for the
+other.
+"""
+
+import math
+import re
+import struct
+import sys
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -150,3 +164,121 @@ class TeleopStatus:
     round_trip_ms: float | None = None
     late: int = 0
     job: int | None = None
+
+
+MOST_TARGETS = 8
+_TARGET = re.compile(r"(\[[^\[\]]+\]|[^:\[\]]+)(?::(\d{1,5}))?")
+
+
+def udp_targets(wish: LinkWish) -> tuple[tuple[str, int], ...]:
+    """Return the hosts and ports that a leader sends to.
+
+    `host` names them, separated by commas, each with a port of its own where that is not the
+    link's: `10.0.0.2,10.0.0.3:17449`, `[fe80::1]:17449`. Raises `ValueError` for a port that is
+    none, a name that is none, and more than `MOST_TARGETS`.
+    """
+    names = [name.strip() for name in (wish.host or "").split(",")]
+    if len(names) > MOST_TARGETS:
+        raise ValueError(f"names {len(names)} followers, {MOST_TARGETS} are the most")
+    return tuple(_target(name, wish.port) for name in names)
+
+
+def _target(name: str, port: int) -> tuple[str, int]:
+    if name.count(":") > 1 and not name.startswith("["):
+        return name, port  # a plain IPv6 address
+    found = _TARGET.fullmatch(name)
+    if found is None:
+        raise ValueError(f"has {name!r}, which is neither HOST nor HOST:PORT nor [IPV6]:PORT")
+    host = found[1].removeprefix("[").removesuffix("]")
+    own_port = port if found[2] is None else int(found[2])
+    if not 1 <= own_port <= 65_535:
+        raise ValueError(f"has the port {own_port}, it must be 1 to 65535")
+    return host, own_port
+
+
+_FRAME = struct.Struct(">4d")
+FRAME_BYTES = _FRAME.size
+
+
+@dataclass(frozen=True, slots=True)
+class TeleopFrame:
+    """What a leader tells of itself.
+
+    `openness` is 0 (closed) to 1 (open), `position_mm` its opening, `force_n` its force, squeezing
+    positive. `timestamp_s` is of the sender's own clock: two machines share none, so that only
+    differences of one sender mean something.
+    """
+
+    openness: float
+    position_mm: float
+    force_n: float
+    timestamp_s: float
+
+
+def encode_frame(frame: TeleopFrame) -> bytes:
+    """Return the 32 bytes; raises `ValueError` for a value that is not finite."""
+    values = (frame.openness, frame.position_mm, frame.force_n, frame.timestamp_s)
+    if not all(map(math.isfinite, values)):
+        raise ValueError(f"a teleoperation frame needs finite values, not {values}")
+    return _FRAME.pack(*values)
+
+
+def decode_frame(payload: bytes) -> TeleopFrame | None:
+    """Return the frame, or None for another length, a value that is not finite or a subnormal one.
+
+    Only openness and position count as subnormal; a force may have been through a filter that
+    decays, and is not followed.
+    An openness beyond 0 to 1 is a frame all the same: who follows keeps to its own travel.
+    """
+    if len(payload) != FRAME_BYTES:
+        return None
+    values = _FRAME.unpack(payload)
+    if not all(map(math.isfinite, values)) or any(map(_is_subnormal, values[:2])):
+        return None
+    return TeleopFrame(*values)
+
+
+def _is_subnormal(value: float) -> bool:
+    return 0.0 < abs(value) < sys.float_info.min
+
+
+MAGIC = b"LGFORCE1"
+_FORCE_FRAME = struct.Struct(">8sQ3d")
+FORCE_FRAME_BYTES = _FORCE_FRAME.size
+LARGEST_SENDER = 2**64 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class ForceFrame:
+    """What a follower tells of itself.
+
+    `sender` is a number that it alone has, 0 to 2^64 - 1. `force_n` is the force at its jaws,
+    squeezing positive. `timestamp_s` is of its own clock; `echo_s` is the timestamp of the leader's
+    frame that it followed last, of the leader's clock: by it alone the leader knows how old the
+    answer to its position is.
+    """
+
+    sender: int
+    force_n: float
+    timestamp_s: float
+    echo_s: float
+
+
+def encode_force(frame: ForceFrame) -> bytes:
+    """Return the 40 bytes; raises `ValueError` for a value that is not finite or no sender."""
+    values = (frame.force_n, frame.timestamp_s, frame.echo_s)
+    if not all(map(math.isfinite, values)):
+        raise ValueError(f"a force frame needs finite values, not {values}")
+    if not 0 <= frame.sender <= LARGEST_SENDER:
+        raise ValueError(f"a sender is 0 to 2^64 - 1, not {frame.sender}")
+    return _FORCE_FRAME.pack(MAGIC, frame.sender, *values)
+
+
+def decode_force(payload: bytes) -> ForceFrame | None:
+    """Return the frame, or None for another length or mark, or a value that is not finite."""
+    if len(payload) != FORCE_FRAME_BYTES:
+        return None
+    magic, sender, *values = _FORCE_FRAME.unpack(payload)
+    if magic != MAGIC or not all(map(math.isfinite, values)):
+        return None
+    return ForceFrame(sender, *values)

@@ -6,16 +6,14 @@ energises a motor: a phase is taken over as the predecessor had it confirmed.
 
 from typing import Any
 
-from litegripd.model.carried import Carried
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, MitCommand, MotorIdentity, MotorPhase, ZeroView
-from litegripd.model.plain import PlainError
-from litegripd.motor.identification import Identification
+from litegripd.model.plain import Carried, PlainError
+from litegripd.motor.identity import Identification
 from litegripd.motor.motor import Motor
 from litegripd.motor.phases import Phase
 from litegripd.motor.plausibility import Plausibility
-from litegripd.motor.silence import Silence
-from litegripd.motor.standstill import Standstill
+from litegripd.motor.silence import Silence, Standstill
 from litegripd.motor.traffic import Traffic
 from litegripd.motor.zeroing import Zeroing
 

@@ -4,41 +4,88 @@ Pure: time is an argument, frames are values. What the engine wants comes in as 
 what is known goes out as a `MotorView`. Nothing in here decides to energise the motor.
 """
 
+from collections.abc import Iterable
+
 from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import (
     DisableMotor,
     EnableMotor,
+    Feedback,
     MitCommand,
+    MotorIdentity,
     MotorOrder,
     MotorPhase,
     MotorRequest,
     MotorView,
+    Ranges,
+    RegisterWrite,
     SetZero,
     Status,
     ZeroView,
+    is_fault,
 )
 from litegripd.motor import codec
-from litegripd.motor.arming import Arming
+from litegripd.motor.enabling import Arming, FaultClearing
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
-from litegripd.motor.identification import STILL_READ
-from litegripd.motor.listening import Listener
-from litegripd.motor.phases import ARMING_PHASES, FAULTY, PUBLIC, Event, Phase
-from litegripd.motor.reading import READABLE
-from litegripd.motor.registers import PMAX, VERIFIED
-from litegripd.motor.silence import DISABLE_GIVES_UP_S, USUAL_PERIOD_S
-from litegripd.motor.unfaulting import Unfaulting
+from litegripd.motor.identity import STILL_READ, Identification
+from litegripd.motor.phases import ARMING_PHASES, FAULTY, PUBLIC, TRANSITIONS, Event, Phase
+from litegripd.motor.plausibility import Plausibility, StatusJudge
+from litegripd.motor.register_reader import READABLE, RegisterReader
+from litegripd.motor.registers import (
+    MASTER_ID,
+    PMAX,
+    VERIFIED,
+    Answer,
+    described,
+    parse_answer,
+    parse_write_request,
+)
+from litegripd.motor.silence import DISABLE_GIVES_UP_S, USUAL_PERIOD_S, Silence, Standstill
+from litegripd.motor.traffic import MotorCounters, Traffic
 from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
 
+_JUDGED = frozenset({*ARMING_PHASES, Phase.ENABLED, Phase.LOST})
+"""Where a hold at the position is about to begin, or is under way. Elsewhere whatever a motor tells
+counts at once, above all that it is enabled."""
+_FASTEST_SHARE = 0.99  # of the range of speeds: beyond it, a code may stand for more
+_HELD = frozenset({Phase.ENABLED, Phase.LOST})
+"""Where one answer alone that tells of anything but "enabled" is not acted upon."""
+DOUBT_GIVES_UP_S = 0.5
+"""For so long an enabled motor's ranges may be in doubt: they are read in every tick."""
+DISABLE_CONFIRM_AFTER_S = 0.01  # older answers may have been under way when disable was sent
 
-class Motor(Listener):
+
+class Motor:
     """The motor `can_id`; its answers are found by register MST_ID, or must come on `master_id`."""
 
     def __init__(
         self, can_id: int, master_id: int | None = None, period_s: float = USUAL_PERIOD_S
     ) -> None:
-        super().__init__(can_id, master_id, period_s)
-        self._unfaulting: Unfaulting | None = None
+        self.counters = MotorCounters()
+        self._can_id = can_id
+        self._identification = Identification(can_id, master_id)
+        self._phase = Phase.LOOKING
+        self._entered_s = 0.0
+        self._arming: Arming | None = None
+        self._zeroing = Zeroing(can_id, Ranges(), 0.0)
+        self._reading = RegisterReader(can_id)
+        self._plausibility = Plausibility(period_s)
+        self._status = StatusJudge()
+        self._feedback: Feedback | None = None
+        self._fresh = False
+        self._asked_s = 0.0
+        self._silence = Silence(period_s)
+        self._traffic = Traffic(can_id, self._silence, self.counters)
+        self._foreign_write: RegisterWrite | None = None
+        self._foreign_requests: set[int] = set()
+        """The registers that others asked to write, until the motor has answered."""
+        self._certain_s = 0.0
+        """When the motor's ranges were last not in doubt."""
+        self._standstill = Standstill(period_s)
+        self._stood_still_s: float | None = None
+        """For how long the daemon sent nothing before the present fault, if it stood still."""
+        self._unfaulting: FaultClearing | None = None
         self._tries = 0
         self._failure: Refusal | None = None
 
@@ -78,6 +125,27 @@ class Motor(Listener):
         """Whether registers are being read again."""
         return self._identification.verifier.is_open
 
+    def receive(self, now_s: float, frames: Iterable[CanFrame]) -> None:
+        """Take what came over the bus since the last tick; call it once per tick, before `step`."""
+        for frame in frames:
+            self._receive(frame)
+        identity = self._identification.identity
+        self._standstill.tick(now_s, 0.0 if identity is None else identity.timeout_s)
+        self._watch_registers(now_s)
+        if self._plausibility.refusal is not None and self._phase is Phase.ENABLED:
+            self._go(Event.IMPLAUSIBLE, now_s)
+        if self._fresh:
+            self._fresh = False
+            self._silence.unanswered = 0
+            self._take_status(now_s)
+        elif self._phase is Phase.ENABLED and self._silence.unanswered:
+            self.counters.missed_replies += 1
+        self._watch_silence(now_s)
+
+    def note_bus(self, *, is_usable: bool) -> None:
+        """Take whether the bus can carry frames; call it after `receive`."""
+        self._silence.note_bus(self._phase, is_usable=is_usable)
+
     def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
         """Do what the engine wants and return the frames to send, in their order."""
         if order.request is not None:
@@ -87,6 +155,186 @@ class Motor(Listener):
             self._asked_s = now_s
         read = self._reading.step(now_s, order.register, self._phase)
         return frames + (read or self._verify(now_s))
+
+    # What is heard
+
+    def _receive(self, frame: CanFrame) -> None:
+        answer = parse_answer(frame.data, self._can_id)
+        request = parse_write_request(frame, self._can_id)
+        if frame.can_id == self._can_id and not self._is_on_own_id(frame, answer):
+            self.counters.foreign_commands += 1
+        elif request is not None:
+            self._note_foreign_write(request)
+            self._foreign_requests.add(request.number)
+            self._identification.note_request(request)
+        elif answer is not None and answer.is_write:
+            self.counters.ignored_frames += not self._take_written(answer, frame.can_id)
+        elif answer is not None:
+            self.counters.ignored_frames += not self._take_answer(answer, frame.can_id)
+        elif self._is_feedback(frame):
+            ranges = self._identification.ranges
+            self._take_feedback(codec.decode_feedback(frame.data, ranges, self._asked_s))
+        else:
+            self.counters.ignored_frames += 1
+
+    def _is_on_own_id(self, frame: CanFrame, answer: Answer | None) -> bool:
+        """Whether a frame on the motor's own id is an answer of the motor rather than a command.
+
+        With MST_ID = ESC_ID all answers come there, and before the registers are read any may.
+        Else it is one whose id was damaged on the way. Read as a command it would lead the jaws to
+        where no jaw can be.
+        """
+        if answer is not None and answer.number == MASTER_ID.number:
+            return MASTER_ID.decode(answer.raw) == self._can_id
+        if self._identification.master_id not in (None, self._can_id):
+            own = self._can_id & 0xF
+            return frame.data[:1] in (bytes([own]), bytes([Status.ENABLED << 4 | own]))
+        return answer is not None or codec.is_from_motor(frame.data, self._can_id)
+
+    def _note_foreign_write(self, write: Answer) -> None:
+        """Count and keep what another program has written."""
+        self.counters.foreign_commands += 1
+        self._foreign_write = described(write)
+
+    def _take_written(self, answer: Answer, can_id: int) -> bool:
+        """Take the motor's answer to a write; one that nobody here sent was another program's."""
+        known = self._identification
+        is_moved = answer.number == MASTER_ID.number and MASTER_ID.decode(answer.raw) == can_id
+        if can_id != known.master_id and not (is_moved and not answer.is_save):
+            return False
+        if known.verifier.is_own_write(answer):
+            return True
+        if answer.number not in self._foreign_requests:  # else it is counted
+            self.counters.foreign_commands += 1
+        self._foreign_requests.discard(answer.number)
+        self._foreign_write = described(answer)
+        before = known.identity
+        known.note_written(answer, can_id)
+        self._note_changed(before)
+        return True
+
+    def _note_changed(self, before: MotorIdentity | None) -> None:
+        """Forget what was coded in ranges that hold no longer, where nothing is held by it."""
+        now = self._identification.identity
+        if before is None or now is None or now.ranges == before.ranges:
+            return
+        self._traffic.forget_command()
+        if (
+            self._phase is not Phase.ENABLED
+            and now.ranges.position_rad != before.ranges.position_rad
+        ):
+            self._feedback, self._fresh = None, False
+            self._plausibility.believe(None)
+
+    def _watch_registers(self, now_s: float) -> None:
+        """Disable a motor that obeys no commands any more, or obeys them nobody knows how."""
+        if not self._identification.verifier.doubts_ranges:
+            self._certain_s = now_s
+        is_unknown = now_s - self._certain_s >= DOUBT_GIVES_UP_S
+        if self._phase is Phase.ENABLED and (self._identification.is_uncontrollable or is_unknown):
+            self._go(Event.DISABLE, now_s)
+
+    def _take_feedback(self, feedback: Feedback) -> None:
+        """Keep it, unless its position is in doubt: nothing is to be derived from that."""
+        if self._arming is not None:
+            self._arming.note_answer()
+        is_doubted = self._phase in _HELD and not self._status.accepts(feedback)
+        if is_doubted or self._has_no_scale(feedback):
+            self.counters.implausible_frames += is_doubted
+            self._fresh = self._fresh and self._phase is not Phase.LOST  # "enabled" may be older
+            self._silence.unanswered = 0
+            return
+        if self._phase not in _JUDGED:
+            self._plausibility.believe(feedback)
+        elif not self._plausibility.accepts(
+            feedback,
+            _FASTEST_SHARE * self._identification.ranges.velocity_rad_s,
+            is_driven=self._traffic.is_driven,
+        ):
+            self.counters.implausible_frames += 1
+            self._silence.unanswered = 0
+            return
+        self._feedback = feedback
+        self._fresh = True
+
+    def _has_no_scale(self, feedback: Feedback) -> bool:
+        """Whether its position cannot be known, while another program may have set the range."""
+        is_used = self._phase in _JUDGED or self._zeroing.is_pending
+        is_enabled = feedback.status == Status.ENABLED or self._zeroing.is_pending
+        return is_used and is_enabled and self._identification.verifier.is_in_doubt(PMAX)
+
+    def _take_answer(self, answer: Answer, can_id: int) -> bool:
+        """Give a register answer to whoever awaits it; one that nobody awaits is never feedback."""
+        known = self._identification
+        if self._phase is not Phase.LOOKING:
+            before = known.identity
+            is_awaited = known.verify(answer, can_id)
+            self._note_changed(before)
+            is_read = self._phase in READABLE and can_id == known.master_id
+            return (is_read and self._reading.take(answer)) or is_awaited
+        if not known.take(answer, can_id):
+            return False
+        self._silence.unanswered = 0
+        self._traffic.poll_soon()  # ask for the status, too: it may be enabled
+        self._note_identity()
+        return True
+
+    def _is_feedback(self, frame: CanFrame) -> bool:
+        is_ours = frame.can_id == self._identification.master_id
+        return is_ours and codec.is_from_motor(frame.data, self._can_id)
+
+    def _note_identity(self) -> None:
+        if self._identification.finish():  # what came before may have been coded in other ranges
+            self._feedback = None
+            self._fresh = False
+            self._plausibility.believe(None)
+
+    def _take_status(self, now_s: float) -> None:
+        feedback = self._feedback
+        if feedback is None or self._identification.identity is None:
+            return
+        if self._phase is Phase.DISABLING and now_s < self._entered_s + DISABLE_CONFIRM_AFTER_S:
+            return
+        if feedback.status == Status.ENABLED:
+            self._go(Event.SAW_ENABLED, now_s)
+        elif is_fault(feedback.status):
+            if self._phase not in FAULTY:
+                self._stood_still_s = self._standstill.before(now_s)
+            self._go(Event.SAW_FAULT, now_s)
+        elif self._arming is None or self._arming.has_stored_zero:
+            self._zeroing.take(feedback, now_s)
+            self._go(Event.SAW_DISABLED, now_s)
+
+    def _go(self, event: Event, now_s: float) -> None:
+        following = TRANSITIONS.get((self._phase, event))
+        if following is None:
+            return
+        if self._phase is Phase.ENABLED:
+            self._traffic.forget_command()
+        if self._phase is Phase.LOST and following is Phase.ENABLED:
+            self._identification.verifier.begin()  # what was written meanwhile went unheard
+        self._status.reset()
+        self._phase = following
+        self._entered_s = now_s
+        self._silence.begin_phase(event)
+        if following is Phase.LOOKING:
+            self._identification.begin()
+            self._feedback = None
+            self._plausibility.believe(None)
+        if following not in ARMING_PHASES:
+            self._arming = None
+        self._zeroing.leave()
+
+    def _watch_silence(self, now_s: float) -> None:
+        in_phase_s = now_s - self._entered_s
+        silent_s = in_phase_s if self._feedback is None else now_s - self._feedback.at_s
+        event = self._silence.event(self._phase, in_phase_s, silent_s)
+        if event is not None:
+            self._go(event, now_s)
+        elif self._silence.is_total(self._phase):
+            self._identification.expect_another()
+
+    # What is sent
 
     def _verify(self, now_s: float) -> list[CanFrame]:
         """Read again what decides how the motor is talked to; one frame beside a command."""
@@ -168,7 +416,7 @@ class Motor(Listener):
         self._plausibility.reset()
         if self._identification.problem() is not None:
             self._go(Event.LOOK, now_s)
-        self._unfaulting = Unfaulting(self._can_id, now_s)
+        self._unfaulting = FaultClearing(self._can_id, now_s)
         self._go(Event.CLEAR, now_s)
 
     def _unfault(self, now_s: float) -> list[CanFrame]:

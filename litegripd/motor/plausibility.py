@@ -1,16 +1,52 @@
-"""Whether a measured position can be true, by what is physically possible since the last one.
+"""What one frame alone does not prove of an enabled motor: a jump of the position, another status.
 
-Of a motor that is enabled, one frame alone proves no jump: what it tells counts once the next one
-agrees. A command pulls to a position, or is judged by it, so an encoder that jumps (or wraps at
-±PMAX) would turn a hold into a blow: where the motor is driven, a jump that stays is a fault. Slack
-jaws that a hand throws against a stop bounce faster than any motor could make them; there it is
-believed in the end.
+`Plausibility` asks whether a measured position can be true, by what is physically possible since
+the last one; it counts once the next one agrees. A command pulls to a position, or is judged by it,
+so an encoder that jumps (or wraps at ±PMAX) would turn a hold into a blow: where the motor is
+driven, a jump that stays is a fault. Slack jaws that a hand throws against a stop bounce faster
+than any motor could make them; there it is believed in the end.
+
+`StatusJudge` asks whether the word that it is no longer enabled is to be acted upon. To act upon it
+is to let go of what is held, and not every bus has checksums (a line of SLCAN has none): one frame
+alone proves nothing, and what else it tells is as doubtful.
 """
 
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, Status
 from litegripd.motor.faults import implausible_refusal
 from litegripd.motor.silence import USUAL_PERIOD_S
+
+CERTAIN_AFTER = 3
+"""So many answers in a row that tell anything but "enabled" are believed, though they differ."""
+
+
+class StatusJudge:
+    """Counts the answers in a row in which an enabled motor says that it is not."""
+
+    def __init__(self) -> None:
+        self._doubted: Feedback | None = None
+        self._in_a_row = 0
+
+    def reset(self) -> None:
+        """Forget what was doubted."""
+        self._doubted, self._in_a_row = None, 0
+
+    def accepts(self, feedback: Feedback) -> bool:
+        """Tell whether to believe the status that `feedback` tells.
+
+        The second answer counts when it agrees. It must be one to another request: a frame that
+        came twice proves no more than it did once.
+        """
+        if feedback.status == Status.ENABLED:
+            self.reset()
+            return True
+        doubted, self._doubted = self._doubted, feedback
+        if doubted is None or doubted.at_s != feedback.at_s:
+            self._in_a_row += 1
+        if doubted is None or doubted.at_s == feedback.at_s:
+            return False
+        return doubted.status == feedback.status or self._in_a_row >= CERTAIN_AFTER
+
 
 LARGEST_ACCELERATION_RAD_S2 = 6000.0
 """10 N·m (the protocol's limit) on the rotor's and the fingers' 1.87e-3 kg·m², and a reserve."""

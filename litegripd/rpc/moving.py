@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any, Literal
 
 from litegripd.control.actions.grasp import GraspRequest
-from litegripd.control.actions.move_to_stop import Direction
+from litegripd.control.actions.move import Direction
 from litegripd.control.admission import Target
 from litegripd.control.engine import Engine
 from litegripd.control.motions import Motions

@@ -1,6 +1,6 @@
 """The row of the method on the flight recorder."""
 
-from litegripd.model.saved import Dumped
+from litegripd.model.calibration import Dumped
 from litegripd.rpc.method import Method
 from litegripd.rpc.schema import Param
 

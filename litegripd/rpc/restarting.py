@@ -5,7 +5,7 @@ from dataclasses import asdict
 from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
-from litegripd.model.restarted import Restarted
+from litegripd.model.results import Restarted
 from litegripd.rpc.calls import Answer, Call, Deferred, Function
 
 OnRestarted: TypeAlias = Callable[[Restarted | Refusal], None]

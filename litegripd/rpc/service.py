@@ -121,6 +121,7 @@ class RpcService:
 
     def closed(self, session: Session, now_s: float) -> None:
         """End a session; what its connection owned is lost with it."""
+        session.is_orphaned = True
         self._clients.remove(session)
         self._subscriptions.remove_all(session)
         self._waiting.remove_all(session)

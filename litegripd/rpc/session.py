@@ -28,7 +28,7 @@ class Session:
     kept by the transport: true while the client has not read all it was sent, so that samples
     are dropped for it rather than queued. `unanswered` counts the requests that wait for a motion,
     `subscriptions` what it is sent unasked. `stream_refused` is the reason why its latest set-point
-    was refused. `is_orphaned`: the process that opened it has ended, another has the connection.
+    was refused. `is_orphaned`: the process that opened it has ended, or the connection.
     """
 
     __slots__ = (

@@ -6,13 +6,12 @@ from typing import Any, TypeAlias
 
 from litegripd.control.admission import ENDING, conflict_refusal
 from litegripd.control.calibrating import Calibrating
+from litegripd.control.calibration import content_of
 from litegripd.control.engine import Engine
-from litegripd.control.saving import content_of
 from litegripd.model.calibration import CalibrationError, from_plain, read_content
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
-from litegripd.model.motion_config import RANGES
-from litegripd.model.motion_limits import fast_conflict
+from litegripd.model.motion_config import RANGES, fast_conflict
 from litegripd.model.motor import RegisterReply
 from litegripd.motor.registers import REGISTERS, Register
 from litegripd.rpc.answers import (
@@ -116,8 +115,8 @@ class Settings:
     def _authority(self, call: Call) -> Authority:
         """Return what to ask when a request takes effect that had to wait for the helper.
 
-        A stop that has come since voids it, and so does any change of the lease: who held it must
-        hold the same one, who needed none may need one now.
+        A stop that has come since voids it, and so do the end of who asked and any change of the
+        lease: who held it must hold the same one, who needed none may need one now.
         """
         engine = self._engine
         latch, holder = engine.stop_latch, engine.lease.holder
@@ -127,6 +126,8 @@ class Settings:
         def refusal() -> Refusal | None:
             if engine.is_ending:
                 return ENDING
+            if call.session.is_orphaned:
+                return Refusal("client_lost", "who asked for it has gone")
             stopped = latch.refusal_of_sent(generation, None, call.received_s, owner.client)
             return stopped or engine.lease.refusal(owner)
 

@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 
-from litegripd.model.restarted import Restarted
-from litegripd.model.results import SetZeroResult, ZeroResult
-from litegripd.model.saved import Saved
+from litegripd.model.calibration import Saved
+from litegripd.model.results import Restarted, SetZeroResult, ZeroResult
 from litegripd.rpc.answers import (
     BY_HAND,
     CalibrationLoaded,

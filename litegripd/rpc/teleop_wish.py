@@ -5,8 +5,7 @@ from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 from litegripd.model.errors import Refusal
-from litegripd.model.teleop import DEFAULT_GRIP_ID, DEFAULT_PORT, LinkWish
-from litegripd.model.teleop_targets import udp_targets
+from litegripd.model.teleop import DEFAULT_GRIP_ID, DEFAULT_PORT, LinkWish, udp_targets
 
 _GRIP_ID = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")

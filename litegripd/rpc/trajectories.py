@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from litegripd.control.actions.replay_request import ReplayRequest
+from litegripd.control.actions.replay import ReplayRequest
 from litegripd.control.capture import Capture
 from litegripd.control.engine import Engine
 from litegripd.control.trajectories import Trajectories

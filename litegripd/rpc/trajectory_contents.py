@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeAlias
 
 from litegripd.control.engine import Engine
-from litegripd.control.keeping import recording_key
 from litegripd.control.loading import outcome_of
+from litegripd.control.trajectories import recording_key
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.trajectory import name_problem

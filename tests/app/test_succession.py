@@ -25,7 +25,7 @@ from litegripd.model.bus import UP, BusCondition
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Owner, Stop
 from litegripd.model.plain import value_of
-from litegripd.model.restarted import Restarted
+from litegripd.model.results import Restarted
 from tests.world import PERIOD_S, World
 
 DEADLINE_S = 20.0

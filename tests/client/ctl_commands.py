@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 
-from litegrip_client.ctl.options import whole_parser
-from litegrip_client.ctl.options.late import Parser
+from litegrip_client.ctl.parser import Parser, whole_parser
 
 ACTIONS = {
     "calibration": ["show", "templates", "load", "save", "manual"],

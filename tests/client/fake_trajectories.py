@@ -123,6 +123,9 @@ class FakeTrajectories:
 
     def _get(self, request: Request) -> dict[str, Any] | None:
         params = request.params
+        if "/" in params.get("name", ""):
+            request.fail("invalid_params", -32602, "it cannot be a name: it is a path")
+            return None
         if "name" in params and params["name"] not in self.kept:
             request.fail("unknown_trajectory", -32015, f"no trajectory {params['name']!r}")
             return None

@@ -67,6 +67,16 @@ def test_record_replaces_nothing_unasked(there: FakeTrajectories, ctl: Ctl) -> N
     assert there.kept["pick"] == CONTENT
 
 
+def test_what_cannot_be_a_name_is_refused_before_the_recording(
+    there: FakeTrajectories, ctl: Ctl
+) -> None:
+    for more in ((), ("--overwrite",)):
+        code, shown, error = ctl("record", "mine/pick", "--seconds", "3", *more)
+        assert (code, shown) == (4, "")
+        assert error.startswith("litegripctl: it cannot be a name: it is a path\n")
+    assert there.asked("record_start") == []
+
+
 def test_a_recording_that_did_not_fill_is_not_kept(there: FakeTrajectories, ctl: Ctl) -> None:
     there.missed = 100
     code, shown, error = ctl("record", "pick", "--seconds", "3")

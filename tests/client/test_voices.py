@@ -11,8 +11,7 @@ import pytest
 
 import litegrip_client
 from litegrip_client import LiteGrip, LiteGripError
-from litegrip_client.ctl.options import whole_parser
-from litegrip_client.ctl.options.late import LateParser, Parser
+from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
 from litegrip_client.errors import from_error_object
 from litegrip_client.voices import ARGUMENTS, CALLS, in_python, in_shell, is_said
 from litegripd.control.admission import NOT_CALIBRATED, NOT_ENABLED, ZERO_MOVED, busy_with

@@ -25,7 +25,7 @@ def through_json(plain: Any) -> Any:
 
 def exchange(world: World) -> dict[str, Any]:
     """Exchange the machine between two ticks; return what was handed over."""
-    assert handover.unsettled(world.machine) is None
+    assert handover.why_not_restartable(world.machine) is None
     plain = exported(world)
     machine = Machine(Unit(), None, MotionConfig(), PERIOD_S)
     service = RpcService(machine.engine, FixedFacts(), PERIOD_S)

@@ -9,10 +9,9 @@ from dataclasses import replace
 from itertools import combinations
 
 from litegripd.control.actions.by_hand import CalibrateByHand
-from litegripd.control.actions.calibrate import Calibrate
+from litegripd.control.actions.zero import Calibrate
 from litegripd.control.engine import Engine
-from litegripd.control.grip import Grip
-from litegripd.control.rest import Hold, Relax, Rest
+from litegripd.control.holds import Grip, Hold, Rest, Slack
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobState
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
@@ -173,7 +172,7 @@ class LimitWatch:
         if not self._stopped or requested is None or feedback is None:
             return
         phase, rest, was = before
-        if isinstance(engine.rest, Relax):
+        if isinstance(engine.rest, Slack):
             assert requested.kp_nm_rad == requested.kd_nm_s_rad == requested.torque_nm == 0.0
             return
         if isinstance(engine.rest, Hold):

@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.control.actions.replay import Replay
-from litegripd.control.actions.replay_request import FASTEST_MM_S, ReplayRequest
-from litegripd.control.approach import BUDGET_NM
-from litegripd.control.filter import torque_bound_nm
+from litegripd.control.actions.grasp import BUDGET_NM
+from litegripd.control.actions.replay import FASTEST_MM_S, Replay, ReplayRequest
 from litegripd.control.gains import DEFAULT_GAINS
-from litegripd.control.rest import Relax
+from litegripd.control.holds import Slack
+from litegripd.control.limiter import torque_bound_nm
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
@@ -54,7 +53,7 @@ class Jaws:
             config=MotionConfig(),
             gains=DEFAULT_GAINS,
             period_s=PERIOD_S,
-            resting=Relax,
+            resting=Slack,
         )
         self.follows = follows
         self.obstacle_rad = obstacle_rad

@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.control.approach import BUDGET_NM, KP_MAX_NM_RAD, Approach
+from litegripd.control.actions.grasp import BUDGET_NM, KP_MAX_NM_RAD, Approach
 from litegripd.control.gains import Gains
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig

@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.control.filter import (
+from litegripd.control.limiter import (
     PEAK_IMPULSE_NM_S,
     PEAK_TORQUE_NM,
     RATED_TORQUE_NM,
     UNSEEN_RAD_S,
     VENDOR_KD_NM_S_RAD,
     Bounds,
-    LastWord,
+    CommandLimiter,
     bounds_of,
     torque_bound_nm,
 )
@@ -49,7 +49,7 @@ def pull(position_rad: float, kp: float = 100.0, kd: float = 2.0) -> MitCommand:
 def apply(
     command: MitCommand, feedback: Feedback, bounds: Bounds = BOUNDS
 ) -> tuple[MitCommand, tuple[str, ...]]:
-    return LastWord().apply(0.0, command, feedback, bounds, RANGES)
+    return CommandLimiter().apply(0.0, command, feedback, bounds, RANGES)
 
 
 @given(commands, frames, geometries, ranges)
@@ -58,7 +58,7 @@ def test_any_command_becomes_one_that_may_be_sent(
 ) -> None:
     feedback = codec.decode_feedback(frame, spans, 0.0)
     bounds = bounds_of(geometry, CONFIG)
-    sent, limited = LastWord().apply(0.0, command, feedback, bounds, spans)
+    sent, limited = CommandLimiter().apply(0.0, command, feedback, bounds, spans)
     codec.encode_command(sent, spans)  # raises for what is not finite or out of its range
     assert torque_bound_nm(sent, feedback) <= bounds.torque_nm * NEAR
     for unseen_rad_s in (-UNSEEN_RAD_S, UNSEEN_RAD_S):  # the true speed is not the measured one
@@ -77,7 +77,7 @@ def test_any_command_becomes_one_that_may_be_sent(
 def test_the_torque_is_bounded_at_once_and_for_long(
     course: list[tuple[MitCommand, bytes]], offset: int
 ) -> None:
-    last_word, impulse_nm_s, worst_nm_s = LastWord(), 0.0, 0.0
+    last_word, impulse_nm_s, worst_nm_s = CommandLimiter(), 0.0, 0.0
     for tick in range(1000):
         command, frame = course[(tick // 40 + offset) % len(course)]
         feedback = codec.decode_feedback(frame, RANGES, 0.0)
@@ -90,7 +90,7 @@ def test_the_torque_is_bounded_at_once_and_for_long(
 
 
 def test_the_peak_lasts_for_a_moment_and_the_rating_for_long() -> None:
-    last_word = LastWord()
+    last_word = CommandLimiter()
     torques = []
     for tick in range(1000):
         sent, _ = last_word.apply(tick * PERIOD_S, pull(-1.0), measured(), BOUNDS, RANGES)
@@ -101,7 +101,7 @@ def test_the_peak_lasts_for_a_moment_and_the_rating_for_long() -> None:
 
 
 def test_the_peak_comes_back_when_the_impulse_has_drained() -> None:
-    last_word = LastWord()
+    last_word = CommandLimiter()
     for tick in range(200):
         last_word.apply(tick * PERIOD_S, pull(-1.0), measured(), BOUNDS, RANGES)
     last_word.apply(1.0, pull(0.0), measured(), BOUNDS, RANGES)
@@ -113,7 +113,7 @@ def test_the_peak_comes_back_when_the_impulse_has_drained() -> None:
 
 
 def test_the_time_without_power_is_charged_to_no_command() -> None:
-    last_word = LastWord()
+    last_word = CommandLimiter()
     last_word.apply(0.0, pull(-1.0), measured(), BOUNDS, RANGES)
     last_word.unpowered(PERIOD_S)
     for now_s in (100.0, 100.0 + PERIOD_S):
@@ -122,7 +122,7 @@ def test_the_time_without_power_is_charged_to_no_command() -> None:
 
 
 def test_lowered_damping_comes_back_without_power_too() -> None:
-    last_word = LastWord()
+    last_word = CommandLimiter()
     thrown = measured(velocity_rad_s=20.0)
     low, _ = last_word.apply(0.0, pull(0.0), thrown, BOUNDS, RANGES)
     assert low.kd_nm_s_rad < 0.5

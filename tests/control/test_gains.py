@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.control.gains import DEFAULT_GAINS, Gains
 from litegripd.model.calibration import Calibration
-from litegripd.model.motion_limits import LEAST_DAMPING_S, damping_conflict
+from litegripd.model.motion_config import LEAST_DAMPING_S, damping_conflict
 from tests.control.replays import SLOW
 from tests.plants.parameters import PlantParameters
 from tests.plants.world import PlantWorld

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.control.guard import TorqueGuard
+from litegripd.control.detectors import TorqueGuard
 from litegripd.model.motion_config import MotionConfig
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.world import Client, World

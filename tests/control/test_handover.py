@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from litegripd.app import handover
 from litegripd.app.machine import Machine
-from litegripd.control.grip import Grip
-from litegripd.control.rest import Relax
+from litegripd.control.holds import Grip, Slack
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
 from litegripd.model.plain import PlainError
@@ -241,7 +240,7 @@ def test_slack_jaws_stay_slack() -> None:
     world = slack("normal")
     exchange(world)
     world.run(0.1)
-    assert isinstance(world.engine.rest, Relax)
+    assert isinstance(world.engine.rest, Slack)
 
 
 def test_a_stop_stays_latched_and_what_was_sent_before_it_stays_void() -> None:
@@ -292,7 +291,7 @@ def test_nothing_is_handed_over_while_a_motion_runs(method: str, params: dict[st
     world = World()
     client = world.enabled()
     client.send(method, **params)
-    refusal = handover.unsettled(world.machine)
+    refusal = handover.why_not_restartable(world.machine)
     assert refusal is not None
     assert refusal.reason == "busy"
     assert "job 2" in refusal.message
@@ -300,18 +299,18 @@ def test_nothing_is_handed_over_while_a_motion_runs(method: str, params: dict[st
 
 def test_nothing_is_handed_over_while_another_motion_waits_or_the_motor_is_not_settled() -> None:
     world = World()
-    assert handover.unsettled(world.machine) is not None, "it is still looked for"
+    assert handover.why_not_restartable(world.machine) is not None, "it is still looked for"
     client = world.enabled()
     world.lose_from_motor = lambda _frame: True
     world.run(0.1)
-    silent = handover.unsettled(world.machine)
+    silent = handover.why_not_restartable(world.machine)
     assert silent is not None, "it does not answer"
     assert silent.reason == "motor_silent"
     assert "restart without the hold" in str(silent.data["hint"])
     world.lose_from_motor = lambda _frame: False
-    world.run_until(lambda: handover.unsettled(world.machine) is None)
+    world.run_until(lambda: handover.why_not_restartable(world.machine) is None)
     client.send("stop", level="disable")
-    assert handover.unsettled(world.machine) is not None, "it is about to be disabled"
+    assert handover.why_not_restartable(world.machine) is not None, "it is about to be disabled"
 
 
 def paths(plain: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
@@ -436,7 +435,7 @@ def after(course: Course, ticks: int) -> World:
         world.run(wait * PERIOD_S)
     world.run(ticks * PERIOD_S)
     client.send("stop", level="hold")
-    world.run_until(lambda: handover.unsettled(world.machine) is None)
+    world.run_until(lambda: handover.why_not_restartable(world.machine) is None)
     return world
 
 

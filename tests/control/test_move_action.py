@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.control.actions.move_to_stop import Direction, MoveToStop
+from litegripd.control.actions.move import Direction, MoveToStop
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.control.teleop.force_intake import MOST_FOLLOWERS, ForceIntake
-from litegripd.control.teleop.push_back import (
+from litegripd.control.teleop.intake import MOST_FOLLOWERS, ForceIntake
+from litegripd.control.teleop.leader import (
     DEAD_BAND_N,
     GRANT_J,
     MOST_N,

@@ -223,18 +223,18 @@ def test_what_a_restart_would_lose_refuses_it() -> None:
     world, client = recording(zero_gravity=False)
     world.run(0.3)
     for _ in ("under way", "over but not kept"):
-        refusal = handover.unsettled(world.machine)
+        refusal = handover.why_not_restartable(world.machine)
         assert refusal is not None
         assert refusal.reason == "trajectory_busy"
         assert world.engine.capture is not None
         world.engine.capture.finish()
     client.result("trajectory.record_stop", name="pick")
-    assert handover.unsettled(world.machine) is None
+    assert handover.why_not_restartable(world.machine) is None
     client.result("trajectory.record_start", zero_gravity=False)
     world.lose_from_motor = lambda _frame: True
     world.run(0.3)
     world.lose_from_motor = lambda _frame: False
-    world.run_until(lambda: handover.unsettled(world.machine) is None, 2.0)
+    world.run_until(lambda: handover.why_not_restartable(world.machine) is None, 2.0)
 
 
 def test_the_results_of_recordings_and_replays_are_carried_over_a_restart() -> None:

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pytest
 
-from litegripd.control.grip import Grip, GripSettings
-from litegripd.control.grip_notes import GripNotes
+from litegripd.control.capture import GripNotes
+from litegripd.control.holds import Grip, GripSettings
 from litegripd.control.jobs import JobBook
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry

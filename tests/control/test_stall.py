@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.control.stall import StallDetector
+from litegripd.control.detectors import StallDetector
 from litegripd.model.motion_config import MotionConfig
 
 PERIOD_S = 0.005

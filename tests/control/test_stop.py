@@ -2,8 +2,7 @@
 
 import pytest
 
-from litegripd.control.grip import Grip
-from litegripd.control.rest import Hold
+from litegripd.control.holds import Grip, Hold
 from litegripd.model.events import Event
 from litegripd.model.motor import Status
 from tests.control.states import (

@@ -8,7 +8,7 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.motion_limits import LEAST_DAMPING_S
+from litegripd.model.motion_config import LEAST_DAMPING_S
 from litegripd.model.motor import Ranges
 from tests.control.any_requests import NORMAL, REVERSE, Values, calls
 from tests.control.bench import Bench, Course, Request

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from litegripd.control.gains import Gains
-from litegripd.control.teleop.leading import Leading
+from litegripd.control.teleop.follower import FollowerCommand
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, Status
@@ -192,7 +192,7 @@ def test_stiffer_gains_push_no_harder(gains: dict[str, Any]) -> None:
 
 
 def test_no_stiffness_is_no_defect() -> None:
-    leading = Leading(NOMINAL[0], MotionConfig(), Gains(0.0, 2.0), None, PERIOD_S)
+    leading = FollowerCommand(NOMINAL[0], MotionConfig(), Gains(0.0, 2.0), None, PERIOD_S)
     feedback = Feedback(Status.ENABLED, -0.7, 0.0, 0.0, 30, 30, 0.0)
     command = leading.command(-0.2, 0.0, feedback)
     assert command.kp_nm_rad == 0.0

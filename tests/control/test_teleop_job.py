@@ -222,13 +222,13 @@ def test_no_successor_takes_over_meanwhile(wish: dict[str, Any]) -> None:
     """Who restarts the daemon ends teleoperation first: a link cannot be handed over."""
     world = TeleopWorld()
     client = world.enabled()
-    assert world.engine.unsettled() is None
+    assert world.engine.why_not_restartable() is None
     client.result("teleop.start", **wish)
-    refusal = world.engine.unsettled()
+    refusal = world.engine.why_not_restartable()
     assert refusal is not None
     assert refusal.reason == "teleop_busy"
     client.result("teleop.stop")
-    assert world.engine.unsettled() is None
+    assert world.engine.why_not_restartable() is None
 
 
 def test_its_job_has_a_result() -> None:

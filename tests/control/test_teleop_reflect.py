@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.control.teleop.leader import DEAD_BAND_N
 from litegripd.control.teleop.link import InProcessLinks
-from litegripd.control.teleop.push_back import DEAD_BAND_N
 from litegripd.model.teleop import Arrival, LinkWish
 from tests.control.reflection_pair import FORCE, force_frame, pair
 from tests.control.teleop_scene import TeleopWorld, following, packed

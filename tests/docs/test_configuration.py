@@ -3,8 +3,7 @@
 import inspect
 
 from docs.configuration_page import SIMULATOR
-from litegripd.motor.look import LONGEST_WATCHDOG_S
-from litegripd.motor.verifying import WATCHDOG_S
+from litegripd.motor.identity import LONGEST_WATCHDOG_S, WATCHDOG_S
 from litegripd.sim.interface import SimulatedBus
 
 NOT_OF_A_FILE = {"gripper", "monotonic_fn", "receive_own_messages", "bitrate"}

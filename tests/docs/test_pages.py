@@ -8,7 +8,7 @@ import pytest
 
 import litegrip_client
 from litegrip_client import LiteGrip
-from litegrip_client.ctl.options import parse
+from litegrip_client.ctl.parser import parse
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.model.motor import Status, status_name
 

@@ -15,8 +15,7 @@ from litegripd.io.atomic_file import FileSystem
 from litegripd.io.child import MAX_PACKET_BYTES, start_here
 from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
-from litegripd.model.path import PIECE_BYTES
-from litegripd.model.trajectory import MAX_BYTES, MAX_NAME
+from litegripd.model.trajectory import MAX_BYTES, MAX_NAME, PIECE_BYTES
 from tests.trajectories import HEADER_BYTES, lgt, pieces, sampled, swing
 
 DEADLINE_MS = 30_000

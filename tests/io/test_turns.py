@@ -174,7 +174,7 @@ def test_what_was_used_fades(loop: Loop, users: Users) -> None:
 
 
 def test_who_left_nothing_behind_is_forgotten(loop: Loop, users: Users) -> None:
-    for uid in range(50):
+    for uid in range(15):
         client = users.connect(uid)
         client.send(line("echo", 1))
         loop.read(client, 1)
@@ -182,5 +182,5 @@ def test_who_left_nothing_behind_is_forgotten(loop: Loop, users: Users) -> None:
         loop.until(lambda: loop.server.clients == 0)
     loop.run(30)
     loop.connect().send(line("echo", 1))
-    loop.until(lambda: len(loop.service.served) == 51)
+    loop.until(lambda: len(loop.service.served) == 16)
     assert len(loop.server._turns._users) <= 5

@@ -7,13 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.force_frame import (
+from litegripd.model.teleop import (
     FORCE_FRAME_BYTES,
+    FRAME_BYTES,
     ForceFrame,
     decode_force,
+    decode_frame,
     encode_force,
 )
-from litegripd.model.teleop_frame import FRAME_BYTES, decode_frame
 
 numbers = st.floats(allow_nan=False, allow_infinity=False)
 

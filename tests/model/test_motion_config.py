@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.geometry import Geometry
-from litegripd.model.motion_config import RANGES, MotionConfig, MotionConfigError
-from litegripd.model.motion_limits import move_conflict
+from litegripd.model.motion_config import RANGES, MotionConfig, MotionConfigError, move_conflict
 
 CONFIG = MotionConfig()
 GEOMETRY = Geometry(0.114, -1.491, 74.8)

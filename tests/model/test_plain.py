@@ -12,10 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.carried import Carried
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.plain import PlainError, plain_of, value_of
+from litegripd.model.plain import Carried, PlainError, plain_of, value_of
 
 
 class Colour(Enum):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.teleop_frame import FRAME_BYTES, TeleopFrame, decode_frame, encode_frame
+from litegripd.model.teleop import FRAME_BYTES, TeleopFrame, decode_frame, encode_frame
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 NORMAL = st.floats(allow_nan=False, allow_infinity=False, allow_subnormal=False)

@@ -2,8 +2,7 @@
 
 import pytest
 
-from litegripd.model.teleop import LinkWish
-from litegripd.model.teleop_targets import udp_targets
+from litegripd.model.teleop import LinkWish, udp_targets
 
 
 @pytest.mark.parametrize(

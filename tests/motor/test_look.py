@@ -8,7 +8,7 @@ import pytest
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import EnableMotor, MotorIdentity, MotorOrder, MotorPhase, Ranges
 from litegripd.motor import registers as reg
-from litegripd.motor.look import LONGEST_WATCHDOG_S, Look, unsuitable, warnings
+from litegripd.motor.identity import LONGEST_WATCHDOG_S, RegisterScan, unsuitable, warnings
 from litegripd.motor.motor import Motor
 from litegripd.sim.parameters import SimulatorParameters
 from tests.motor.helpers import MASTER_ID, Registers, world_with
@@ -156,7 +156,7 @@ def test_an_essential_register_is_asked_for_until_it_is_answered(number: int) ->
 
 
 def test_late_and_wrong_answers_are_not_taken_for_the_awaited_one() -> None:
-    look = Look(8)
+    look = RegisterScan(8)
     look.step(0.0)
     wrong = reg.Answer(9, False, struct.pack("<I", 2000))
     assert not look.take(wrong, MASTER_ID)
@@ -234,7 +234,7 @@ def test_another_process_that_reads_registers_gives_no_answers() -> None:
 
 
 def test_registers_are_not_asked_for_again_while_an_answer_may_be_under_way() -> None:
-    look = Look(8)
+    look = RegisterScan(8)
     assert look.step(0.0)
     assert not look.step(0.005)
     assert not look.step(0.015)

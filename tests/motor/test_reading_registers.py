@@ -17,7 +17,7 @@ from litegripd.model.motor import (
     RegisterRequest,
 )
 from litegripd.motor.phases import Phase
-from litegripd.motor.reading import READ_TRIES, Reading
+from litegripd.motor.register_reader import READ_TRIES, RegisterReader
 from litegripd.motor.registers import REGISTERS, Answer
 from tests.motor.bench import (
     CAN_ID,
@@ -184,7 +184,7 @@ def test_an_answer_that_came_twice_counts_once() -> None:
 
 
 def test_an_answer_before_the_request_was_sent_does_not_count() -> None:
-    reading, request = Reading(CAN_ID), RegisterRequest(1, TIMEOUT)
+    reading, request = RegisterReader(CAN_ID), RegisterRequest(1, TIMEOUT)
     early = Answer(TIMEOUT, False, struct.pack("<I", 7))
     assert not reading.take(early)
     assert reading.step(0.0, request, Phase.PREPARING) == []

@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import Feedback, MotorPhase, Status
-from litegripd.motor.status_judge import CERTAIN_AFTER, StatusJudge
+from litegripd.motor.plausibility import CERTAIN_AFTER, StatusJudge
 from tests.world import PERIOD_S, Client, World
 
 WRONG = [0x0, 0x2, 0x7, 0x8, 0x9, 0xD, 0xE, 0xF]

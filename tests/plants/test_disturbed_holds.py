@@ -5,7 +5,7 @@ Also what is reported meanwhile: clamp and loss detection are true, or said to b
 
 import pytest
 
-from litegripd.control.grip import Grip
+from litegripd.control.holds import Grip
 from litegripd.model.motion_config import MotionConfig
 from tests.plants.parameters import Item, PlantParameters
 from tests.plants.world import PlantWorld

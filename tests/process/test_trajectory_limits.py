@@ -70,6 +70,8 @@ def test_a_user_at_the_limits_is_refused_and_the_others_are_not(limited: DaemonP
     assert room.startswith(f"of uid {ALICE}, who asks: 2 of 2, 0.0 of 1 MB")
     code, _, err = ctl(limited, ALICE, "record", "d", "--seconds", "0.1")
     assert (code, "nothing was recorded" in err) == (4, True), err
+    code, _, err = ctl(limited, ALICE, "record", "d/e", "--seconds", "0.1")
+    assert (code, "it is a name, not a path" in err, "slack" in err) == (4, True, False), err
     assert ctl(limited, ALICE, "trajectories", "delete", "a")[0] == 0
     assert ctl(limited, ALICE, "trajectories", "put", short, "--as", "d")[0] == 0
 

@@ -73,6 +73,17 @@ def test_without_a_lease_it_is_not_taken_once_somebody_has_one() -> None:
     assert client.result("calibration.get")["mount"] == "normal"
 
 
+@pytest.mark.parametrize("has_left", [False, True])
+def test_who_is_gone_has_nothing_loaded(has_left: bool) -> None:
+    world = World()
+    client, other = world.start().client(), world.client()
+    client.send("calibration.load", template="reverse")
+    if has_left:
+        client.leave()
+    world.run(1.0)
+    assert other.result("calibration.get")["mount"] == ("normal" if has_left else "reverse")
+
+
 def test_nothing_in_between_lets_it_be_taken() -> None:
     world = World()
     client = world.start().client()

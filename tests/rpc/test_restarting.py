@@ -3,7 +3,7 @@
 import pytest
 
 from litegripd.model.errors import Refusal
-from litegripd.model.restarted import Restarted
+from litegripd.model.results import Restarted
 from litegripd.rpc.restarting import OnRestarted
 from litegripd.rpc.session import Role
 from tests.world import World

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.errors import ERRORS
-from litegripd.model.restarted import Restarted
+from litegripd.model.results import Restarted
 from litegripd.rpc.methods import METHODS
 from litegripd.rpc.waiting import MAX_PER_SESSION
 from tests.rpc.raw import answered

@@ -10,24 +10,87 @@ from argparse import Namespace
 from importlib import import_module
 from pathlib import Path
 
-from litegrip_client.ctl.run import Command
+from litegrip_client.ctl.run import Command, Fill
 
-_MODULES = {
-    **dict.fromkeys(("open", "close", "grasp", "release", "move", "force", "slack"), "motions"),
-    **dict.fromkeys(("zero", "calibration"), "calibration"),
-    **dict.fromkeys(("config", "register"), "settings"),
-    **dict.fromkeys(("clients", "lease", "stop"), "clients"),
-    **dict.fromkeys(("record", "play"), "trajectories"),
-    "trajectories": "trajectory_store",
-    "plot": "plot",
-    "dump": "recorder",
-    "doctor": "doctor",
-    "teleop": "teleop",
-    "completion": "completion",
-    "watch": "watch",
-    "install-units": "units",
-}
-"""In which module of this room a command is; all others are in `general`."""
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+
+class CommandRow:
+    """One command: its name, what the list says of it, and in which module of this room it is.
+
+    A module has `COMMANDS`, what its commands do, and `OPTIONS`, which arguments they take.
+    """
+
+    __slots__ = ("_module", "name", "text")
+
+    def __init__(self, name: str, text: str, module: str) -> None:
+        self.name = name
+        self.text = text
+        self._module = module
+
+    def command(self) -> Command:
+        """Return what carries it out."""
+        command: Command = self._load().COMMANDS[self.name]
+        return command
+
+    def options(self) -> Fill | None:
+        """Return what adds its arguments to a parser; None where it takes none."""
+        fill: Fill | None = self._load().OPTIONS.get(self.name)
+        return fill
+
+    def _load(self) -> Any:
+        return import_module(f"{__name__}.{self._module}")
+
+
+COMMANDS = (
+    CommandRow("state", "show the state once", "general"),
+    CommandRow("watch", "show the state again and again", "watch"),
+    CommandRow("enable", "enable the motor; it stays enabled", "general"),
+    CommandRow("disable", "disable the motor: no torque", "general"),
+    CommandRow("clear-fault", "clear a fault of the motor; it stays disabled", "general"),
+    CommandRow("open", "open the jaws to the stop", "motions"),
+    CommandRow("close", "close the jaws to the stop", "motions"),
+    CommandRow("grasp", "close until something is held, and hold it with a force", "motions"),
+    CommandRow("release", "open a little, to let go", "motions"),
+    CommandRow("move", "move to an opening, a position or a share of the travel", "motions"),
+    CommandRow("force", "change the force of a grasp, or begin to squeeze", "motions"),
+    CommandRow("slack", "let the jaws be moved by hand, until 'hold'", "motions"),
+    CommandRow("hold", "hold the present position", "general"),
+    CommandRow("teleop", "lead another gripper by hand, or follow one", "teleop"),
+    CommandRow("stop", "stop the gripper, whoever moves it, until 'clear'", "clients"),
+    CommandRow("clear", "clear a stop; moves nothing", "general"),
+    CommandRow("clients", "list who is connected, and what each has cost", "clients"),
+    CommandRow("lease", "show who has the gripper to itself, or take it away", "clients"),
+    CommandRow("jobs", "list the running motions and the last ended ones", "general"),
+    CommandRow("cancel", "cancel a motion; the jaws then hold", "general"),
+    CommandRow("zero", "measure the travel: moves to both stops", "calibration"),
+    CommandRow(
+        "calibration", "show, load, store the calibration, or make it by hand", "calibration"
+    ),
+    CommandRow("config", "show or change the daemon's defaults for motions", "settings"),
+    CommandRow("register", "read registers of the motor", "settings"),
+    CommandRow("record", "record a motion that you push the jaws through", "trajectories"),
+    CommandRow("play", "replay a recorded motion", "trajectories"),
+    CommandRow("trajectories", "list what was recorded, copy or remove it", "trajectories"),
+    CommandRow("dump", "write the last minute, tick by tick, to a file", "recorder"),
+    CommandRow("plot", "draw a dump or a trajectory, as a picture or as text", "recorder"),
+    CommandRow(
+        "doctor", "check link, daemon, motor and calibration; say what mends them", "doctor"
+    ),
+    CommandRow("health", "show how the daemon is; the exit code tells the verdict", "general"),
+    CommandRow(
+        "metrics", "print the figures of health as OpenMetrics text, for Prometheus", "general"
+    ),
+    CommandRow("restart", "restart the daemon without letting go of what is held", "general"),
+    CommandRow("install-units", "install what lets systemd run the daemons", "units"),
+    CommandRow("info", "show what does not change: versions, motor, calibration", "general"),
+    CommandRow("completion", "print what completes command lines in a shell", "completion"),
+    CommandRow(
+        "discover", "list the methods of the daemon (with --json: its OpenRPC document)", "general"
+    ),
+)
 
 
 def needs_daemon(options: Namespace) -> bool:
@@ -46,7 +109,5 @@ def is_name(text: str) -> bool:
 
 
 def find(name: str) -> Command:
-    """Give the command of that name, which the command line has checked."""
-    module = import_module(f"{__name__}.{_MODULES.get(name, 'general')}")
-    command: Command = module.COMMANDS[name]
-    return command
+    """Return the command of that name, which the command line has checked."""
+    return next(row for row in COMMANDS if row.name == name).command()

@@ -1,4 +1,8 @@
-"""The commands around the calibration: measure it, show it, load it, store it."""
+"""The calibration: measured, shown, loaded, saved, made by hand.
+
+By hand the person moves the slack jaws; this program asks and records. The daemon ends that when
+this program dies, and the calibration in use changes at the very end only.
+"""
 
 from __future__ import annotations
 
@@ -6,16 +10,126 @@ from collections.abc import Mapping
 
 from litegrip_client.ctl import files, terminal
 from litegrip_client.ctl import render_results as render
-from litegrip_client.ctl.commands.manual import manual
 from litegrip_client.ctl.motion import finish
-from litegrip_client.ctl.render import plain
-from litegrip_client.ctl.run import NOT_OK, OK, Command, Run
-from litegrip_client.errors import CommandError
+from litegrip_client.ctl.output import one_line
+from litegrip_client.ctl.parser import LateParser
+from litegrip_client.ctl.render import figure, plain
+from litegrip_client.ctl.run import INTERRUPTED, NOT_OK, OK, Command, Fill, Run
+from litegrip_client.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
+
+_AS_BEFORE = "the calibration is as it was"
+_SAVE = "use it and store it (y), use it without storing it (n), or cancel (c)?"
+
+
+class _NotWantedError(Exception):
+    """The person says so, or has gone."""
+
+
+def manual(run: Run) -> int:
+    """Record both stops, show the travel, and have it used as the person says."""
+    if not terminal.may_ask():
+        return run.refuse(
+            "a calibration by hand needs a terminal to ask at",
+            "without hands: litegripctl zero --yes",
+        )
+    _step(run, "begin")
+    try:
+        data = _lead(run)
+    except (KeyboardInterrupt, _NotWantedError) as reason:
+        interrupted = isinstance(reason, KeyboardInterrupt)
+        _report(run, "interrupted" if interrupted else "cancelled")
+        return INTERRUPTED if interrupted else NOT_OK
+    except BaseException:
+        _cancel(run)  # if that fails, too, the end of the connection does it
+        raise
+    run.output.result(data, render.measured("manual", data))
+    return OK if data["ok"] else NOT_OK
+
+
+def _lead(run: Run) -> dict[str, Any]:
+    """Record until what was recorded is taken."""
+    terminal.say("The jaws are slack now. Ctrl-C cancels.")
+    while True:
+        _record(run)
+        answer = _ask(_SAVE)
+        while answer not in ("y", "yes", "n", "no", "c", "cancel"):
+            answer = _ask(f"please answer y, n or c: {_SAVE}")
+        if answer.startswith("c"):
+            raise _NotWantedError
+        try:
+            return _step(run, "finish", save=answer.startswith("y"))
+        except CommandError as error:
+            if error.reason != "out_of_limits":
+                raise
+            terminal.say(f"  {one_line(error.message)}")
+
+
+def _record(run: Run) -> None:
+    for step, request in (
+        ("closed", "push the jaws closed, to the stop, then press Enter:"),
+        ("open", "pull the jaws open, to the stop, then press Enter:"),
+    ):
+        _ask(request)
+        marks = _step(run, step)
+        terminal.say(f"  {step} at {figure(marks[f'{step}_rad'], '+.4f', 'rad')}")
+    terminal.say(f"  {render.travel(marks)}")
+
+
+def _ask(question: str) -> str:
+    answer = terminal.ask(question)
+    if answer is None:
+        raise _NotWantedError
+    return answer
+
+
+def _step(run: Run, step: str, **params: object) -> dict[str, Any]:
+    call = run.connection.prepare_guarded("calibration.manual", {"step": step, **params})
+    return run.connection.run(call, ACTION_TIMEOUT_S)
+
+
+def _report(run: Run, how: str) -> None:
+    error = _cancel(run)
+    if error is None:
+        run.output.error(CancelledError(f"{how}: {_AS_BEFORE}, the jaws hold", reason=how), "")
+        return
+    text = f"{how}, but the daemon did not confirm that {_AS_BEFORE}: {error.message}"
+    run.output.error(CancelledError(text, reason=how), "see: litegripctl calibration")
+
+
+def _cancel(run: Run) -> LiteGripError | None:
+    """End it; gives the error of that: the end of this connection then ends it."""
+    try:
+        run.connection.call("calibration.manual", {"step": "cancel"})
+    except LiteGripError as error:
+        return error
+    return None
+
+
+_ZERO = """\
+Measure the travel: move to both stops, gently, and use what was found.
+
+Keep hands and objects out of the jaws. Which way the jaws close must be known
+before: by the calibration in use, or by --mount.
+"""
+
+
+def zero_options(parser: LateParser) -> None:
+    """Take what is known before, and what is agreed to."""
+    parser.description = _ZERO
+    parser.add_argument(
+        "--mount",
+        choices=("normal", "reverse"),
+        help="which way the jaws close (default: as in the calibration in use)",
+    )
+    parser.add_argument(
+        "--no-save", action="store_true", help="use what was found, but do not store it"
+    )
+    parser.add_argument("-y", "--yes", action="store_true", help="do not ask before moving")
 
 
 def zero(run: Run) -> int:
@@ -34,6 +148,58 @@ def zero(run: Run) -> int:
     if options.mount is not None:
         params["mount"] = options.mount
     return finish(run, "calibration.zero", params, lambda data: render.measured("zero", data))
+
+
+_CALIBRATION = """\
+The calibration says where the two stops are, which way the jaws close, and how
+far they move. Without an action it is shown.
+"""
+_MANUAL = """\
+Calibrate by hand: the jaws go slack, you push them to both stops, and the
+travel between is used. Nothing changes before you agree at the end.
+"""
+
+
+def actions_options(parser: LateParser) -> None:
+    """Take what to do."""
+    parser.description = _CALIBRATION
+    add = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser).add_parser
+    add("show", help="show the calibration in use (default)")
+    add("templates", help="show the nominal calibrations, one for each mount")
+    add("load", help="use another calibration", fill=_load_options)
+    add("save", help="store the calibration in use", fill=_save_options)
+    add("manual", help="calibrate by hand", description=_MANUAL)
+
+
+def _load_options(parser: LateParser) -> None:
+    parser.description = "Use a template, a calibration file, or what the daemon finds itself."
+    parser.usage = (
+        "%(prog)s [-h] [-c CHANNEL | --socket PATH] [--json]\n"
+        "       [--keep] (normal | reverse | FILE | --chain)"
+    )
+    parser.words["source"] = "templates files"
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument(
+        "source",
+        nargs="?",
+        metavar="normal|reverse|FILE",
+        help="a template, or a file of this machine, ./normal for one of that name",
+    )
+    source.add_argument(
+        "--chain", action="store_true", help="what the daemon finds, as it does at its start"
+    )
+    parser.add_argument(
+        "--keep", action="store_true", help="have the daemon store it for its next start"
+    )
+
+
+def _save_options(parser: LateParser) -> None:
+    parser.description = "Store the calibration in use, for the daemon's next start or in a file."
+    parser.add_argument(
+        "file", nargs="?", metavar="FILE", help="write it to this file instead, here"
+    )
+    parser.add_argument("--overwrite", action="store_true", help="replace a FILE that exists")
+    parser.words["file"] = "files"
 
 
 def calibration(run: Run) -> int:
@@ -99,3 +265,7 @@ _ACTIONS: Mapping[str, Command] = {
 }
 
 COMMANDS: Mapping[str, Command] = {"zero": zero, "calibration": calibration}
+OPTIONS: Mapping[str, Fill] = {
+    "zero": zero_options,
+    "calibration": actions_options,
+}

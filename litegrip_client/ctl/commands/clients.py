@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 
 from litegrip_client.ctl import render, terminal
-from litegrip_client.ctl.run import NOT_OK, OK, Command, Run
+from litegrip_client.ctl.parser import LateParser
+from litegrip_client.ctl.run import NOT_OK, OK, Command, Fill, Run
 from litegrip_client.errors import CommandError
 from litegrip_client.stopping import is_taken_as_meant, stop_at
 
@@ -26,6 +27,32 @@ def clients(run: Run) -> int:
     data = run.connection.call("clients.list")
     run.output.result(data, render.clients(data["clients"]))
     return OK
+
+
+_TAKE = """\
+End somebody's lease, and with it the motion that runs; the gripper is nobody's
+then. The jaws go on holding what they hold, whatever the loser wished. On a
+terminal it asks first.
+"""
+
+
+def lease_options(parser: LateParser) -> None:
+    """Take what to do."""
+    parser.description = "Show who has the gripper to itself. Without an action, just that."
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser)
+    actions.add_parser("show", help="show it")
+    actions.add_parser(
+        "take", help="end somebody's lease, and with it its motion", fill=_take_options
+    )
+
+
+def _take_options(parser: LateParser) -> None:
+    parser.description = _TAKE
+    parser.add_argument("why", metavar="REASON", help="told to the loser and to the log")
+    parser.add_argument(
+        "--release", action="store_true", help="let go of what is held: the jaws go slack"
+    )
+    parser.add_argument("-y", "--yes", action="store_true", help="do not ask first")
 
 
 def lease(run: Run) -> int:
@@ -94,6 +121,17 @@ def stop_first(way: Way, output: Output) -> bool:
     return False
 
 
+def stop_options(parser: LateParser) -> None:
+    """Take what stopping means."""
+    parser.add_argument(
+        "--level",
+        choices=("hold", "relax", "disable"),
+        default="hold",
+        help="hold the position (default), let go, or disable the motor",
+    )
+    parser.add_argument("--why", metavar="TEXT", help="shown to whoever is refused by the stop")
+
+
 def stop(run: Run) -> int:
     """Latch a stop by the socket of all requests."""
     data = run.connection.call("stop", _params(run.options))
@@ -111,3 +149,7 @@ def stopped(data: Mapping[str, Any]) -> str:
 
 
 COMMANDS: Mapping[str, Command] = {"clients": clients, "lease": lease, "stop": stop}
+OPTIONS: Mapping[str, Fill] = {
+    "lease": lease_options,
+    "stop": stop_options,
+}

@@ -6,7 +6,7 @@ import shlex
 from collections.abc import Mapping
 
 from litegrip_client.ctl.render_doctor import findings_text
-from litegrip_client.ctl.run import NOT_OK, OK, Command, Run
+from litegrip_client.ctl.run import NOT_OK, OK, Command, Fill, Run
 from litegrip_client.doctor.findings import as_data, examine
 from litegrip_client.doctor.gather import gather
 from litegrip_client.doctor.table import CHECKS
@@ -28,3 +28,4 @@ def doctor(run: Run) -> int:
 
 
 COMMANDS: Mapping[str, Command] = {"doctor": doctor}
+OPTIONS: Mapping[str, Fill] = {}

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import Output
-from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Run, installing
+from litegrip_client.ctl.parser import LateParser, count
+from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Fill, Run, installing
 from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
@@ -20,6 +21,11 @@ def state(run: Run) -> int:
     data = run.connection.call("state.get")
     run.output.result(data, render.state(data))
     return OK
+
+
+def enable_options(parser: LateParser) -> None:
+    """Take the number of attempts."""
+    parser.add_argument("--retries", type=count, metavar="N", help="attempts at most, 1 to 20")
 
 
 def enable(run: Run) -> int:
@@ -75,6 +81,12 @@ def jobs(run: Run) -> int:
     return OK
 
 
+def cancel_options(parser: LateParser) -> None:
+    """Take the job."""
+    parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
+    parser.words["job"] = "jobs"
+
+
 def cancel(run: Run) -> int:
     """Cancel a job."""
     data = run.connection.call("job.cancel", {"job": run.options.job})
@@ -110,6 +122,18 @@ def metrics(run: Run) -> int:
 def info(run: Run) -> int:
     """Show what does not change."""
     return _tree(run.connection.call("info.get"), run.output)
+
+
+_RESTART = """\
+Start a successor of the daemon, which reads the configuration anew and takes
+over. The motor stays enabled, with the same pose and force. For admins, while
+no motion runs."""
+
+
+def restart_options(parser: LateParser) -> None:
+    """Take that the jaws are to be held; without it nothing is done."""
+    parser.description = _RESTART
+    parser.add_argument("--hold", action="store_true", help="hold through the restart; required")
 
 
 def restart(run: Run) -> int:
@@ -166,4 +190,9 @@ COMMANDS: Mapping[str, Command] = {
     "info": info,
     "discover": discover,
     "restart": restart,
+}
+OPTIONS: Mapping[str, Fill] = {
+    "enable": enable_options,
+    "cancel": cancel_options,
+    "restart": restart_options,
 }

@@ -9,17 +9,60 @@ from collections.abc import Mapping
 
 from litegrip_client.ctl import render_results as render
 from litegrip_client.ctl.motion import finish, start
-from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.ctl.parser import LateParser, not_negative, positive, target
+from litegrip_client.ctl.run import OK, Command, Fill, Run
 from litegrip_client.errors import CommandError, HardwareError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
+    from argparse import _ActionsContainer
     from typing import Any
+
+
+def to_stop_options(parser: LateParser) -> None:
+    """Take the speed."""
+    _speed_options(parser)
+    _no_wait_options(parser)
+
+
+def _speed_options(parser: _ActionsContainer) -> None:
+    parser.add_argument(
+        "--speed", type=positive, metavar="MM_S", help="in mm/s (default: the daemon's)"
+    )
+
+
+def _no_wait_options(parser: LateParser) -> None:
+    parser.add_argument("--no-wait", action="store_true", help="do not wait for the end")
 
 
 def open_or_close(run: Run) -> int:
     """Move to the stop that `options.command` names."""
     return _move(run, f"motion.{run.options.command}", _given(speed_mm_s=run.options.speed))
+
+
+_MOVE_EXAMPLES = """\
+examples:
+  litegripctl move 45mm            45 mm between the jaws
+  litegripctl move 50%             half open; 0% is closed
+  litegripctl move -0.3rad         the position of the motor
+  litegripctl move 45mm --duration 2
+"""
+
+
+def move_options(parser: LateParser) -> None:
+    """Take where to, and how fast."""
+    parser.description = "Move to a target, then hold."
+    parser.epilog = _MOVE_EXAMPLES
+    parser.add_argument(
+        "target",
+        type=target,
+        metavar="TARGET",
+        help="with its unit: 45mm (opening), -0.3rad (position of the motor), 50%% (of the travel)",
+    )
+    pace = parser.add_mutually_exclusive_group()
+    _speed_options(pace)
+    pace.add_argument("--duration", type=positive, metavar="S", help="how long it takes, in s")
+    _no_wait_options(parser)
 
 
 def move(run: Run) -> int:
@@ -33,6 +76,48 @@ def _move(run: Run, method: str, params: Mapping[str, Any]) -> int:
     if run.options.no_wait:
         return start(run, method, params)
     return finish(run, method, params, lambda data: render.move(run.options.command, data))
+
+
+_GRASP = """\
+Close until the jaws hold something, then squeeze it with a force.
+
+Ends with the verdict whether something is held; the daemon goes on holding.
+The exit code is 0 only when it is. Let go again with: litegripctl release
+"""
+_GRASP_EXAMPLES = """\
+examples:
+  litegripctl grasp --force 15
+  litegripctl grasp --width 48 --tolerance 2    only this object will do
+  litegripctl grasp --hold 5                    is it still held after 5 s?
+"""
+
+
+def grasp_options(parser: LateParser) -> None:
+    """Take with which force, what is expected, and how to hold it."""
+    parser.description, parser.epilog = _GRASP, _GRASP_EXAMPLES
+    parser.add_argument(
+        "--force", type=positive, metavar="N", help="in newtons, 0.5 to 30 (default: the daemon's)"
+    )
+    _speed_options(parser)
+    parser.add_argument(
+        "--width", type=positive, metavar="MM", help="how wide the object must be, in mm; give both"
+    )
+    parser.add_argument(
+        "--tolerance",
+        type=not_negative,
+        metavar="MM",
+        help="how far the width may be off, in mm; give both",
+    )
+    parser.add_argument(
+        "--hold",
+        type=not_negative,
+        metavar="S",
+        help="wait while it is held for S seconds, and see whether it still is",
+    )
+    parser.add_argument(
+        "--gains", action="store_true", help="hold by position and gains, not by torque"
+    )
+    _no_wait_options(parser)
 
 
 def grasp(run: Run) -> int:
@@ -54,6 +139,17 @@ def grasp(run: Run) -> int:
     return finish(run, "motion.grasp", params, render.grasp)
 
 
+def release_options(parser: LateParser) -> None:
+    """Take how far."""
+    parser.description = (
+        "Open by a distance from where the jaws are, at most to the open end of the\n"
+        "calibrated travel, then hold."
+    )
+    parser.add_argument(
+        "--by", type=positive, default=10.0, metavar="MM", help="how far to open, in mm (10)"
+    )
+
+
 def release(run: Run) -> int:
     """Open by a distance, at most to the open end of the calibrated travel."""
     opening_mm = run.connection.call("state.get")["opening_mm"]
@@ -70,6 +166,14 @@ def release(run: Run) -> int:
     return finish(
         run, "motion.move", {"opening_mm": target_mm}, lambda data: render.move("release", data)
     )
+
+
+def force_options(parser: LateParser) -> None:
+    """Take the force."""
+    parser.description = (
+        "Squeeze with another force from now on; jaws that hold nothing close with it."
+    )
+    parser.add_argument("newtons", type=positive, metavar="N", help="in newtons, 0.5 to 30")
 
 
 def force(run: Run) -> int:
@@ -103,4 +207,12 @@ COMMANDS: Mapping[str, Command] = {
     "move": move,
     "force": force,
     "slack": slack,
+}
+OPTIONS: Mapping[str, Fill] = {
+    "open": to_stop_options,
+    "close": to_stop_options,
+    "grasp": grasp_options,
+    "release": release_options,
+    "move": move_options,
+    "force": force_options,
 }

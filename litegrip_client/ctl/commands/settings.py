@@ -8,14 +8,44 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from litegrip_client.ctl import render_results as render
+from litegrip_client.ctl.parser import LateParser, setting
 from litegrip_client.ctl.render import plain
-from litegrip_client.ctl.run import OK, Command, Run
+from litegrip_client.ctl.run import OK, Command, Fill, Run
 from litegrip_client.errors import CommandError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
     from typing import Any
+
+
+_CONFIG = """\
+Show or change the defaults that the daemon uses for motions. Without an action
+all are shown, with what is allowed.
+"""
+
+
+def config_options(parser: LateParser) -> None:
+    """Take what to do."""
+    parser.description = _CONFIG
+    parser.set_defaults(field=None)
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser)
+    actions.add_parser("get", help="show all fields, or one", fill=_get_options)
+    actions.add_parser("set", help="change fields", fill=_set_options)
+
+
+def _get_options(parser: LateParser) -> None:
+    parser.description = "Show all fields with what is allowed, or the value of one."
+    parser.add_argument("field", nargs="?", metavar="FIELD", help="force_n, for one")
+    parser.words["field"] = "fields"
+
+
+def _set_options(parser: LateParser) -> None:
+    parser.description = "Change fields for all clients, until the daemon restarts."
+    parser.epilog = "example:\n  litegripctl config set force_n=15 speed_mm_s=30 --keep"
+    parser.add_argument("fields", nargs="+", type=setting, metavar="FIELD=VALUE", help="numbers")
+    parser.add_argument("--keep", action="store_true", help="also for after a restart")
+    parser.words["fields"] = "settings"
 
 
 def config(run: Run) -> int:
@@ -61,6 +91,21 @@ def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -
     }
 
 
+_REGISTERS = """\
+examples:
+  litegripctl register PMAX VMAX TMAX
+  litegripctl register 21 0x15
+"""
+
+
+def register_options(parser: LateParser) -> None:
+    """Take which."""
+    parser.description, parser.epilog = "Read registers of the motor.", _REGISTERS
+    parser.add_argument(
+        "registers", nargs="+", metavar="NAME|NUMBER", help="PMAX, 21 or 0x15, for one"
+    )
+
+
 def register(run: Run) -> int:
     """Read registers."""
     rows = [
@@ -72,3 +117,7 @@ def register(run: Run) -> int:
 
 
 COMMANDS: Mapping[str, Command] = {"config": config, "register": register}
+OPTIONS: Mapping[str, Fill] = {
+    "config": config_options,
+    "register": register_options,
+}

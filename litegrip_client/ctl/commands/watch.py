@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 
 from litegrip_client.ctl import render
-from litegrip_client.ctl.run import OK, Command, Run, installing
+from litegrip_client.ctl.parser import LateParser, count, positive
+from litegrip_client.ctl.run import OK, Command, Fill, Run, installing
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import
@@ -16,6 +17,23 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
     from litegrip_client.ctl.watching import Scene
 
 Show: TypeAlias = "Callable[[Iterable[Scene], str], None]"
+
+
+_WATCH = """\
+Show the state again and again, until Ctrl-C. In a terminal this is a live view
+of the whole gripper, which waits for a daemon that goes; it needs the library
+rich: pip install rich. Elsewhere, and with --plain, a line for each state.
+"""
+
+
+def watch_options(parser: LateParser) -> None:
+    """Take how often, until when, and in which form."""
+    parser.description = _WATCH
+    parser.add_argument("--hz", type=positive, default=5.0, metavar="N", help="0.1 to 200 (5)")
+    parser.add_argument("--count", type=count, metavar="N", help="end after N states")
+    parser.add_argument(
+        "--plain", action="store_true", help="lines, and no live view, in a terminal as well"
+    )
 
 
 def watch(run: Run) -> int:
@@ -67,3 +85,6 @@ def _lines(run: Run) -> int:
 
 
 COMMANDS: Mapping[str, Command] = {"watch": watch}
+OPTIONS: Mapping[str, Fill] = {
+    "watch": watch_options,
+}

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from litegrip_client.ctl.completion.reading import CommandLine
 from litegrip_client.ctl.completion.words import FILES, words_of
-from litegrip_client.ctl.options import whole_parser
+from litegrip_client.ctl.parser import whole_parser
 
 _NO_FILES = "-"
 

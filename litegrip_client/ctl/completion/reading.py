@@ -8,7 +8,7 @@ from __future__ import annotations
 from argparse import Action
 from collections.abc import Mapping
 
-from litegrip_client.ctl.options.late import LateParser, Parser
+from litegrip_client.ctl.parser import LateParser, Parser
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: typing takes long to import

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from litegripd.control.filter import Bounds
-from litegripd.control.rest import Rest
+from litegripd.control.holds import Rest
+from litegripd.control.limiter import Bounds
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand
 from litegripd.model.errors import Refusal

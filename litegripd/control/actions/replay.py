@@ -3,30 +3,271 @@
 It commands positions: recorded torques are never fed forward. The path is one of openness, gone by
 the calibration in use now, whatever it was taught on. With `force` "replay" the jaws leave the path
 for each grip that is kept with it, hold by its force, and come back.
+
+`Follower` leads the jaws along a target that moves, with no more than a torque, whatever they meet,
+and at no more than a speed: jaws that were held up do not jump when they come free. `ReplayGrips`
+does the grips one after the other, each a grasp like any other, with the taught force. It knows no
+path: when a grip begins and ends is the replay's to say.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step
-from litegripd.control.actions.replay_grips import ReplayGrips
-from litegripd.control.actions.replay_request import (
-    ReplayRequest,
-    fastest_rad_s,
-    grips_refusal,
-    speed_refusal,
-    unfit,
-)
-from litegripd.control.follower import Follower
-from litegripd.control.gains import Gains
+from litegripd.control.actions.grasp import Grasp, GraspRequest
+from litegripd.control.gains import Gains, budgeted, clamp_lead
+from litegripd.control.holds import Grip, Hold, Rest
 from litegripd.control.loading import Loading
-from litegripd.control.rest import Rest
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.motion_config import MotionConfig
+from litegripd.model.grips import TaughtGrip
+from litegripd.model.motion_config import RANGES, MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.path import Path
-from litegripd.model.results import Progress, ReplayOutcome, ReplayProgress, ReplayResult
+from litegripd.model.results import (
+    GraspResult,
+    Progress,
+    ReplayOutcome,
+    ReplayProgress,
+    ReplayResult,
+)
+from litegripd.model.trajectory import Path
+
+_SLOWEST_RAD_S = 1e-3
+
+
+class Follower:
+    """Makes the commands of one motion; `rest` goes on pressing as the latest one did."""
+
+    def __init__(self, gains: Gains, torque_nm: float, period_s: float) -> None:
+        self.rest: Hold | None = None
+        self._gains = gains
+        self._torque_nm = torque_nm
+        self._period_s = period_s
+        self._was_s: float | None = None
+        self._was_rad = 0.0
+
+    @property
+    def reference_rad(self) -> float | None:
+        """Where the latest command was, None before the first one."""
+        return None if self._was_s is None else self._was_rad
+
+    def reset(self) -> None:
+        """Begin anew from where the jaws are, whenever the next step is."""
+        self.rest, self._was_s = None, None
+
+    def step(
+        self, now_s: float, feedback: Feedback, target_rad: float, speed_rad_s: float
+    ) -> MitCommand:
+        """Return the command of this tick, at most `speed_rad_s` faster towards the target.
+
+        The stiffness is that of the speed which the command has now, so that a path's fastest part
+        does not make the slow ones soft.
+        """
+        if self._was_s is None:
+            self._was_s, self._was_rad = now_s, feedback.position_rad
+        elapsed_s = max(now_s - self._was_s, 0.0)
+        most_rad = speed_rad_s * elapsed_s
+        step_rad = min(max(target_rad - self._was_rad, -most_rad), most_rad)
+        velocity_rad_s = step_rad / elapsed_s if elapsed_s > 0.0 else 0.0
+        speed = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
+        gains, lead_rad = budgeted(self._torque_nm, speed, self._gains, self._period_s)
+        reference_rad = clamp_lead(self._was_rad + step_rad, feedback.position_rad, lead_rad)
+        self._was_s, self._was_rad = now_s, reference_rad
+        self.rest = Hold(reference_rad, gains)
+        return gains.at(reference_rad, velocity_rad_s)
+
+
+Force: TypeAlias = Literal["path", "replay"]
+
+FASTEST_MM_S = RANGES["speed_mm_s"][1]
+"""No path is replayed faster than any other motion may be."""
+
+CATCH_UP = 1.2
+"""Jaws that were held up go so much faster than the path's fastest part, to reach it again."""
+
+LONGEST_S = 86_400.0
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayRequest:
+    """What a caller wants of a replay: `repeat` passes, 0 for ever.
+
+    `source` is the trajectory as the helper process knows it; `torque_nm` the most to press with
+    on the path; with `force` "replay" the taught grips are done again.
+    """
+
+    source: Mapping[str, object]
+    speed: float = 1.0
+    torque_nm: float = 2.0
+    repeat: int = 1
+    align: bool = True
+    force: Force = "path"
+
+
+def check_fits(
+    request: ReplayRequest, path: Path, geometry: Geometry, config: MotionConfig, here_rad: float
+) -> Refusal | None:
+    """Say that a path takes too long, or begins too far from jaws that shall not align, if so."""
+    if not path.duration_s <= LONGEST_S:
+        text = f"the trajectory takes {path.duration_s:g} s, at most {LONGEST_S:g} s are played"
+        return Refusal("out_of_limits", text)
+    distance_rad = abs(geometry.position_rad(path.openness_at(0.0)) - here_rad)
+    distance_mm, most_mm = distance_rad * geometry.rad_to_mm, config.max_lead_mm
+    if request.align or distance_mm <= most_mm:
+        return None
+    text = (
+        f"the trajectory begins {distance_mm:.1f} mm from where the jaws are, without align"
+        f" at most {most_mm:g} mm (max_lead_mm): leave align on, or move there first"
+    )
+    data = {"field": "align", "requested": distance_mm, "limit": most_mm}
+    return Refusal("out_of_limits", text, data)
+
+
+def speed_refusal(speed: float, max_rate_s: float, geometry: Geometry) -> Refusal | None:
+    """Say that the fastest part of a path, `max_rate_s` of the travel, is too fast, if so."""
+    rate_mm_s = max_rate_s * geometry.travel_mm
+    if rate_mm_s * speed <= FASTEST_MM_S:
+        return None
+    most = FASTEST_MM_S / rate_mm_s
+    text = (
+        f"speed is {speed:g}, with which the fastest part of the trajectory has"
+        f" {rate_mm_s * speed:.4g} mm/s; at most {most:.3g} goes, {FASTEST_MM_S:g} mm/s"
+    )
+    return Refusal("out_of_limits", text, {"field": "speed", "requested": speed, "limit": most})
+
+
+def fastest_rad_s(
+    speed: float, max_rate_s: float, geometry: Geometry, config: MotionConfig
+) -> float:
+    """Return how fast commands may move along a path whose fastest part is `max_rate_s`."""
+    taught_rad_s = max_rate_s * geometry.travel_rad * speed
+    usual_rad_s = geometry.to_rad(config.speed_mm_s)
+    return min(CATCH_UP * max(taught_rad_s, usual_rad_s), geometry.to_rad(FASTEST_MM_S))
+
+
+def grips_refusal(force: Force, loading: Loading) -> Refusal | None:
+    """Say why there are no grips to repeat, where they are wanted."""
+    if force == "path" or loading.grips:
+        return None
+    hint = "only its path can be replayed"
+    if loading.grip_problem is not None:
+        text = f"the grips of this trajectory cannot be used: {loading.grip_problem}; {hint}"
+        return Refusal("trajectory_unreadable", text)
+    text = f"no grip is kept with this trajectory; {hint}"
+    return Refusal("out_of_limits", text, {"field": "force"})
+
+
+_MISSED: Mapping[str, ReplayOutcome] = {
+    "no_object": "no_object",
+    "object_lost": "object_lost",
+    "timed_out": "timed_out",
+}
+
+
+class ReplayGrips:
+    """What is gripped on the way; `held` is the hold while there is one.
+
+    `done` counts the grips that held something, in all passes.
+    """
+
+    def __init__(
+        self, geometry: Geometry, config: MotionConfig, gains: Gains, period_s: float
+    ) -> None:
+        self.done = 0
+        self.width_mm: float | None = None
+        self.width_difference_mm: float | None = None
+        self.held: Grip | None = None
+        self._geometry = geometry
+        self._config = config
+        self._gains = gains
+        self._period_s = period_s
+        self._grips: Sequence[TaughtGrip] = ()
+        self._number = 0
+        self._grasp: Grasp | None = None
+        self._let_go_at: float | None = None
+
+    def take(self, grips: Sequence[TaughtGrip]) -> None:
+        """Take the grips of a path; their times count from its begin."""
+        self._grips = grips
+
+    @property
+    def present(self) -> TaughtGrip:
+        """The grip that is due, or under way."""
+        return self._grips[self._number]
+
+    def is_due(self, at_s: float) -> bool:
+        """Whether the jaws are to close on something by now."""
+        return self._number < len(self._grips) and self.present.closing_s <= at_s
+
+    def rewind(self) -> None:
+        """Begin with the first one again."""
+        self._number = 0
+
+    def step(
+        self, now_s: float, motor: MotorView
+    ) -> tuple[MitCommand | None, ReplayOutcome | None]:
+        """Close or hold; return the command, and why there is nothing held, if so."""
+        if self._grasp is None:
+            self._grasp, self._let_go_at = self._new_grasp(), None
+        step = self._grasp.step(now_s, motor)
+        rest = self._grasp.rest()
+        before, self.held = self.held, rest if isinstance(rest, Grip) else None
+        if before is None and self.held is not None and motor.feedback is not None:
+            self._note(self._geometry.opening_mm(motor.feedback.position_rad))
+        return step.command, _missed(step.outcome)
+
+    def end(self) -> None:
+        """Go over to the next one; what is held stays so."""
+        self._number += 1
+
+    def keep(self, at_s: float) -> bool:
+        """Go on holding, if the next grip is due already: letting go would drop the object."""
+        if not self.is_due(at_s) or self.held is None:
+            return False
+        self.held.squeeze(self.present.force_n)
+        return True
+
+    def let_go(self, openness: float | None = None) -> None:
+        """Hold nothing, and close no further; the next step begins anew from where the jaws are.
+
+        `openness` is where they let go of something.
+        """
+        self._grasp = self.held = None
+        self._let_go_at = openness
+
+    def beside(self, openness: float) -> float:
+        """Return where to go instead of pressing on what was just let go of.
+
+        Where it is wider than what was taught, the jaws wait until the path opens beyond it.
+        """
+        if self._let_go_at is not None and openness >= self._let_go_at:
+            self._let_go_at = None
+        return openness if self._let_go_at is None else self._let_go_at
+
+    def _new_grasp(self) -> Grasp:
+        request = GraspRequest(self.present.force_n, self._config.grasp_speed_mm_s)
+        return Grasp(
+            request,
+            geometry=self._geometry,
+            config=self._config,
+            gains=self._gains,
+            period_s=self._period_s,
+        )
+
+    def _note(self, width_mm: float) -> None:
+        self.done += 1
+        self.width_mm = width_mm
+        difference_mm = width_mm - self.present.width_mm
+        largest_mm = self.width_difference_mm
+        if largest_mm is None or abs(difference_mm) > abs(largest_mm):
+            self.width_difference_mm = difference_mm
+
+
+def _missed(outcome: object) -> ReplayOutcome | None:
+    """Return how a grasp ended, which has no end while it holds something."""
+    return _MISSED[outcome.outcome] if isinstance(outcome, GraspResult) else None
+
 
 Phase: TypeAlias = Literal["load", "align", "play", "approach", "hold", "settle"]
 _GIVE_UP_S = 2.0
@@ -136,7 +377,7 @@ class Replay(PlainAction):
             return Step(outcome=loading.failure)
         if loading.path is None:
             return Step(errand=errand)
-        refusal = unfit(
+        refusal = check_fits(
             self._request, loading.path, self._geometry, self._config, feedback.position_rad
         )
         refusal = refusal or self._speed_refusal(self.speed)

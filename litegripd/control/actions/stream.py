@@ -7,10 +7,8 @@ whatever the jaws meet with no more than its torque.
 from dataclasses import dataclass
 
 from litegripd.control.actions.base import PlainAction, Step
-from litegripd.control.budget import budgeted
-from litegripd.control.gains import Gains
-from litegripd.control.lead import led
-from litegripd.control.rest import Hold, Rest
+from litegripd.control.gains import Gains, budgeted, clamp_lead
+from litegripd.control.holds import Hold, Rest
 from litegripd.model.motor import MotorView
 from litegripd.model.results import StreamResult
 
@@ -53,7 +51,7 @@ class Stream(PlainAction):
         elapsed_s = max(now_s - was_s, 0.0)
         step_rad = point.speed_rad_s * elapsed_s
         wanted_rad = was_rad + min(max(point.position_rad - was_rad, -step_rad), step_rad)
-        reference_rad = led(wanted_rad, feedback.position_rad, lead_rad)
+        reference_rad = clamp_lead(wanted_rad, feedback.position_rad, lead_rad)
         velocity_rad_s = (wanted_rad - was_rad) / elapsed_s if elapsed_s > 0.0 else 0.0
         self._reference = (now_s, reference_rad)
         self._rest = Hold(reference_rad, gains)

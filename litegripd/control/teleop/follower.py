@@ -1,30 +1,214 @@
 """The follower: its jaws go where a leader's are, as a share of its own travel.
 
-It aligns to the first frame at a bounded speed, follows then with the leader's velocity fed
-forward, holds its last target when frames stop coming, and aligns again when they come back. The
-command's lead over the measured position is capped as in every motion: whatever the frames say,
-the jaws are pushed by no more than that.
+It aligns to the first frame at a bounded speed, follows then with the leader's velocity fed forward
+as far as the bounds allow, holds its last target when frames stop coming, and aligns again when
+they come back. The command's lead over the measured position is capped as in every motion, whatever
+the frames say. Damping relative to a velocity is a torque as well: jaws that are held up would be
+pushed by kd times the leader's whole speed.
+
+What presses too hard for too long is let go of. Times and thresholds of that guard are the vendor's
+SDK's, counted in seconds and not in cycles, so that they are the same at every rate.
 """
 
+from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.actions.base import Step, progress_of
-from litegripd.control.gains import Gains
-from litegripd.control.lead import led
-from litegripd.control.rest import Relax, Rest
+from litegripd.control.gains import Gains, budgeted, clamp_lead, max_lead_rad
+from litegripd.control.holds import Hold, Rest, Slack
 from litegripd.control.teleop.base import TeleopAction, Tell
-from litegripd.control.teleop.force_intake import MOST_ROUND_TRIP_S
-from litegripd.control.teleop.force_teller import ForceTeller
-from litegripd.control.teleop.intake import Intake
-from litegripd.control.teleop.leading import Leading
+from litegripd.control.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.control.teleop.link import Link
-from litegripd.control.teleop.press_guard import PressGuard
-from litegripd.model.geometry import Geometry
+from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
-from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
+from litegripd.model.teleop import ForceFrame, LinkWish, TeleopSettings, TeleopStatus, encode_force
+
+MOST_NM = 5.5
+"""By no more the jaws are pushed, however stiff the follow gains are: what the lead cap of 4 mm is
+with the calibration's 100 N·m/rad."""
+
+_SAMPLES = 3
+"""A measured velocity is a tick or two old. Fed back at once it would make the jaws shake from tick
+to tick; the slowest of so many does not."""
+
+_SLOWEST_RAD_S = 1e-3
+
+
+class FollowerCommand:
+    """Makes the commands of one follower.
+
+    With `force_limit_n` stiffness and damping are budgeted (`control/gains.py`): jaws that are
+    stopped at once are pushed by no more than that, at any speed of the leader.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        config: MotionConfig,
+        gains: Gains,
+        force_limit_n: float | None,
+        period_s: float,
+    ) -> None:
+        self.is_limited = False
+        self.velocity_rad_s = 0.0
+        self.hold: Hold | None = None
+        """What goes on pressing as the latest command did, None before the first one."""
+        self._geometry = geometry
+        self._config = config
+        self._gains = gains
+        self._period_s = period_s
+        limit_nm = None if force_limit_n is None else force_limit_n / FORCE_PER_TORQUE_N_NM
+        self._limit_nm = None if limit_nm is None else min(limit_nm, MOST_NM)
+        self._measured: deque[float] = deque(maxlen=_SAMPLES)
+
+    @property
+    def commanded_rad(self) -> float | None:
+        """Where the latest command was, None before the first one."""
+        return None if self.hold is None else self.hold.position_rad
+
+    def let_go(self, here_rad: float) -> None:
+        """Begin anew from where slack jaws are."""
+        self.hold = Hold(here_rad, self._gains)
+        self.velocity_rad_s = 0.0
+        self.is_limited = False
+
+    def within_reach(self, wanted_rad: float, here_rad: float) -> float:
+        """Return how far towards `wanted_rad` jaws that are at `here_rad` can be led at rest."""
+        _, lead_rad = self._bounds(wanted_rad, 0.0, here_rad)
+        return clamp_lead(wanted_rad, here_rad, lead_rad)
+
+    def command(self, wanted_rad: float, velocity_rad_s: float, feedback: Feedback) -> MitCommand:
+        """Return the command of this tick.
+
+        From one tick to the next it steps by no more than the lead's cap either, unless the jaws
+        themselves are elsewhere: frames that come late and at once do not turn it round.
+        """
+        here_rad, before_rad = feedback.position_rad, self.commanded_rad
+        self._measured.append(feedback.velocity_rad_s)
+        gains, lead_rad = self._bounds(wanted_rad, velocity_rad_s, here_rad)
+        self.is_limited = clamp_lead(wanted_rad, here_rad, lead_rad) != wanted_rad
+        step_to_rad = (
+            wanted_rad if before_rad is None else clamp_lead(wanted_rad, before_rad, lead_rad)
+        )
+        commanded_rad = clamp_lead(step_to_rad, here_rad, lead_rad)
+        if self._limit_nm is None:
+            ahead_rad = commanded_rad - here_rad
+            velocity_rad_s = self._fed(velocity_rad_s, gains, lead_rad, ahead_rad)
+        self.velocity_rad_s = velocity_rad_s
+        self.hold = Hold(commanded_rad, gains)
+        return gains.at(commanded_rad, velocity_rad_s)
+
+    def _bounds(
+        self, wanted_rad: float, velocity_rad_s: float, here_rad: float
+    ) -> tuple[Gains, float]:
+        """Return the gains, and how far the command may lead: less at the stop that lies ahead."""
+        geometry, gains = self._geometry, self._gains
+        closing = (wanted_rad - here_rad) * geometry.close_sign > 0.0
+        limit_rad = geometry.closed_rad if closing else geometry.open_rad
+        cap_rad = max_lead_rad(abs(limit_rad - here_rad), geometry, self._config)
+        if self._limit_nm is None:
+            if gains.kp_nm_rad * cap_rad <= MOST_NM:  # kp may even be 0
+                return gains, cap_rad
+            # Far behind, the command follows the jaws as they were measured: stiffly it would shake
+            # them. So the lead grows instead, with the same torque.
+            wanted_lead_rad = max(abs(wanted_rad - here_rad), MOST_NM / gains.kp_nm_rad)
+            lead_rad = min(wanted_lead_rad, cap_rad)
+            return Gains(MOST_NM / lead_rad, gains.kd_nm_s_rad), lead_rad
+        speed_rad_s = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
+        gains, lead_rad = budgeted(self._limit_nm, speed_rad_s, gains, self._period_s)
+        return gains, min(cap_rad, lead_rad)
+
+    def _fed(self, velocity_rad_s: float, gains: Gains, lead_rad: float, ahead_rad: float) -> float:
+        """Return how much of the leader's velocity is fed forward: what torque the lead leaves.
+
+        It may always brake.
+        """
+        kd = gains.kd_nm_s_rad
+        if kd == 0.0 or velocity_rad_s == 0.0:
+            return velocity_rad_s
+        sign = 1.0 if velocity_rad_s > 0.0 else -1.0
+        left_nm = gains.kp_nm_rad * (lead_rad - sign * ahead_rad)
+        slowest_rad_s = min(sign * measured_rad_s for measured_rad_s in self._measured)
+        return sign * min(sign * velocity_rad_s, max(slowest_rad_s + left_nm / kd, 0.0))
+
+
+TELL_EVERY_S = 0.01
+"""A hundred times a second: more than a hand can tell apart."""
+_EARLY_S = 0.00025
+
+
+class ForceTeller:
+    """Sends a force frame every `TELL_EVERY_S`.
+
+    `sender` is the number by which a leader of several followers tells this one from the others.
+    """
+
+    def __init__(self, link: Link, sender: int) -> None:
+        self.reported_n: float | None = None
+        """What was reported last, None while nothing is reported."""
+        self._link = link
+        self._sender = sender
+        self._next_s = float("-inf")
+
+    def step(
+        self, now_s: float, feedback: Feedback, force_n: float, echo_s: float, leader: str
+    ) -> bool:
+        """Tell `force_n` to the leader that is followed, if it is time to; whether it failed."""
+        if now_s < self._next_s - _EARLY_S:
+            return False
+        self._next_s = now_s + TELL_EVERY_S
+        frame = ForceFrame(self._sender, force_n, feedback.at_s, echo_s)
+        self.reported_n = force_n
+        return not self._link.reply(encode_force(frame), leader, now_s)
+
+
+TRIP_AFTER_S = 0.06
+REARM_OPENNESS = 0.05
+RELEASE_AT_LEAST_S = 0.2
+"""So long it lets go in any case: a leader that stands at the open stop would else re-arm the guard
+in the tick of its trip."""
+
+
+class PressGuard:
+    """Off with a limit of 0. While `is_tripped` the jaws must be free of stiffness and damping."""
+
+    def __init__(self, limit_nm: float) -> None:
+        self.is_tripped = False
+        self.trips = 0
+        self._limit_nm = limit_nm
+        self._over_since_s: float | None = None
+        self._tripped_s = 0.0
+        self._rearm_openness = 0.0
+
+    def step(self, now_s: float, torque_nm: float, openness: float) -> bool:
+        """Take this tick's torque and the leader's openness; tell whether anything has changed.
+
+        It re-arms once the leader has reopened by `REARM_OPENNESS` since the trip, or, near full
+        open, where there is no such way left, once it is at the open stop.
+        """
+        if self._limit_nm <= 0.0:
+            return False
+        if self.is_tripped:
+            rested = now_s - self._tripped_s >= RELEASE_AT_LEAST_S * 0.999
+            if not rested or openness < self._rearm_openness:
+                return False
+            self.is_tripped, self._over_since_s = False, None
+            return True
+        if abs(torque_nm) < self._limit_nm:
+            self._over_since_s = None
+            return False
+        if self._over_since_s is None:
+            self._over_since_s = now_s
+        if now_s - self._over_since_s < TRIP_AFTER_S * 0.999:
+            return False
+        self.is_tripped, self._tripped_s = True, now_s
+        self.trips += 1
+        self._rearm_openness = min(openness + REARM_OPENNESS, 1.0)
+        return True
+
 
 Phase: TypeAlias = Literal["waiting", "aligning", "following", "stale", "released"]
 
@@ -48,7 +232,7 @@ class Course:
     """What tells this follower from others to its leader, where it tells its force."""
 
 
-class Follow(TeleopAction):
+class TeleopFollower(TeleopAction):
     """Follows until it is finished; leaves a hold behind, or, after a trip, free jaws."""
 
     def __init__(self, link: Link, wish: LinkWish, tell: Tell, course: Course) -> None:
@@ -59,7 +243,7 @@ class Follow(TeleopAction):
         self._teller = ForceTeller(link, course.sender)
         self._phase: Phase = "waiting"
         self._reference_rad: float | None = None
-        self._leading = Leading(
+        self._leading = FollowerCommand(
             course.geometry,
             course.config,
             course.gains,
@@ -101,7 +285,7 @@ class Follow(TeleopAction):
         would press it anew.
         """
         if self._guard.is_tripped:
-            return Relax()
+            return Slack()
         feedback = self.feedback
         hold = self._leading.hold
         if self.is_finished or hold is None or feedback is None or not hold.presses(feedback):
@@ -180,7 +364,7 @@ class Follow(TeleopAction):
             self._enter("released")
             self._reference_rad = here_rad
             self._leading.let_go(here_rad)
-            return Relax().command(now_s, feedback)
+            return Slack().command(now_s, feedback)
         if self._intake.is_stale(now_s):
             self._enter("stale")
             return lead(self._reference_rad, 0.0, feedback)
@@ -201,7 +385,7 @@ class Follow(TeleopAction):
         from_rad = self._reference_rad if self._reference_rad is not None else here_rad
         from_rad = self._leading.within_reach(from_rad, here_rad)
         step_rad = geometry.to_rad(config.speed_mm_s) * elapsed_s
-        self._reference_rad = led(target_rad, from_rad, step_rad)
+        self._reference_rad = clamp_lead(target_rad, from_rad, step_rad)
         if self._reference_rad == target_rad:
             self._enter("following")
 

@@ -1,11 +1,64 @@
-"""What a follower makes of what arrives: the newest frame, how old it is, and how fast it moves.
+"""What arrives from the other side: positions of a leader, forces of followers.
 
-It knows no geometry: openness in, openness out. Nothing is clamped.
+`Intake` gives a follower the newest frame, how old it is, and how fast it moves. It knows no
+geometry: openness in, openness out. Nothing is clamped.
+
+`Backlog` tells what lay in the network during a silence from what is fresh: old motion is no
+target. A cut cable keeps frames: TCP delivers them when it is mended, seconds old and all at once.
+Two machines share no clock, but the time of arrival less the sender's own time is constant, but for
+the network's delay: what has much more of it than before the silence is old. Unless it stays like
+that: then the sender's clock is another one now.
+
+`ForceIntake` gives a leader who presses now, and how hard. A force is felt only as the answer to a
+recent position: its echo must be a time at which this leader published, by the leader's own clock,
+no longer ago than `MOST_ROUND_TRIP_S`. So frames for another leader, frames of before and frames
+over a slow network are none, whatever their senders' clocks say.
 """
 
-from litegripd.control.teleop.backlog import Backlog
-from litegripd.model.teleop import Arrival
-from litegripd.model.teleop_frame import TeleopFrame, decode_frame
+from dataclasses import dataclass
+
+from litegripd.model.teleop import Arrival, TeleopFrame, decode_force, decode_frame
+
+_WINDOW_S = 10.0
+"""So long a least delay counts at least; clocks drift by less than a millisecond meanwhile."""
+
+_CATCHING_UP_S = 0.02
+"""A network that gives back what it has kept is less late from frame to frame."""
+
+
+class Backlog:
+    """Judges a sender's frames by their offset: arrival less the sender's own time, in seconds."""
+
+    def __init__(self, late_s: float) -> None:
+        """Take as late what is so much later than before; as long as that it may stay so."""
+        self._late_s = late_s
+        self._least_s: tuple[float, float] | None = None
+        self._window_began_s = 0.0
+        self._late_since_s: float | None = None
+        self._late_least_s = 0.0
+
+    def begin(self, offset_s: float, at_s: float) -> None:
+        """Forget what was before: a frame of another sender, or of another clock."""
+        self._least_s = offset_s, offset_s
+        self._window_began_s, self._late_since_s = at_s, None
+
+    def accept(self, offset_s: float, at_s: float) -> None:
+        """Learn from a frame that is followed."""
+        before_s, least_s = (offset_s, offset_s) if self._least_s is None else self._least_s
+        if at_s - self._window_began_s >= _WINDOW_S:
+            before_s, least_s, self._window_began_s = least_s, offset_s, at_s
+        self._least_s = before_s, min(least_s, offset_s)
+
+    def holds(self, offset_s: float, at_s: float) -> bool:
+        """Whether a frame is old, so that a fresh one can be waited for; every frame is shown."""
+        if self._least_s is None or offset_s - min(self._least_s) <= self._late_s:
+            self._late_since_s = None
+            return False
+        catches_up = offset_s < self._late_least_s - _CATCHING_UP_S
+        if self._late_since_s is None or catches_up:
+            self._late_since_s, self._late_least_s = at_s, offset_s
+        return at_s - self._late_since_s < self._late_s * 0.999
+
 
 MAX_FRAME_GAP_S = 0.05
 """Frames further apart than this tell no velocity, and no velocity outlives it (vendor's SDK)."""
@@ -108,3 +161,68 @@ class Intake:
         if apart_s > MAX_FRAME_GAP_S or not _SHORTEST_INTERVAL_S <= interval_s <= MAX_FRAME_GAP_S:
             return 0.0
         return (frame.openness - latest.openness) / interval_s
+
+
+MOST_ROUND_TRIP_S = 0.2
+"""What is older is no longer what the hand feels now; it is the watchdog's time of a follower."""
+MOST_FOLLOWERS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class _Heard:
+    force_n: float
+    sent_s: float
+    echo_s: float
+
+
+class ForceIntake:
+    """Keeps the newest force of each of up to `MOST_FOLLOWERS` followers.
+
+    `rejected` counts what was no frame, `out_of_order` frames that were older than one before,
+    `late` those whose echo is not of this leader's latest positions, and those of one follower too
+    many.
+    """
+
+    def __init__(self) -> None:
+        self.rejected = 0
+        self.out_of_order = 0
+        self.late = 0
+        self.round_trip_s: float | None = None
+        """From a measurement of the leader to the force that answers it, of the newest frame."""
+        self._heard: dict[int, _Heard] = {}
+
+    def take(self, arrival: Arrival, now_s: float) -> None:
+        """Take what has come, or count why not."""
+        frame = decode_force(arrival.payload)
+        if frame is None:
+            self.rejected += 1
+            return
+        self._forget_old(now_s)
+        before = self._heard.get(frame.sender)
+        is_full = before is None and len(self._heard) >= MOST_FOLLOWERS
+        if is_full or not _is_recent(frame.echo_s, now_s):
+            self.late += 1
+        elif before is not None and frame.timestamp_s <= before.sent_s:
+            self.out_of_order += 1
+        else:
+            self._heard[frame.sender] = _Heard(frame.force_n, frame.timestamp_s, frame.echo_s)
+            self.round_trip_s = now_s - frame.echo_s
+
+    def followers(self, now_s: float) -> int:
+        """Return how many followers tell their force now."""
+        return sum(_is_recent(heard.echo_s, now_s) for heard in self._heard.values())
+
+    def force_n(self, now_s: float) -> float:
+        """Return the force of that follower which presses hardest now; 0 where none is heard."""
+        forces = [h.force_n for h in self._heard.values() if _is_recent(h.echo_s, now_s)]
+        return max(forces, key=abs, default=0.0)
+
+    def _forget_old(self, now_s: float) -> None:
+        for sender, heard in list(self._heard.items()):
+            if not _is_recent(heard.echo_s, now_s):
+                del self._heard[sender]
+
+
+def _is_recent(echo_s: float, now_s: float) -> bool:
+    """Whether a position of this time is recent; one of the future is of another clock."""
+    return 0.0 <= now_s - echo_s <= MOST_ROUND_TRIP_S

@@ -1,5 +1,11 @@
-"""Teleoperation as clients ask for it: admitted or refused at once, then run by the engine."""
+"""Begins and ends teleoperation.
 
+A feigned leader, without a second gripper and without a network, sweeps open, closed, open. It is
+for benching a single follower, and its torque guard, with a rigid object between the jaws.
+"""
+
+import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from litegripd.control.admission import (
@@ -11,17 +17,63 @@ from litegripd.control.admission import (
 from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
 from litegripd.control.teleop.base import TeleopAction, ended
-from litegripd.control.teleop.fake_leader import FakeLeader
-from litegripd.control.teleop.follower import Course, Follow
-from litegripd.control.teleop.leader import Lead
+from litegripd.control.teleop.follower import Course, TeleopFollower
+from litegripd.control.teleop.leader import TeleopLeader
 from litegripd.control.teleop.link import Link, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motion_limits import damping_conflict, fast_conflict
-from litegripd.model.teleop import LinkWish, TeleopSettings, TeleopStatus
+from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
+from litegripd.model.teleop import (
+    Arrival,
+    LinkStatus,
+    LinkWish,
+    TeleopFrame,
+    TeleopSettings,
+    TeleopStatus,
+    encode_frame,
+)
+
+SWEEP_S = 6.0
+"""From open to closed and back: 63 mm/s at most on a travel of 120 mm."""
+
+
+class FakeLeader:
+    """A link over which a synthetic leader is heard, `rate_hz` times a second."""
+
+    status = LinkStatus("open", is_protected=True)
+
+    def __init__(self, geometry: Geometry, rate_hz: float) -> None:
+        self._geometry = geometry
+        self._every_s = 1.0 / rate_hz
+        self._began_s: float | None = None
+        self._sent = 0
+
+    def publish(self, _payload: bytes, _now_s: float) -> bool:
+        """Nobody listens to a follower."""
+        return False
+
+    def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
+        """Tell nobody: a synthetic leader has no hand."""
+        return False
+
+    def receive(self, now_s: float) -> Sequence[Arrival]:
+        """Return the frame that is due, if one is."""
+        if self._began_s is None:
+            self._began_s = now_s
+        due = 1 + math.floor((now_s - self._began_s) / self._every_s + 1e-6)
+        if due <= self._sent:
+            return ()
+        self._sent = due
+        at_s = (due - 1) * self._every_s
+        openness = 0.5 + 0.5 * math.cos(2.0 * math.pi * at_s / SWEEP_S)
+        frame = TeleopFrame(openness, openness * self._geometry.travel_mm, 0.0, at_s)
+        return (Arrival(encode_frame(frame), now_s),)
+
+    def close(self) -> None:
+        """There is nothing to give back."""
+
 
 _RATE_ROUNDING = 1.001
 
@@ -65,12 +117,12 @@ class Teleoperation:
             self._tell(Event("teleop", f"teleop: {warning}", {"warning": True}))
         link: Link = FakeLeader(geometry, rate_hz) if fake_leader else self._links.open(wish)
         if wish.mode == "master":
-            action: TeleopAction = Lead(
+            action: TeleopAction = TeleopLeader(
                 link, wish, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
             )
         else:
             course = Course(geometry, config, gains, settings, engine.period_s, self._sender)
-            action = Follow(link, wish, self._tell, course)
+            action = TeleopFollower(link, wish, self._tell, course)
         action.is_warned = warning is not None
         self._action = action
         self._job = engine.begin("teleop", action, owner, detached)
@@ -104,7 +156,7 @@ class Teleoperation:
     def _ready(self) -> Geometry | Refusal:
         """Return the travel where teleoperation may begin, else say why not."""
         engine = self._engine
-        refusal = engine.unfree() or engine.recording_refusal()
+        refusal = engine.why_busy() or engine.recording_refusal()
         if refusal is not None and refusal.reason == "busy":
             refusal = trajectory_or_teleop_refusal(engine.in_the_way) or refusal
         if refusal is not None:

@@ -17,7 +17,7 @@ from litegrip_client.doctor.gripper_checks import (
 from litegrip_client.doctor.link_checks import BITRATE
 from litegrip_client.doctor.table import CHECKS
 from litegripd.control import admission
-from litegripd.motor import look, registers
+from litegripd.motor import identity, registers
 from tests.client.doctor.case import Case
 from tests.client.doctor.daemon_cases import DAEMON_CASES
 from tests.client.doctor.gripper_cases import GRIPPER_CASES
@@ -68,7 +68,7 @@ def test_a_shell_understands_every_command() -> None:
 
 
 def test_what_is_expected_of_the_motor_is_what_the_daemon_expects() -> None:
-    expected = look.MODEL_RANGES
+    expected = identity.MODEL_RANGES
     assert {
         "PMAX": expected.position_rad,
         "VMAX": expected.velocity_rad_s,
@@ -76,7 +76,7 @@ def test_what_is_expected_of_the_motor_is_what_the_daemon_expects() -> None:
     } == MODEL_RANGES
     assert (TIMEOUT_UNIT_S, LONGEST_WATCHDOG_S) == (
         registers.TIMEOUT_UNIT_S,
-        look.LONGEST_WATCHDOG_S,
+        identity.LONGEST_WATCHDOG_S,
     )
     assert IMPLAUSIBLE_OUTSIDE_RAD == admission.IMPLAUSIBLE_OUTSIDE_RAD
     assert damiao_motor.CAN_BAUD_RATE_CODES[CAN_BR_1_MBIT_S] == BITRATE

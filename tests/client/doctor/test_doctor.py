@@ -13,7 +13,7 @@ from litegrip_client.ctl.render_doctor import findings_text
 from litegrip_client.doctor import gather, gather_configuration, gather_system
 from litegrip_client.doctor.facts import Configuration, System, User
 from litegrip_client.doctor.findings import error, ok, warning
-from litegrip_client.doctor.link_checks import _IF_REFUSED
+from litegrip_client.doctor.link_checks import _IF_LOST
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
 from tests.client.fake_daemon import FakeDaemon, Handler
 from tests.client.helpers import Ctl
@@ -99,7 +99,7 @@ def test_as_json(well: FakeDaemon, ctl: Ctl, machine: dict[str, Any]) -> None:
         "text": "0.5 Mbit/s, but the motor speaks at 1 Mbit/s",
         "command": "sudo ip link set can0 down"
         " && sudo ip link set can0 up type can bitrate 1000000",
-        "advice": _IF_REFUSED,
+        "advice": _IF_LOST,
     }
 
 

@@ -1,0 +1,229 @@
+"""The command line of `litegripctl`: parsers that are made when they are used, and what they take.
+
+A parser takes half a millisecond to make, and one command is run at a time. Of values only the form
+is checked here; which ranges are allowed is the daemon's to say.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import os
+import re
+from argparse import ArgumentTypeError
+
+from litegrip_client.ctl.commands import COMMANDS, CommandRow
+from litegrip_client.discovery import check_channel
+from litegrip_client.errors import CommandError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any, NoReturn
+
+    from litegrip_client.ctl.run import Fill
+
+CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
+DEFAULT_CHANNEL = "can0"
+
+_UNITS = {"mm": "opening_mm", "rad": "position_rad", "%": "openness"}
+_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_TARGET = re.compile(rf"({_NUMBER}) ?(mm|rad|%)")
+_INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
+_SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({_NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
+
+
+class UsageError(Exception):
+    """The command line is wrong; `usage` says what would be right, the help of `program` more."""
+
+    def __init__(self, message: str, usage: str, program: str) -> None:
+        super().__init__(message)
+        self.message = message
+        self.usage = usage
+        self.program = program
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser that leaves it to its caller to say what is wrong.
+
+    `words` names what completes an argument, by its name in the options; see `ctl.completion`.
+    """
+
+    def __init__(self, **settings: Any) -> None:
+        self.words: dict[str, str] = {"channel": "channels", "socket": "files"}
+        super().__init__(
+            **settings,
+            parents=[common()],
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        """Raise `UsageError`."""
+        raise UsageError(message, self.format_usage(), self.prog)
+
+    def arguments(self) -> list[argparse.Action]:
+        """Return the options and the positional arguments, in their order."""
+        return self._actions
+
+
+class LateParser(Parser):
+    """The parser of one command, or of one of its actions, which takes what `fill` adds.
+
+    A command's is found by its `row`, as soon as there is something to parse: only its module is
+    imported.
+    """
+
+    def __init__(
+        self, *, row: CommandRow | None = None, fill: Fill | None = None, **settings: Any
+    ) -> None:
+        self._row = row
+        self._fill = fill
+        self._settings = settings
+
+    def become(self) -> None:
+        """Become a parser."""
+        super().__init__(**self._settings)
+        fill = self._fill if self._row is None else self._row.options()
+        if fill is not None:
+            fill(self)
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Become a parser, and parse; note in `help_of` whose help tells of what was given."""
+        self.become()
+        options, rest = super().parse_known_args(args, namespace)
+        if not hasattr(options, "help_of"):  # else an action of this command has noted its own
+            options.help_of = self.prog
+        return options, rest
+
+
+def common() -> argparse.ArgumentParser:
+    """Give the options that every command takes, in front of its name and behind it."""
+    # Without defaults, so that the later place does not undo the earlier.
+    parser = argparse.ArgumentParser(add_help=False, argument_default=argparse.SUPPRESS)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "-c",
+        "--channel",
+        help=f"the daemon's channel (default: ${CHANNEL_VARIABLE}, else {DEFAULT_CHANNEL})",
+    )
+    where.add_argument("--socket", metavar="PATH", help="the daemon's socket")
+    parser.add_argument(
+        "--host",
+        dest="ssh_host",
+        metavar="[USER@]HOST",
+        help="the daemon of another machine, reached by ssh; --socket is a path there",
+    )
+    parser.add_argument("--json", action="store_true", help="print results and errors as JSON")
+    return parser
+
+
+def parse(given: list[str]) -> argparse.Namespace:
+    """Read the command line; raises `UsageError` when it is wrong.
+
+    `channel_chosen` tells whether a channel was asked for, by option or by environment.
+    """
+    parser = whole_parser()
+    options, rest = parser.parse_known_args([protect_target(argument) for argument in given])
+    if rest:
+        message = f"unrecognized arguments: {' '.join(rest)}"
+        raise UsageError(message, parser.format_usage(), options.help_of)
+    chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
+    options.channel_chosen = chosen is not None
+    options.socket = getattr(options, "socket", None)
+    options.ssh_host = getattr(options, "ssh_host", None)
+    options.json = getattr(options, "json", False)
+    if options.command == "grasp" and (options.width is None) != (options.tolerance is None):
+        message = "grasp: --width and --tolerance go together: give both"
+        raise UsageError(message, parser.format_usage(), options.help_of)
+    try:
+        options.channel = check_channel(chosen or DEFAULT_CHANNEL)
+    except CommandError as error:
+        parser.error(error.message)
+    return options
+
+
+class _WholeParser(Parser):
+    def format_help(self) -> str:
+        from litegrip_client.ctl.exit_codes import epilog  # noqa: PLC0415 - seldom needed
+
+        self.epilog = epilog()
+        return super().format_help()
+
+
+def whole_parser() -> Parser:
+    """Return the parser of all commands."""
+    parser = _WholeParser(
+        prog="litegripctl",
+        description="Look at a LiteGrip gripper and drive it, through its daemon.",
+    )
+    commands = parser.add_subparsers(
+        dest="command", required=True, metavar="COMMAND", parser_class=LateParser
+    )
+
+    for row in COMMANDS:
+        commands.add_parser(row.name, help=row.text, description=row.text, row=row)
+    return parser
+
+
+def protect_target(argument: str) -> str:
+    """Mark a target below zero, which looks like an option, as something else."""
+    return f" {argument}" if argument.startswith("-") and _TARGET.fullmatch(argument) else argument
+
+
+def target(text: str) -> tuple[str, float]:
+    """Read a target with its unit; gives the parameter of motion.move, and its value."""
+    found = _TARGET.fullmatch(text.strip())
+    if found is None:
+        raise ArgumentTypeError(
+            f"{text.strip()!r} is no target: say 45mm (opening), -0.3rad (position of the motor) "
+            "or 50% (of the travel, 0% is closed)"
+        )
+    value = float(found[1])
+    return _UNITS[found[2]], value / 100.0 if found[2] == "%" else value
+
+
+def setting(text: str) -> tuple[str, float]:
+    """Read FIELD=NUMBER."""
+    found = _SETTING.fullmatch(text)
+    if found is None:
+        raise ArgumentTypeError(f"{text!r} is no setting: say FIELD=NUMBER, force_n=15 for one")
+    # Some fields are whole numbers, and the daemon takes a whole number for the others, too.
+    return found[1], int(found[2]) if re.fullmatch(r"[+-]?[0-9]+", found[2]) else float(found[2])
+
+
+def positive(text: str) -> float:
+    """Read a number above 0."""
+    value = _number(text)
+    if not value > 0.0:
+        raise ArgumentTypeError(f"{text!r} is not a number above 0")
+    return value
+
+
+def not_negative(text: str) -> float:
+    """Read a number of 0 or more."""
+    value = _number(text)
+    if not value >= 0.0:
+        raise ArgumentTypeError(f"{text!r} is not a number of 0 or more")
+    return value
+
+
+def _number(text: str) -> float:
+    """Return the number, NaN for what is none or not finite."""
+    try:
+        value = float(text)
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan
+
+
+def count(text: str) -> int:
+    """Read a whole number of 1 or more."""
+    if not text.isascii() or not text.isdigit() or int(text) < 1:
+        raise ArgumentTypeError(f"{text!r} is not a whole number of 1 or more")
+    return int(text)
+
+
+def interface(text: str) -> str:
+    """Read the name of a network interface."""
+    if not _INTERFACE.fullmatch(text):
+        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface, such as can0")
+    return text

@@ -1,0 +1,351 @@
+"""Moves: to a position, and to a stop, which is pressed gently.
+
+`MoveTo` goes to a position inside the travel, at a speed: a ramp with velocity feed-forward. Moves
+may be slow. Static friction holds slow jaws for longer than a stall window, so on the way they
+count as stalled only while the ramp is ahead of them by more than friction can hold.
+
+`MoveToStop` opens and closes: a ramp past the calibrated stop, which the mechanical stop ends. The
+command is an absolute ramp in time; only the part of it that leads the measured position is capped:
+by `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm` within
+`press_zone_mm` of the stop, so that the jaws press gently. A move's lead is capped alike.
+
+Damping turns the velocity of the command into torque as soon as something stops the jaws. So what
+comes of lead and velocity together is bounded: by kp times the lead, and at most a quarter more
+while the ramp lasts.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+from litegripd.control.actions.base import PlainAction, Step, progress_of
+from litegripd.control.detectors import StallDetector, TorqueGuard
+from litegripd.control.gains import Gains, clamp_lead, is_in_press_zone, max_lead_rad
+from litegripd.control.holds import Slack
+from litegripd.control.limiter import bounds_of
+from litegripd.model.geometry import Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand, MotorView
+from litegripd.model.results import MoveOutcome, MoveResult, Progress
+
+
+@dataclass(frozen=True, slots=True)
+class Ramp:
+    """From `start_rad` at `began_s` to `target_rad` at `speed_rad_s` (above 0)."""
+
+    began_s: float
+    start_rad: float
+    target_rad: float
+    speed_rad_s: float
+
+    @property
+    def duration_s(self) -> float:
+        """How long it takes."""
+        return abs(self.target_rad - self.start_rad) / self.speed_rad_s
+
+    def is_over(self, now_s: float) -> bool:
+        """Whether the target is what it commands."""
+        return now_s - self.began_s >= self.duration_s
+
+    def at(self, now_s: float) -> tuple[float, float]:
+        """Return the position (rad) and the velocity (rad/s) to be commanded."""
+        if self.is_over(now_s):
+            return self.target_rad, 0.0
+        velocity_rad_s = self.speed_rad_s if self.target_rad > self.start_rad else -self.speed_rad_s
+        return self.start_rad + velocity_rad_s * (now_s - self.began_s), velocity_rad_s
+
+
+FRICTION_NM = 1.1
+"""More than holds the jaws: the closing side may stick with 0.95 N·m (field measurements)."""
+
+_GIVE_UP_EXTRA_S = 2.0
+
+
+class MoveTo(PlainAction):
+    """One move to `target_rad`; ends when the jaws have settled there, or stall on the way."""
+
+    def __init__(
+        self,
+        target_rad: float,
+        speed_rad_s: float,
+        *,
+        geometry: Geometry,
+        config: MotionConfig,
+        gains: Gains,
+        period_s: float,
+    ) -> None:
+        self._target_rad = target_rad
+        self._speed_rad_s = speed_rad_s
+        self._geometry = geometry
+        self._config = config
+        self._gains = gains
+        self._period_s = period_s
+        self._stall: StallDetector | None = None
+        self._ramp: Ramp | None = None
+        self._steps = 0
+        self._command_rad = 0.0
+        self._feedback: Feedback | None = None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Lead the jaws on, and judge where they are."""
+        feedback = motor.feedback
+        if feedback is None:
+            return Step()
+        position_rad = feedback.position_rad
+        if self._ramp is None:
+            self._ramp = Ramp(now_s, position_rad, self._target_rad, self._speed_rad_s)
+        self._steps += 1
+        self._feedback = feedback
+        ramp_rad, velocity_rad_s = self._ramp.at(now_s)
+        lead_rad = self._lead_rad(position_rad, self._ramp)
+        self._command_rad = clamp_lead(ramp_rad, position_rad, lead_rad)
+        if self._command_rad != ramp_rad:
+            velocity_rad_s = 0.0  # kd·dq would add to the torque that the cap is to bound
+        is_behind = self._is_behind(abs(ramp_rad - position_rad))
+        outcome = self._judge(now_s, position_rad, self._ramp, is_behind=is_behind)
+        return Step(
+            self._gains.at(self._command_rad, velocity_rad_s),
+            outcome=None if outcome is None else self._result(outcome, position_rad, self._ramp),
+        )
+
+    def progress(self) -> Progress | None:
+        """Tell the phase, the step, and where command and jaws are."""
+        if self._feedback is None or self._ramp is None:
+            return None
+        total_steps = max(round(self._ramp.duration_s / self._period_s), 1)
+        phase = "ramp" if self._steps < total_steps else "settle"
+        step = min(self._steps, total_steps)
+        return progress_of(phase, step, total_steps, self._command_rad, self._feedback)
+
+    def _lead_rad(self, position_rad: float, ramp: Ramp) -> float:
+        """Return how far the command may lead: less at the stop that lies ahead."""
+        short_rad = abs(self._limit_rad(ramp) - position_rad)
+        return max_lead_rad(short_rad, self._geometry, self._config)
+
+    def _limit_rad(self, ramp: Ramp) -> float:
+        """Return the calibrated stop that lies ahead."""
+        geometry = self._geometry
+        closing = (ramp.target_rad - ramp.start_rad) * geometry.close_sign > 0.0
+        return geometry.closed_rad if closing else geometry.open_rad
+
+    def _is_behind(self, distance_rad: float) -> bool:
+        """Whether jaws so far from the ramp are held by more than friction."""
+        held_nm = self._gains.kp_nm_rad * distance_rad
+        return held_nm >= FRICTION_NM or distance_rad >= self._geometry.to_rad(
+            self._config.max_lead_mm
+        )
+
+    def _judge(
+        self, now_s: float, position_rad: float, ramp: Ramp, *, is_behind: bool
+    ) -> MoveOutcome | None:
+        past_ramp_s = now_s - ramp.began_s - ramp.duration_s
+        if abs(self._target_rad - position_rad) <= self._config.reach_tol:
+            return "reached" if past_ramp_s >= self._config.settle_s else None
+        if not is_behind and past_ramp_s < 0.0:
+            self._stall = None
+        else:
+            self._stall = self._stall or StallDetector(self._config, self._speed_rad_s)
+            if self._stall.add(now_s, position_rad):
+                return "blocked"
+        return "timed_out" if past_ramp_s > ramp.duration_s + _GIVE_UP_EXTRA_S else None
+
+    def _result(self, outcome: MoveOutcome, position_rad: float, ramp: Ramp) -> MoveResult:
+        return MoveResult(
+            ok=outcome == "reached",
+            outcome=outcome,
+            reached=abs(self._target_rad - position_rad) <= self._config.reach_tol,
+            stalled=outcome == "blocked",
+            protected=False,
+            target_rad=self._target_rad,
+            limit_rad=self._limit_rad(ramp),
+            final_command_rad=self._command_rad,
+            steps=self._steps,
+        )
+
+
+Direction: TypeAlias = Literal["open", "close"]
+Phase: TypeAlias = Literal["ramp", "press", "settle", "release"]
+
+_GIVE_UP_FACTOR = 2.0
+_FED_SHARE = 0.25
+"""On the way the velocity adds at most so much of kp·max_lead; by default the gains stay whole."""
+_RUN_IN_BUDGET = 1.1
+"""Of kp·stop_lead, near the stop while the ramp lasts: slow jaws would stick in front of it."""
+_RUN_IN_SHARES = (0.55, 0.85)
+"""Of it from the velocity: more, the further the jaws are ahead of where they were measured."""
+_STALE_PERIODS = 1.5
+_LOOK_AHEAD_PERIODS = 2.0
+"""So old a measurement may be when its command arrives: the jaws are that much nearer."""
+
+
+class MoveToStop(PlainAction):
+    """One `open` or `close` at `speed_mm_s`.
+
+    Phases: `ramp`, until the command has reached the target past the stop; `press`, until the
+    jaws stall; `settle`, a while of pressing that is not checked, since a still jaw is expected.
+    A stall short of the stop ends the move at once; a jam that yields slowly, after a while of
+    letting go (`release`).
+    """
+
+    def __init__(
+        self,
+        direction: Direction,
+        speed_mm_s: float,
+        *,
+        geometry: Geometry,
+        config: MotionConfig,
+        gains: Gains,
+        period_s: float,
+    ) -> None:
+        self.bounds = bounds_of(geometry, config)
+        closing = direction == "close"
+        self._sign = geometry.close_sign if closing else -geometry.close_sign
+        self._limit_rad = geometry.closed_rad if closing else geometry.open_rad
+        overshoot_rad = config.press_overshoot * geometry.travel_rad
+        self.target_rad = self._limit_rad + self._sign * overshoot_rad
+        self._speed_rad_s = geometry.to_rad(speed_mm_s)
+        self._geometry = geometry
+        self._config = config
+        self._gains = gains
+        self._period_s = period_s
+        self._phase: Phase = "ramp"
+        self._phase_began_s = 0.0
+        self._stall = StallDetector(config, self._speed_rad_s)
+        self._guard = TorqueGuard(config, self._speed_rad_s)
+        self._stalled = False
+        self._is_near_stop = False
+        self._ramp: Ramp | None = None
+        self._steps = 0
+        self._command_rad = 0.0
+        self._feedback: Feedback | None = None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Lead the jaws on, and judge where they are."""
+        feedback = motor.feedback
+        if feedback is None:
+            return Step()
+        if self._ramp is None:
+            self._ramp = self._begin(now_s, feedback.position_rad)
+        self._steps += 1
+        self._feedback = feedback
+        ramp_rad, velocity_rad_s = self._ramp.at(now_s)
+        self._command_rad = self._capped(ramp_rad, feedback)
+        outcome = self._judge(now_s, feedback, self._ramp)
+        command = self._led(velocity_rad_s, ramp_rad, feedback.position_rad)
+        self._command_rad = command.position_rad
+        if self._phase == "release":
+            command = Slack().command(now_s, feedback)
+        return Step(command, outcome=None if outcome is None else self._result(outcome))
+
+    def progress(self) -> Progress | None:
+        """Tell the phase, the step, and where command and jaws are."""
+        if self._feedback is None or self._ramp is None:
+            return None
+        total_steps = max(round(self._ramp.duration_s / self._period_s), 1)
+        step = min(self._steps, total_steps)
+        return progress_of(self._phase, step, total_steps, self._command_rad, self._feedback)
+
+    def _begin(self, now_s: float, position_rad: float) -> Ramp:
+        """Start where the jaws are: no step, whatever was commanded before."""
+        self._phase_began_s = now_s
+        start_rad = position_rad
+        if (self.target_rad - position_rad) * self._sign < 0.0:
+            start_rad = self.target_rad  # they are past it: there is nothing to go back to
+        return Ramp(now_s, start_rad, self.target_rad, self._speed_rad_s)
+
+    def _capped(self, command_rad: float, feedback: Feedback) -> float:
+        """Lead by what is allowed where the jaws will be when the command arrives."""
+        speed_rad_s = self._speed_rad_s
+        if not self._is_near_stop:  # else: what the jaws lose of their speed does not matter
+            speed_rad_s = min(max(feedback.velocity_rad_s * self._sign, 0.0), speed_rad_s)
+        ahead_rad = speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
+        short_rad = self._short_rad(feedback.position_rad) - ahead_rad
+        self._is_near_stop = is_in_press_zone(short_rad, self._geometry, self._config)
+        lead_rad = max_lead_rad(short_rad, self._geometry, self._config)
+        return clamp_lead(command_rad, feedback.position_rad, lead_rad)
+
+    def _led(self, velocity_rad_s: float, ramp_rad: float, position_rad: float) -> MitCommand:
+        """Return the command for a velocity (rad/s) with gains that keep it within its torque."""
+        kp, kd = self._gains.kp_nm_rad, self._gains.kd_nm_s_rad
+        if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
+            return self._gains.at(self._command_rad)
+        if self._is_near_stop:
+            # The velocity stays: without it damping would brake jaws that must not get slow here.
+            lead_rad = self._geometry.to_rad(self._config.stop_lead_mm)
+            budget_nm = _RUN_IN_BUDGET * kp * lead_rad
+            least, most = _RUN_IN_SHARES
+            stale_rad = self._speed_rad_s * _STALE_PERIODS * self._period_s
+            share = min(max(stale_rad / lead_rad, least), most)
+            kd = min(kd, share * budget_nm / self._speed_rad_s)
+            softer = min(kp, (budget_nm - kd * self._speed_rad_s) / lead_rad)
+            wanted_rad = position_rad + (ramp_rad - position_rad) * kp / softer  # the same torque
+            return Gains(softer, kd).at(
+                clamp_lead(wanted_rad, position_rad, lead_rad), velocity_rad_s
+            )
+        if self._command_rad != ramp_rad:
+            return self._gains.at(self._command_rad)  # kd·dq would add to what the cap bounds
+        lead_rad = self._geometry.to_rad(self._config.max_lead_mm)
+        kd = min(kd, _FED_SHARE * kp * lead_rad / self._speed_rad_s)
+        return Gains(kp, kd).at(self._command_rad, velocity_rad_s)
+
+    def _short_rad(self, position_rad: float) -> float:
+        """Return how far the jaws still are from the calibrated stop; negative beyond it."""
+        return (self._limit_rad - position_rad) * self._sign
+
+    def _judge(self, now_s: float, feedback: Feedback, ramp: Ramp) -> MoveOutcome | None:
+        """Go on to the next phase, or say how the move ended."""
+        position_rad = feedback.position_rad
+        in_phase_s = now_s - self._phase_began_s
+        if self._phase == "release":
+            return "protected" if in_phase_s >= self._config.stop_release_s else None
+        if self._phase == "settle":
+            if in_phase_s < self._config.settle_s:
+                return None
+            return "pressed_home" if self._is_home(position_rad) else "blocked"
+        if self._phase == "press" and self._has_reached_target(position_rad):
+            return "no_stop"
+        if self._is_jammed(now_s, feedback):
+            self._stalled = True
+            self._enter("release", now_s)
+        elif self._stall.add(now_s, position_rad):
+            self._stalled = True
+            if not self._is_home(position_rad):
+                return "blocked"
+            self._enter("settle", now_s)
+        elif self._phase == "ramp" and ramp.is_over(now_s):
+            self._enter("press", now_s)
+        elif in_phase_s > _GIVE_UP_FACTOR * ramp.duration_s + _GIVE_UP_EXTRA_S:
+            return "timed_out"
+        return None
+
+    def _is_jammed(self, now_s: float, feedback: Feedback) -> bool:
+        """Whether something takes the torque where nothing should; at the stop, the stop does."""
+        if self._is_near_stop:
+            self._guard.rest()
+            return False
+        return self._guard.add(now_s, feedback.position_rad, feedback.torque_nm)
+
+    def _enter(self, phase: Phase, now_s: float) -> None:
+        self._phase = phase
+        self._phase_began_s = now_s
+
+    def _is_home(self, position_rad: float) -> bool:
+        """Whether the jaws are at the calibrated stop; beyond it, they have nothing in the way."""
+        return self._short_rad(position_rad) <= self._config.stop_tol
+
+    def _has_reached_target(self, position_rad: float) -> bool:
+        """Whether the jaws have come as far past the stop as they were led, and met none."""
+        return (self.target_rad - position_rad) * self._sign <= self._config.reach_tol
+
+    def _result(self, outcome: MoveOutcome) -> MoveResult:
+        position_rad = self._command_rad if self._feedback is None else self._feedback.position_rad
+        return MoveResult(
+            ok=outcome == "pressed_home",
+            outcome=outcome,
+            reached=self._has_reached_target(position_rad),
+            stalled=self._stalled,
+            protected=outcome == "protected",
+            target_rad=self.target_rad,
+            limit_rad=self._limit_rad,
+            final_command_rad=self._command_rad,
+            steps=self._steps,
+        )

@@ -1,0 +1,211 @@
+"""The calibration in use, and how it is saved."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+from litegripd.control.actions.base import Adopted, Step
+from litegripd.control.admission import CALIBRATION_COMING, NOT_CALIBRATED, ZERO_MOVED
+from litegripd.control.gains import DEFAULT_GAINS, Gains, gains_of
+from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, measured
+from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
+from litegripd.model.geometry import Geometry
+from litegripd.model.motion_config import damping_conflict
+from litegripd.model.motor import MotorView, ZeroView
+from litegripd.model.results import ZeroOutcome, ZeroResult
+from litegripd.model.unit import Unit
+
+
+class CalibrationInUse:
+    """Knows the travel and the gains of the hold; `file` is None for what has none."""
+
+    def __init__(self) -> None:
+        self.calibration: Calibration | None = None
+        self.file: str | None = None
+        self.gains = DEFAULT_GAINS
+        self.problem = NOT_CALIBRATED
+        self._zero = ZeroView()
+
+    @property
+    def geometry(self) -> Geometry | None:
+        """The calibrated travel, None while uncalibrated."""
+        calibration = self.calibration
+        return calibration.geometry if calibration and calibration.calibrated else None
+
+    @property
+    def is_coming(self) -> bool:
+        """True from the start until it is known whether there is a calibration."""
+        return self.calibration is None and self.problem.reason == CALIBRATION_COMING.reason
+
+    def expect(self) -> None:
+        """Say that one is being read, until `use`."""
+        self.problem = CALIBRATION_COMING
+
+    def use(
+        self, calibration: Calibration | None, problem: Refusal | None, file: str | None
+    ) -> None:
+        """Take a calibration and its file, or the reason why there is none."""
+        self.calibration, self.file = calibration, file
+        self.problem = problem or NOT_CALIBRATED
+        before, self.gains = self.gains, DEFAULT_GAINS
+        if calibration is None:
+            return
+        gains = gains_of(calibration, before)
+        if damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad) is not None:
+            gains = gains_of(calibration, DEFAULT_GAINS)  # one was given, and fits the usual other
+        self.gains = gains
+
+    def note_saved(self, calibration: Calibration, channel: str, file: str, saved_s: float) -> None:
+        """Note that `calibration`, if it is still in use, is in the file of `channel` now."""
+        if self.calibration is calibration:
+            self.calibration = replace(calibration, channel=channel, saved_s=saved_s)
+            self.file = file
+
+    def note_zero(self, zero: ZeroView) -> Calibration | None:
+        """Give a calibration up as soon as positions may count from another zero.
+
+        Returns what its file shall hold from now on, so that a restart does not bring it back.
+        """
+        before, self._zero = self._zero, zero
+        moved = zero.is_uncertain or zero.state == "done"
+        calibration = self.calibration
+        if zero == before or not moved or calibration is None or not calibration.calibrated:
+            return None
+        useless = replace(calibration, calibrated=False)
+        self.use(useless, ZERO_MOVED, self.file)
+        return useless
+
+
+PLAUSIBLE_TRAVEL = (0.8, 1.25)
+"""Of the travel known before: something between the jaws, or a stop that was not one, else."""
+
+SAVE_WITHIN_S = 10.0
+
+
+class Saving:
+    """Makes the calibration of two measured stops the gripper's own, saved unless `keep` is false.
+
+    `step` gives the errand once, and the outcome when it is done.
+    """
+
+    def __init__(
+        self,
+        before: Calibration | None,
+        unit: Unit,
+        gains: Gains,
+        *,
+        keep: bool,
+    ) -> None:
+        self._before = before
+        self._unit = unit
+        self._gains = gains
+        self._keep = keep
+        self._calibration: Calibration | None = None
+        self._saved: ErrandResult | None = None
+        self._began_s: float | None = None
+        self._content: dict[str, Any] = {}
+
+    @property
+    def rad_to_mm(self) -> float:
+        """The scale known before, or the nominal one: for speeds and run-ups, not to be saved."""
+        known = NOMINAL[0] if self._before is None else self._before.geometry
+        return known.rad_to_mm
+
+    @property
+    def kp_nm_rad(self) -> float:
+        """The stiffness that the motions have."""
+        return self._gains.kp_nm_rad
+
+    def begin(self, closed_rad: float, open_rad: float, *, plausible: bool) -> ZeroResult | None:
+        """Take the stops; return how it ended already, where they cannot be right.
+
+        `plausible` asks for a travel that is like the one known before.
+        """
+        try:
+            found = measured(
+                self._before,
+                closed_rad=closed_rad,
+                open_rad=open_rad,
+                stroke_mm=self._unit.stroke_mm,
+            )
+        except CalibrationError as error:
+            return failed("implausible_travel", str(error))
+        known_rad = None if self._before is None else self._before.geometry.travel_rad
+        travel_rad = found.geometry.travel_rad
+        low, high = PLAUSIBLE_TRAVEL
+        if plausible and known_rad and not low <= travel_rad / known_rad <= high:
+            return failed(
+                "implausible_travel",
+                f"the stops are {travel_rad:.3f} rad apart, by the calibration before it was"
+                f" {known_rad:.3f}: clear the jaws' way and try again, or calibrate by hand",
+            )
+        self._calibration = found
+        return None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Have it written, wait for that, and adopt it."""
+        calibration = self._calibration
+        if calibration is None:
+            return Step(outcome=failed("not_found", "no stops were measured"))
+        if self._began_s is None:
+            self._began_s = now_s
+            self._content = content_of(calibration, self._unit, self._gains, motor)
+            if self._keep:
+                return Step(errand=save_errand(self._unit, self._content, self._note))
+        if not self._keep:
+            return _adopt(calibration, self._content, None)
+        if self._saved is None:
+            if now_s - self._began_s < SAVE_WITHIN_S:
+                return Step()
+            return Step(outcome=failed("not_saved", f"not written within {SAVE_WITHIN_S:g} s"))
+        if self._saved.error is not None or not isinstance(self._saved.value, dict):
+            return Step(outcome=failed("not_saved", f"not saved: {self._saved.error}"))
+        value = self._saved.value
+        stored = replace(calibration, saved_s=float(value["saved_s"]))
+        return _adopt(stored, self._content, str(value["path"]))
+
+    def _note(self, result: ErrandResult) -> None:
+        self._saved = result
+
+
+def content_of(
+    calibration: Calibration, unit: Unit, gains: Gains, motor: MotorView
+) -> dict[str, Any]:
+    """Return what the file of this gripper holds for a calibration."""
+    return calibration.file_content(
+        channel=unit.channel,
+        can_id=unit.can_id,
+        master_id=None if motor.identity is None else motor.identity.master_id,
+        kp_nm_rad=gains.kp_nm_rad,
+        kd_nm_s_rad=gains.kd_nm_s_rad,
+    )
+
+
+def save_errand(
+    unit: Unit, content: Mapping[str, Any], on_result: Callable[[ErrandResult], None]
+) -> Errand:
+    """Return the errand that writes the daemon's own calibration file."""
+    return Errand("calibration.save", {"channel": unit.channel, "content": content}, on_result)
+
+
+def failed(outcome: ZeroOutcome, message: str) -> ZeroResult:
+    """Return a result that says why there is no new calibration."""
+    return ZeroResult(False, outcome, None, None, None, None, None, None, message)
+
+
+def _adopt(calibration: Calibration, content: dict[str, Any], path: str | None) -> Step:
+    geometry = calibration.geometry
+    in_use = replace(calibration, channel=str(content["channel"]), content=content)
+    result = ZeroResult(
+        ok=True,
+        outcome="measured",
+        closed_rad=geometry.closed_rad,
+        open_rad=geometry.open_rad,
+        travel_rad=geometry.travel_rad,
+        rad_to_mm=geometry.rad_to_mm,
+        content=content,
+        path=path,
+        message=None,
+    )
+    return Step(outcome=result, adopted=Adopted(in_use, path))

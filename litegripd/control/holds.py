@@ -1,0 +1,483 @@
+"""What the jaws do while no action runs: held in place, held by force, or slack. Always something.
+
+`Grip` holds by force: how hard, how fast, and whether the object is still there. The force is a
+torque, not a stiffness: around an old position reading, kp = 150 turned 20 N into 5 N when the
+object yielded at 3 mm/s. The motor damps what is faster than the object yields: the damping expects
+the measured speed, as far as that is slow, and so costs a yielding object no force.
+
+Friction keeps what a contact put in: jaws that pressed with 10 N and are told 2 N go on pressing
+with more. So a force that is lowered goes below its value once, by the friction, and then up to it.
+
+A grip that closes on nothing searches: with no more torque than lets the jaws travel at a bounded
+speed. `GripWatch` says when, and whether the object is lost.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+from litegripd.control.detectors import Lasting
+from litegripd.control.gains import CALM_KD_NM_S_RAD, Gains
+from litegripd.control.grip_watch import STILL_RAD_S, GripWatch, WatchLimits
+from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand
+
+STEADY = (0.7, 1.3)
+"""Shares of the commanded speed between which the jaws travel steadily."""
+AVERAGE_S = 0.03
+LARGEST_NM = 0.6
+"""Four times what is usual; more is something that the jaws press on from the beginning."""
+LARGE_NM = 0.45
+"""Three times what is usual: where nothing was measured, no less is relied on."""
+
+USUAL_NM = 0.15
+"""An estimate; where nothing was measured, what bounds a speed counts on no more."""
+ASSUMED_NM = 0.3
+"""Twice as much; where nothing was measured, what lets go of no object counts on no less."""
+
+
+class FrictionGauge:
+    """Takes torques of a free travel; the smallest mean over `AVERAGE_S` counts.
+
+    Something soft that the jaws press on while they still travel takes torque, too: its part of
+    the way is not the smallest.
+    """
+
+    def __init__(self) -> None:
+        self._began_s: float | None = None
+        self._sum_nm = 0.0
+        self._count = 0
+        self._least_nm: float | None = None
+
+    @property
+    def friction_nm(self) -> float | None:
+        """The friction, at least 0; None where the jaws have not travelled freely long enough."""
+        least_nm = self._least_nm
+        return None if least_nm is None or least_nm > LARGEST_NM else max(least_nm, 0.0)
+
+    def add(self, now_s: float, speed_share: float, torque_nm: float) -> None:
+        """Take the torque at a share of the commanded speed."""
+        if not STEADY[0] <= speed_share <= STEADY[1]:
+            self._began_s = None
+            return
+        if self._began_s is None:
+            self._began_s, self._sum_nm, self._count = now_s, 0.0, 0
+        self._sum_nm += torque_nm
+        self._count += 1
+        if now_s - self._began_s < AVERAGE_S * 0.999:
+            return
+        mean_nm = self._sum_nm / self._count
+        self._least_nm = mean_nm if self._least_nm is None else min(self._least_nm, mean_nm)
+        self._began_s = None
+
+
+HoldBy: TypeAlias = Literal["torque", "gains"]
+
+SOFTEST_DAMPING_NM_S_RAD = 0.35
+SOFTEST_SEARCH_DAMPING_NM_S_RAD = 0.2
+
+FREE_SPEED_SHARE = 0.5
+"""Up to this share of the grasp speed the jaws follow a yielding object undamped."""
+FAST_SHARE = 0.55
+"""A little above `FREE_SPEED_SHARE`: jaws that are faster, and meet no resistance, are free."""
+
+SEARCH_SHARE = 1.8
+LEAST_SEARCH_MM_S = 85.0
+LEAST_DAMPED_MM_S = 50.0
+MOST_FREE_SHARE = 1.75
+"""A search travels at `SEARCH_SHARE` of the grasp speed, but no slower than so many mm/s, as far as
+that is at most `MOST_FREE_SHARE`, or what the damping of the hold lets free jaws reach in any case:
+a loss is to be known within 50 ms."""
+INERTIA_KG_M2 = 1.87e-3
+"""Rotor and fingers at the output (maker's table; the gripper's model files)."""
+FAR_S = 0.028
+FAR_MM = (1.15, 4.0)
+"""Too far for an object that gave way: what a search travels in so long, less the time in which
+free jaws gather speed; within these bounds."""
+MOVED_MM = 0.3
+BELOW_WITHIN_S = 0.1
+"""So long at most the jaws may take to stand again where a force is lowered."""
+RETURN_NM_S = 10.0
+"""The torque returns this fast where it was before: there is no contact to come."""
+
+CLOSES_ON_S = 0.010
+EASED_S = 0.05
+"""So long jaws must stand before an object counts as having followed a lowered force."""
+SOFTEST_NM_RAD = 20.0
+"""Of the objects that are worth the name; a softer one is known to have followed only in part."""
+
+BREAKAWAY_SHARE = 1.6
+"""Standing jaws are held by so much more than travelling ones (0.21 against 0.15 N·m); the tenth
+beyond 1.5 is what the estimate of the friction may lack."""
+NOTICED_SHARE = 2.0
+NOTICED_NM = 0.05
+"""From this multiple of the friction, and this much more, free jaws are sure to run."""
+STICK_NM, STICK_MM = 1.1, 10.0
+"""Near the closed stop jaws that stand are held by up to 0.95 N·m (field use of the gripper)."""
+
+
+@dataclass(frozen=True, slots=True)
+class GripSettings:
+    """What a grip is made of; speeds and positions count in the motor's radians."""
+
+    geometry: Geometry
+    grasp_speed_rad_s: float
+    rate_nm_s: float
+    lost_at_rad: float
+    """Closed this far, counted from the open side, there is nothing between the jaws."""
+    by: HoldBy
+    interval_s: float
+    kp_nm_rad: float
+    kd_nm_s_rad: float
+    friction_nm: float | None = None
+    """What the jaws were measured to take while they closed freely; None: not measured."""
+
+    @classmethod
+    def of(
+        cls,
+        geometry: Geometry,
+        config: MotionConfig,
+        speed_mm_s: float,
+        by: HoldBy,
+        friction_nm: float | None = None,
+    ) -> "GripSettings":
+        """Take the settings from a configuration."""
+        return cls(
+            geometry=geometry,
+            grasp_speed_rad_s=geometry.to_rad(speed_mm_s),
+            rate_nm_s=config.force_rate_n_s / FORCE_PER_TORQUE_N_NM,
+            lost_at_rad=geometry.close_sign * geometry.closed_rad - config.stop_tol,
+            by=by,
+            interval_s=config.hold_interval,
+            kp_nm_rad=config.hold_kp,
+            kd_nm_s_rad=config.hold_kd,
+            friction_nm=friction_nm,
+        )
+
+    @property
+    def likely_friction_nm(self) -> float:
+        """The measured friction, or more than is usual."""
+        return ASSUMED_NM if self.friction_nm is None else self.friction_nm
+
+    @property
+    def least_friction_nm(self) -> float:
+        """The measured friction, or the usual one."""
+        return USUAL_NM if self.friction_nm is None else self.friction_nm
+
+    def damping(self, applied_nm: float) -> float:
+        """Return the damping (N·m·s/rad) of a hold with this torque."""
+        free_rad_s = max(self.grasp_speed_rad_s, self.geometry.to_rad(LEAST_DAMPED_MM_S))
+        free_rad_s = min(free_rad_s, MOST_FREE_SHARE * self.grasp_speed_rad_s)
+        damping = applied_nm / free_rad_s
+        return min(max(damping, SOFTEST_DAMPING_NM_S_RAD), CALM_KD_NM_S_RAD)
+
+    def search(self, force_n: float) -> tuple[float, float, float]:
+        """Return torque (N·m), damping (N·m·s/rad) and speed (rad/s) of a search for `force_n`.
+
+        Standing jaws press with that torque; free ones travel at that speed, if it suffices.
+        """
+        applied_nm, friction_nm = force_n / FORCE_PER_TORQUE_N_NM, self.least_friction_nm
+        most_rad_s = max(
+            MOST_FREE_SHARE * self.grasp_speed_rad_s, applied_nm / self.damping(applied_nm)
+        )
+        least_rad_s = min(self.geometry.to_rad(LEAST_SEARCH_MM_S), most_rad_s)
+        speed_rad_s = max(SEARCH_SHARE * self.grasp_speed_rad_s, least_rad_s)
+        torque_nm = min(applied_nm, friction_nm + CALM_KD_NM_S_RAD * speed_rad_s)
+        damping = max((torque_nm - friction_nm) / speed_rad_s, SOFTEST_SEARCH_DAMPING_NM_S_RAD)
+        return torque_nm, damping, speed_rad_s
+
+    def watch_limits(self, force_n: float) -> WatchLimits:
+        """Return what a watch of a grip by `force_n` judges by."""
+        torque_nm, damping, speed_rad_s = self.search(force_n)
+        driving_nm = force_n / FORCE_PER_TORQUE_N_NM - self.least_friction_nm
+        far_rad = 0.0
+        if driving_nm > 0.0:
+            reached_rad_s = min((torque_nm - self.least_friction_nm) / damping, speed_rad_s)
+            gathering_s = INERTIA_KG_M2 * reached_rad_s / driving_nm
+            far_rad = reached_rad_s * max(FAR_S - gathering_s, 0.0)
+        nearest_rad, farthest_rad = map(self.geometry.to_rad, FAR_MM)
+        return WatchLimits(
+            fast_rad_s=FAST_SHARE * self.grasp_speed_rad_s,
+            search_rad_s=speed_rad_s,
+            far_rad=min(max(far_rad, nearest_rad), farthest_rad),
+            lost_at_rad=self.lost_at_rad,
+            friction_nm=self.likely_friction_nm,
+            moved_rad=self.geometry.to_rad(MOVED_MM),
+        )
+
+
+class Grip:
+    """A hold by `force_n`, ramped from the torque in flight; `is_lost` once it holds nothing.
+
+    A grip that is not `watched` squeezes from wherever the jaws are, and may drive them there: it
+    holds nothing until they have met something. Once it is to `stay`, it ends as they close on.
+    """
+
+    def __init__(
+        self, settings: GripSettings, force_n: float, in_flight_nm: float, *, watched: bool
+    ) -> None:
+        self.force_n = force_n
+        self.watched = watched
+        self._settings = settings
+        self._sign = settings.geometry.close_sign
+        self._applied_nm = max(in_flight_nm, 0.0)
+        self._return_nm = self._applied_nm
+        """Up to here the torque returns fast, for it was there before a search."""
+        self._below_nm: float | None = None
+        """Where a force that is being lowered goes first, so that friction lets it out."""
+        self._below_s = 0.0
+        self._lowered_nm = 0.0
+        """By so much the force was lowered; 0 once the object has followed."""
+        self._eased = Lasting(EASED_S)
+        self._sent_nm: float | None = None
+        self._ramped_at_s: float | None = None
+        self._watch = GripWatch(settings.watch_limits(force_n))
+        self._stays = False
+        self._decides_next = False
+        self._closes_on = Lasting(CLOSES_ON_S)
+        self._has_moved_on = False
+        self._slice_began_s = 0.0
+        self._slice_rad: float | None = None
+        self._aim(force_n)
+
+    @property
+    def applied_n(self) -> float:
+        """The force that is commanded now, on its way to `force_n`."""
+        return self._applied_nm * FORCE_PER_TORQUE_N_NM
+
+    @property
+    def is_lost(self) -> bool:
+        """True once there is nothing between the jaws, or what was to stay has moved on."""
+        return (self.watched and self._watch.is_lost) or self._has_moved_on
+
+    @property
+    def is_holding(self) -> bool:
+        """True while there is something between the jaws, as far as is known."""
+        return self.watched and not self.is_lost
+
+    def caught_rad(self, position_rad: float, period_s: float) -> float:
+        """Return where to hold the jaws after a loss: they still run, and on for a control period.
+
+        A hold where they were measured would throw them back.
+        """
+        closing_rad_s = self._watch.speed_rad_s or 0.0
+        return position_rad + self._settings.geometry.close_sign * closing_rad_s * period_s
+
+    @property
+    def _effective_nm(self) -> float:
+        """The torque that the motor is told: limits, as by heat, may have left less of it."""
+        applied_nm = self._applied_nm
+        return applied_nm if self._sent_nm is None else min(applied_nm, self._sent_nm)
+
+    def note_sent(self, torque_nm: float) -> None:
+        """Take the torque that was sent in place of the one that the last command asked for."""
+        self._sent_nm = abs(torque_nm) if abs(torque_nm) < 0.99 * self._applied_nm else None
+
+    @property
+    def clamp_n(self) -> tuple[float, float]:
+        """The least and the most force that the object may feel: friction hides the difference.
+
+        While the jaws search for it, it may feel none; nor is there a lower bound of a stiff hold
+        (`by` "gains"), around a position at which the object may no longer be.
+        """
+        hidden_n = BREAKAWAY_SHARE * self._settings.likely_friction_nm * FORCE_PER_TORQUE_N_NM
+        commanded_n = self._effective_nm * FORCE_PER_TORQUE_N_NM
+        may_be_none = self._watch.is_searching or self._settings.by == "gains"
+        low_n = 0.0 if may_be_none else max(commanded_n - hidden_n, 0.0)
+        return low_n, commanded_n + hidden_n
+
+    def loss_detected_from_n(self, opening_mm: float) -> float | None:
+        """Return the set force from which on the loss of an object so wide is noticed.
+
+        With less, friction may keep the jaws where they are when the object vanishes. None for a
+        stiff hold (`by` "gains"), which hardly moves then, whatever the force.
+        """
+        if self._settings.by == "gains":
+            return None
+        friction_nm = self._settings.friction_nm
+        if friction_nm is None:
+            friction_nm = LARGE_NM
+        needed_nm = NOTICED_SHARE * friction_nm + NOTICED_NM
+        if opening_mm < STICK_MM:
+            needed_nm = max(needed_nm, STICK_NM)
+        return needed_nm * FORCE_PER_TORQUE_N_NM
+
+    def take_moved_mm(self) -> float | None:
+        """Return how far the object has given way, once for each time that it did."""
+        moved_rad, self._watch.moved_rad = self._watch.moved_rad, None
+        return None if moved_rad is None else moved_rad * self._settings.geometry.rad_to_mm
+
+    def squeeze(self, force_n: float) -> None:
+        """Change to another force, closing on for it where nothing is watched."""
+        if force_n != self.force_n:
+            self._aim(force_n)
+        self._stays = False
+
+    def again(self, settings: GripSettings, force_n: float) -> "Grip":
+        """Return the grip that continues this one with other settings, without a gap."""
+        if settings.friction_nm is None:
+            settings = replace(settings, friction_nm=self._settings.friction_nm)
+        grip = Grip(settings, force_n, self._applied_nm, watched=True)
+        grip._watch.continue_from(self._watch)
+        grip._return_nm = max(self._return_nm, self._applied_nm)
+        return grip
+
+    def stay(self) -> None:
+        """Hold what is held; jaws that are still closing, or begin to, have met nothing."""
+        if not self.watched and not self._stays:
+            self._stays = self._decides_next = True
+
+    def freeze(self) -> None:
+        """Let the force rise no further: what is in flight is what is held.
+
+        The torque of before a search was in flight, and comes back.
+        """
+        had_nm = max(self._return_nm, self._applied_nm)
+        self.force_n = min(self.force_n, had_nm * FORCE_PER_TORQUE_N_NM)
+
+    def resume(self) -> None:
+        """Continue after a silence, in which the motor kept its last command: from what is now."""
+        self._ramped_at_s = None
+        self._slice_rad = None
+        self._watch.resume()
+        self._closes_on.reset()
+
+    def command(self, now_s: float, feedback: Feedback) -> MitCommand:
+        """Return the command of this tick."""
+        elapsed_s = 0.0 if self._ramped_at_s is None else max(now_s - self._ramped_at_s, 0.0)
+        self._ramped_at_s = now_s
+        self._judge(feedback)
+        self._ramp(elapsed_s)
+        if self._settings.by == "gains":
+            return self._around_reading(now_s, feedback)
+        torque_nm = self._sign * self._applied_nm
+        if self._watch.is_searching:
+            _, damping, _ = self._settings.search(self.force_n)
+            return MitCommand(feedback.position_rad, 0.0, 0.0, damping, torque_nm)
+        damping = self._settings.damping(self._applied_nm)
+        expected_rad_s = self._expected_rad_s()
+        return MitCommand(feedback.position_rad, expected_rad_s, 0.0, damping, torque_nm)
+
+    def _judge(self, feedback: Feedback) -> None:
+        was_searching = self._watch.is_searching
+        wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
+        is_full = math.isclose(self._applied_nm, wanted_nm)
+        effective_nm = self._effective_nm
+        is_new = self._watch.see(feedback, self._sign, effective_nm, is_full=is_full)
+        has_followed = self._lowered_nm > 0.0 and is_full and self._watch.stands
+        if self._eased.step(has_followed, feedback.at_s):
+            self._watch.ease_contact(self._lowered_nm / SOFTEST_NM_RAD)
+            self._lowered_nm = 0.0
+        if self._watch.is_searching and not was_searching:
+            self._return_nm = self._applied_nm
+        closing_rad_s = self._watch.speed_rad_s
+        if is_new and self._stays and closing_rad_s is not None:
+            closes_on = closing_rad_s > STILL_RAD_S and self._watch.takes_nothing
+            has_lasted = self._closes_on.step(closes_on, feedback.at_s)
+            if has_lasted or (closes_on and self._decides_next):
+                self._has_moved_on = True
+            self._decides_next = False
+
+    def _expected_rad_s(self) -> float:
+        """Return the speed that the damping lets pass: that of a yielding object.
+
+        It comes from positions over two periods or more: what is echoed to the motor of a noisy
+        speed, or of a vibration at half the control rate, would feed it.
+        """
+        limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
+        closing_rad_s = self._watch.speed_rad_s or 0.0
+        return self._sign * min(max(closing_rad_s, -limit_rad_s), limit_rad_s)
+
+    def _around_reading(self, now_s: float, feedback: Feedback) -> MitCommand:
+        """Hold as the vendor's SDK does: stiff around a position that is read now and then."""
+        settings = self._settings
+        if self._slice_rad is None or now_s - self._slice_began_s >= settings.interval_s:
+            self._slice_began_s, self._slice_rad = now_s, feedback.position_rad
+        torque_nm = self._sign * self._applied_nm
+        return MitCommand(self._slice_rad, 0.0, settings.kp_nm_rad, settings.kd_nm_s_rad, torque_nm)
+
+    def _aim(self, force_n: float) -> None:
+        """Take another force; one that is lowered goes below it once, by the friction."""
+        self.force_n = force_n
+        if self._watch.state == "held":
+            self._return_nm = self._applied_nm
+        wanted_nm = force_n / FORCE_PER_TORQUE_N_NM
+        lowers = self._settings.by == "torque" and wanted_nm < self._applied_nm
+        below_nm = max(wanted_nm - self._settings.likely_friction_nm, 0.0)
+        self._lowered_nm = max(self._applied_nm - wanted_nm, 0.0) if lowers else 0.0
+        self._below_s = 0.0
+        self._below_nm = below_nm if lowers else None
+        self._watch.limits = self._settings.watch_limits(force_n)
+
+    def _ramp(self, elapsed_s: float) -> None:
+        """Bring the torque closer to the one that is wanted now."""
+        wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
+        rate_nm_s = self._settings.rate_nm_s
+        if self._watch.is_searching and self._settings.by == "torque":
+            search_nm, _, _ = self._settings.search(self.force_n)
+            self._applied_nm = min(self._applied_nm, search_nm)  # at once: the jaws run
+            wanted_nm = search_nm
+        elif self._below_nm is not None:
+            wanted_nm = self._below_nm
+        elif self._applied_nm < min(self._return_nm, wanted_nm):
+            wanted_nm, rate_nm_s = min(self._return_nm, wanted_nm), max(rate_nm_s, RETURN_NM_S)
+        step_nm = rate_nm_s * elapsed_s
+        self._applied_nm += min(max(wanted_nm - self._applied_nm, -step_nm), step_nm)
+        if self._below_nm is not None and self._applied_nm <= self._below_nm:
+            self._below_s += elapsed_s
+            if self._watch.stands or self._below_s >= BELOW_WITHIN_S:
+                self._below_nm, self._return_nm = None, self._applied_nm
+
+
+STANDING_RAD_S = 0.05
+"""Jaws that press on something are slower than this, 4 mm/s."""
+PRESSING_SHARE = 0.5
+FAINT_NM = 0.1
+"""What friction leaves of the way to a target does not count."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hold:
+    """Hold a position."""
+
+    position_rad: float
+    gains: Gains
+
+    def command(self, _now_s: float, _feedback: Feedback) -> MitCommand:
+        """Return the command of this tick."""
+        return self.gains.at(self.position_rad)
+
+    def presses(self, feedback: Feedback) -> bool:
+        """Whether jaws that stand are where this hold leaves them, for its torque is there already.
+
+        A command that leads jaws which it has not reached yet would move them further.
+        """
+        asked_nm = self.gains.kp_nm_rad * (self.position_rad - feedback.position_rad)
+        sign = 1.0 if asked_nm > 0.0 else -1.0
+        stands = abs(feedback.velocity_rad_s) <= STANDING_RAD_S
+        return stands and sign * feedback.torque_nm >= PRESSING_SHARE * abs(asked_nm) - FAINT_NM
+
+    def eased(self, position_rad: float, geometry: Geometry) -> "Hold":
+        """Return the hold for jaws that are at `position_rad` now.
+
+        One that a hand has pressed beyond a calibrated stop comes back as far as the stop springs
+        back: the motor must not press on for ever with what the hand has done. It never leads.
+        """
+        low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad))
+        low_rad, high_rad = min(low_rad, position_rad), max(high_rad, position_rad)
+        if low_rad <= self.position_rad <= high_rad:
+            return self
+        return replace(self, position_rad=min(max(self.position_rad, low_rad), high_rad))
+
+
+@dataclass(frozen=True, slots=True)
+class Slack:
+    """Let the jaws be moved by hand: no stiffness, no damping, no torque."""
+
+    def command(self, _now_s: float, feedback: Feedback) -> MitCommand:
+        """Return the command of this tick."""
+        return MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
+
+
+Rest: TypeAlias = Hold | Slack | Grip

@@ -1,0 +1,266 @@
+"""The way of every command to the motor: through a limiter, with an eye on the coil's heat.
+
+`CommandLimiter` bounds each command before it is packed, whatever the action above it asked for.
+What it changes it names: the names appear as `limited` in the state.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from litegripd.control.heat import HeatChange, HeatGuard
+from litegripd.model.geometry import Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand, Ranges
+
+PEAK_TORQUE_NM = 7.0  # of the DM4310, for a moment
+RATED_TORQUE_NM = 3.0  # for long
+PEAK_IMPULSE_NM_S = 2.0
+"""How much above the rating is "a moment": 7 N·m for 0.5 s, or less for longer."""
+
+VENDOR_KD_NM_S_RAD = 2.0
+"""The damping of the vendor's SDK, for every command."""
+UNSEEN_RAD_S = 1.0
+"""By so much the true speed may differ from the measured one: free jaws gain it from 20 N in 1 ms,
+and the motor's own filter hides 1 to 2 ms."""
+
+_KP_MAX = 500.0
+_KD_MAX = 5.0
+_BRAKE_KD_NM_S_RAD = 1.0
+_DAMPING_BACK_S = 0.1
+"""Damping that follows a speed which is measured late, up and down, throws the jaws to and fro."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """Where commands may lie: the widened travel, or a lead and a torque where none is known."""
+
+    low_rad: float
+    high_rad: float
+    lead_rad: float
+    torque_nm: float
+
+
+def bounds_of(geometry: Geometry | None, config: MotionConfig) -> Bounds:
+    """Return the bounds for a calibrated gripper, or those of an uncalibrated one."""
+    if geometry is None:
+        return probe_bounds(config)
+    beyond_rad = config.press_overshoot * geometry.travel_rad
+    low_rad = min(geometry.closed_rad, geometry.open_rad) - beyond_rad
+    high_rad = max(geometry.closed_rad, geometry.open_rad) + beyond_rad
+    return Bounds(low_rad, high_rad, math.inf, PEAK_TORQUE_NM)
+
+
+def probe_bounds(config: MotionConfig) -> Bounds:
+    """Return the bounds where no travel is known: little lead and little torque."""
+    return Bounds(-math.inf, math.inf, config.calib_step_rad, config.calib_tau_limit)
+
+
+class CommandLimiter:
+    """Keeps commands finite, inside the travel and within the torque that the motor bears.
+
+    The torque of a command is bounded by what of kp·lead, kd·dv and torque pulls one way. Where
+    that is too much, these terms are lowered alike.
+    """
+
+    def __init__(self) -> None:
+        self._impulse_nm_s = 0.0
+        self._rated_only = False
+        self._last_s: float | None = None
+        self._last_nm = 0.0
+        self._damping = 1.0
+
+    def apply(
+        self,
+        now_s: float,
+        command: MitCommand,
+        feedback: Feedback,
+        bounds: Bounds,
+        ranges: Ranges,
+        *,
+        allowance_nm: float = math.inf,
+    ) -> tuple[MitCommand, tuple[str, ...]]:
+        """Return the command that may be sent, and the names of the limits that changed it.
+
+        `allowance_nm` is the most that the coil's heat allows.
+        """
+        limited: list[str] = []
+        if not all(map(math.isfinite, _fields(command))):
+            command = MitCommand(feedback.position_rad, 0.0, 0.0, _BRAKE_KD_NM_S_RAD, 0.0)
+            limited.append("not_finite")
+        packable = _within_ranges(command, ranges)
+        if packable != command:
+            limited.append("range")
+        inside = _inside(packable, feedback, bounds)
+        if inside != packable:
+            limited.append("travel")
+        elapsed_s = self._charge(now_s)
+        budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
+        within, self._damping = _within_torque(
+            inside, feedback, min(budget_nm, allowance_nm), self._most_damping(elapsed_s)
+        )
+        within = _within_peak(within, feedback)
+        if within != inside:
+            limited.append("heat" if allowance_nm < budget_nm else "torque")
+        within = _within_ranges(within, ranges)  # scaling may round to just beyond a range
+        self._last_nm = torque_bound_nm(within, feedback)
+        return within, tuple(limited)
+
+    def unpowered(self, now_s: float) -> None:
+        """Take note that the motor is told nothing from now on."""
+        self._damping = self._most_damping(self._charge(now_s))
+        self._last_nm = 0.0
+
+    def _most_damping(self, elapsed_s: float) -> float:
+        """Return the share of the damping that may be sent: once lowered, it comes back slowly."""
+        return min(self._damping + elapsed_s / _DAMPING_BACK_S, 1.0)
+
+    def _charge(self, now_s: float) -> float:
+        """Keep the impulse above the rating; once used up, it must drain before the next peak.
+
+        Returns the seconds since the last command.
+        """
+        elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
+        self._last_s = now_s
+        self._impulse_nm_s += (self._last_nm - RATED_TORQUE_NM) * elapsed_s
+        self._impulse_nm_s = max(self._impulse_nm_s, 0.0)
+        if self._impulse_nm_s >= PEAK_IMPULSE_NM_S:
+            self._rated_only = True
+        elif self._impulse_nm_s == 0.0:
+            self._rated_only = False
+        return elapsed_s
+
+
+def torque_bound_nm(command: MitCommand, feedback: Feedback) -> float:
+    """Return the most torque that a command can ask for, given what the motor does now.
+
+    Lead, damping and torque that oppose each other do not add up, but one may end before another.
+    """
+    return max(_sums_nm(_terms_nm(command, feedback)))
+
+
+def _terms_nm(command: MitCommand, feedback: Feedback) -> tuple[float, float, float]:
+    """Return what lead, damping and torque make of their own (MIT protocol)."""
+    return (
+        command.kp_nm_rad * (command.position_rad - feedback.position_rad),
+        command.kd_nm_s_rad * (command.velocity_rad_s - feedback.velocity_rad_s),
+        command.torque_nm,
+    )
+
+
+def _sums_nm(terms_nm: tuple[float, float, float]) -> tuple[float, float]:
+    """Return what the terms make together in the motor's positive direction, and in the other."""
+    up_nm = sum(term_nm for term_nm in terms_nm if term_nm > 0.0)
+    return up_nm, up_nm - sum(terms_nm)
+
+
+def _fields(command: MitCommand) -> tuple[float, ...]:
+    return (
+        command.position_rad,
+        command.velocity_rad_s,
+        command.kp_nm_rad,
+        command.kd_nm_s_rad,
+        command.torque_nm,
+    )
+
+
+def _inside(command: MitCommand, feedback: Feedback, bounds: Bounds) -> MitCommand:
+    """Keep the target in the bounds; a jaw that is outside may stay, but is not led further.
+
+    A velocity that leads beyond the same bound goes with it: damping turns it into torque.
+    """
+    measured_rad = feedback.position_rad
+    low_rad = max(min(bounds.low_rad, measured_rad), measured_rad - bounds.lead_rad)
+    high_rad = min(max(bounds.high_rad, measured_rad), measured_rad + bounds.lead_rad)
+    position_rad = min(max(command.position_rad, low_rad), high_rad)
+    velocity_rad_s = command.velocity_rad_s
+    if command.position_rad > high_rad or measured_rad >= bounds.high_rad:
+        velocity_rad_s = min(velocity_rad_s, 0.0)
+    if command.position_rad < low_rad or measured_rad <= bounds.low_rad:
+        velocity_rad_s = max(velocity_rad_s, 0.0)
+    return replace(command, position_rad=position_rad, velocity_rad_s=velocity_rad_s)
+
+
+def _within_torque(
+    command: MitCommand, feedback: Feedback, budget_nm: float, most_damping: float
+) -> tuple[MitCommand, float]:
+    """Lower the terms that exceed the budget on one side; return the share of the damping, too.
+
+    The aim of the damping stays: what was measured is filtered by the motor and two ticks old, and
+    damping towards that velocity would drive on what it should brake, to and fro, for ever.
+    """
+    terms_nm = _terms_nm(command, feedback)
+    up_nm, down_nm = _sums_nm(terms_nm)
+    shares = {1: _share(budget_nm, up_nm), -1: _share(budget_nm, down_nm)}
+    lead, damping, torque = (shares[1 if term_nm > 0.0 else -1] for term_nm in terms_nm)
+    damping = min(damping, most_damping)
+    if lead == damping == torque == 1.0:
+        return command, 1.0
+    lead_rad = command.position_rad - feedback.position_rad
+    lowered = replace(
+        command,
+        position_rad=feedback.position_rad + lead * lead_rad,
+        kd_nm_s_rad=damping * command.kd_nm_s_rad,
+        torque_nm=torque * command.torque_nm,
+    )
+    return lowered, damping
+
+
+def _share(budget_nm: float, asked_nm: float) -> float:
+    return 1.0 if asked_nm <= budget_nm else budget_nm / asked_nm
+
+
+def _within_peak(command: MitCommand, feedback: Feedback) -> MitCommand:
+    """Lower hard damping so far that at the true speed, too, it makes no more than the peak torque.
+
+    The measured speed is filtered by the motor, and up to two ticks old. The vendor's own damping
+    stays: a stiff command with less of it would swing.
+    """
+    lead_rad = abs(command.position_rad - feedback.position_rad)
+    slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s) + UNSEEN_RAD_S
+    left_nm = PEAK_TORQUE_NM - command.kp_nm_rad * lead_rad - abs(command.torque_nm)
+    most_nm_s_rad = max(left_nm / slip_rad_s, VENDOR_KD_NM_S_RAD)
+    if command.kd_nm_s_rad <= most_nm_s_rad:
+        return command
+    return replace(command, kd_nm_s_rad=most_nm_s_rad)
+
+
+def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:
+    """Keep every field within what a frame can carry; the encoder refuses what is outside."""
+    return MitCommand(
+        _clamp(command.position_rad, ranges.position_rad),
+        _clamp(command.velocity_rad_s, ranges.velocity_rad_s),
+        min(max(command.kp_nm_rad, 0.0), _KP_MAX),
+        min(max(command.kd_nm_s_rad, 0.0), _KD_MAX),
+        _clamp(command.torque_nm, ranges.torque_nm),
+    )
+
+
+def _clamp(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
+
+
+class Output:
+    """Keeps what was wanted and what is sent in its place, and why they differ."""
+
+    def __init__(self) -> None:
+        self.requested: MitCommand | None = None
+        self.command: MitCommand | None = None
+        self.limited: tuple[str, ...] = ()
+        self.heat = HeatGuard()
+        self._limiter = CommandLimiter()
+
+    def send(
+        self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges
+    ) -> HeatChange | None:
+        """Make `command` what may be sent; tell of a change in what the heat allows."""
+        self.requested = command
+        self.command, self.limited = self._limiter.apply(
+            now_s, command, feedback, bounds, ranges, allowance_nm=self.heat.allowance_nm
+        )
+        return self.heat.update(now_s, feedback, torque_bound_nm(self.command, feedback))
+
+    def unpowered(self, now_s: float, feedback: Feedback | None) -> HeatChange | None:
+        """Take note that the motor is told nothing from now on."""
+        self.requested, self.command, self.limited = None, None, ()
+        self._limiter.unpowered(now_s)
+        return None if feedback is None else self.heat.update(now_s, feedback, 0.0)

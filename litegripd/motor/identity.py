@@ -1,0 +1,515 @@
+"""What the motor is: found by a look at its registers, read again, found anew after a silence.
+
+Nothing here sends more than read requests. `RegisterScan` reads what the motor tells about itself,
+without energising it; `Identification` keeps the finished identity and what follows from it: where
+its answers come, in which ranges its frames are coded, why it cannot be used.
+
+`Verifier` reads again, in whatever phase, the registers that decide how the motor is talked to.
+They may change unheard: another program writes them, a power cycle takes back what was not saved. A
+register counts as verified once an answer equals what is known of it, or what has been claimed of
+it before: by another program's write, by the motor's own answer to that, or by an earlier answer
+that differed. So one disturbed frame changes nothing for good. Until then all that was claimed is
+possible, and a torque is coded so that it is no larger than wanted by any of it.
+"""
+
+import math
+from dataclasses import dataclass, field, replace
+
+from litegripd.model.errors import Refusal
+from litegripd.model.frame import CanFrame
+from litegripd.model.motor import MotorIdentity, Ranges
+from litegripd.motor.registers import (
+    CAN_ID,
+    CONTROL_MODE,
+    ESSENTIAL,
+    MASTER_ID,
+    MIT_MODE,
+    PMAX,
+    READ_AT_START,
+    REGISTERS,
+    TIMEOUT,
+    TIMEOUT_UNIT_S,
+    TMAX,
+    VERIFIED,
+    VMAX,
+    Answer,
+    Register,
+    read_request,
+    write_request,
+)
+
+ANSWER_WITHIN_S = 0.02
+TRIES_PER_REGISTER = 3
+
+LONGEST_WATCHDOG_S = 0.4
+"""The longest that motors are known to come with. A longer one counts as off: nobody waits that
+long for jaws that press."""
+
+SMALLEST_RANGE, LARGEST_RANGE = 0.1, 1000.0
+"""rad, rad/s, N·m: far beyond any motor of this kind, at either end."""
+
+MODEL_RANGES = Ranges()
+"""What a DM4310 leaves the factory with."""
+
+
+class RegisterScan:
+    """Reads the registers of `READ_AT_START` one after the other, each a few times.
+
+    The first is MST_ID, whose answer comes on the very id that it names: so it is also the way
+    to find that id. A register that only informs is left out when it is not answered; one that
+    is essential is asked for until two answers on end are the same: a disturbed one must neither
+    scale every later frame wrongly nor rule the motor out.
+    """
+
+    def __init__(self, can_id: int) -> None:
+        self._can_id = can_id
+        self._values: dict[Register, float | int | None] = {}
+        self._first: bytes | None = None
+        """The awaited register's latest answer, as long as it is not confirmed."""
+        self._is_asked = False
+        self._tries = 0
+        self._asked_at_s = float("-inf")
+
+    @property
+    def awaited(self) -> Register | None:
+        """The register whose answer is awaited, None when all have been asked for."""
+        return next((reg for reg in READ_AT_START if reg not in self._values), None)
+
+    @property
+    def master_id(self) -> int | None:
+        """The id on which the motor answers, once it is known."""
+        value = self._values.get(MASTER_ID)
+        return None if value is None else int(value)
+
+    def step(self, now_s: float) -> list[CanFrame]:
+        """Return the request that is due, if any."""
+        register = self.awaited
+        if register is None or now_s - self._asked_at_s < ANSWER_WITHIN_S:
+            return []
+        if self._tries >= TRIES_PER_REGISTER and register not in ESSENTIAL:
+            self._values[register] = None
+            self._tries = 0
+            return self.step(now_s)
+        self._tries += 1
+        self._is_asked = True
+        self._asked_at_s = now_s
+        return [read_request(self._can_id, register)]
+
+    def take(self, answer: Answer, can_id: int) -> bool:
+        """Take an answer that came on `can_id`; tell whether it was the awaited one.
+
+        Another process's read request has the shape of an answer of zero, but not its id.
+        """
+        register = self.awaited
+        is_wrong = answer.is_write or register is None or answer.number != register.number
+        if register is None or is_wrong or not self._is_asked:  # a doubled frame confirms nothing
+            return False
+        value = register.decode(answer.raw)
+        if can_id != (value if register is MASTER_ID else self.master_id):
+            return False
+        self._is_asked = False
+        self._asked_at_s = float("-inf")
+        if register in ESSENTIAL and answer.raw != self._first:
+            self._first = answer.raw
+            return True
+        self._values[register] = value
+        self._first = None
+        self._tries = 0
+        return True
+
+    def identity(self) -> MotorIdentity | None:
+        """Return what was read, once all has been asked for."""
+        if self.awaited is not None:
+            return None
+        values = {register.number: value for register, value in self._values.items()}
+        return MotorIdentity(
+            can_id=self._can_id,
+            master_id=int(_known(values, MASTER_ID)),
+            ranges=Ranges(_known(values, PMAX), _known(values, VMAX), _known(values, TMAX)),
+            timeout_s=_known(values, TIMEOUT) * TIMEOUT_UNIT_S,
+            control_mode=int(_known(values, CONTROL_MODE)),
+            registers={REGISTERS[number].name: value for number, value in values.items()},
+        )
+
+
+def has_usable_ranges(identity: MotorIdentity) -> bool:
+    """Whether frames can be decoded with the motor's ranges: finite and of no absurd size."""
+    ranges = identity.ranges
+    return all(map(is_usable_range, (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)))
+
+
+def is_usable_range(limit: float) -> bool:
+    """Whether a range is finite and of no absurd size."""
+    return SMALLEST_RANGE <= limit <= LARGEST_RANGE
+
+
+def unsuitable(identity: MotorIdentity, configured_master_id: int | None) -> Refusal | None:
+    """Say why a motor must not be enabled, if its registers forbid it."""
+    refusal = uncontrollable(identity)
+    if refusal is not None:
+        return refusal
+    if configured_master_id not in (None, identity.master_id):
+        return Refusal(
+            "motor_unsuitable",
+            f"the motor answers on 0x{identity.master_id:02X} (register MST_ID), but"
+            f" [motor] master_id is 0x{configured_master_id:02X}: correct one of them",
+            {"register": "MST_ID", "value": identity.master_id},
+        )
+    listens_to = identity.registers.get(CAN_ID.name)
+    if listens_to not in (None, identity.can_id):
+        return Refusal(
+            "motor_unsuitable",
+            f"the motor's register ESC_ID holds {listens_to}, but [motor] can_id is"
+            f" 0x{identity.can_id:02X}: correct one of them",
+            {"register": "ESC_ID", "value": listens_to},
+        )
+    return None
+
+
+def uncontrollable(identity: MotorIdentity) -> Refusal | None:
+    """Say why a motor cannot be commanded, if so: one that is enabled must be disabled then."""
+    if identity.master_id == identity.can_id:
+        return Refusal(
+            "motor_unsuitable",
+            f"the motor answers on 0x{identity.can_id:02X}, the id of its own commands (registers"
+            " MST_ID and ESC_ID are equal), so answers and commands collide on the bus: set MST_ID"
+            " to another id, 0x18 for instance, with the maker's tool; then motor.clear_fault"
+            " reads it again",
+            {"register": "MST_ID", "value": identity.master_id, "hint": "motor.clear_fault"},
+        )
+    if identity.control_mode != MIT_MODE:
+        return Refusal(
+            "motor_unsuitable",
+            f"the motor is in control mode {identity.control_mode} (register CTRL_MODE); set it"
+            f" to {MIT_MODE}, MIT, with the maker's tool; then motor.clear_fault reads it again",
+            {"register": "CTRL_MODE", "value": identity.control_mode, "hint": "motor.clear_fault"},
+        )
+    if not has_usable_ranges(identity):
+        ranges = identity.ranges
+        limits = (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)
+        return Refusal(
+            "motor_unsuitable",
+            f"the motor's ranges PMAX, VMAX, TMAX are {limits}: set them with the"
+            " maker's tool; then motor.clear_fault reads them again",
+            {"register": "PMAX", "hint": "motor.clear_fault"},
+        )
+    return None
+
+
+def warnings(identity: MotorIdentity) -> list[str]:
+    """Say what is unusual about a motor that can be used all the same."""
+    found = []
+    if identity.ranges != MODEL_RANGES:
+        read, usual = identity.ranges, MODEL_RANGES
+        found.append(
+            f"the motor's ranges are ±{read.position_rad:g} rad, ±{read.velocity_rad_s:g} rad/s,"
+            f" ±{read.torque_nm:g} N·m instead of ±{usual.position_rad:g},"
+            f" ±{usual.velocity_rad_s:g}, ±{usual.torque_nm:g}; the motor's own are used"
+        )
+    if not 0.0 < identity.timeout_s <= LONGEST_WATCHDOG_S:
+        found.append(
+            f"the motor's watchdog (register TIMEOUT) is {identity.timeout_s:g} s, 0 meaning off;"
+            " it is set before enabling"
+        )
+    return found
+
+
+def _known(values: dict[int, float | int | None], register: Register) -> float | int:
+    value = values[register.number]
+    if value is None:
+        raise ValueError(f"register {register.name} was not answered")
+    return value
+
+
+WATCHDOG_S = 0.1
+"""Written (not saved) where the motor's own watchdog is off: it is the last line when the daemon
+itself dies."""
+
+_WATCHDOG_UNITS = round(WATCHDOG_S / TIMEOUT_UNIT_S)
+_RANGES = {PMAX: "position_rad", VMAX: "velocity_rad_s", TMAX: "torque_nm"}
+_BY_NUMBER = {register.number: register for register in VERIFIED}
+
+
+@dataclass(slots=True)
+class _Check:
+    """One register that is not verified yet."""
+
+    claims: set[bytes] = field(default_factory=set)
+    """What it may hold, beside what is known."""
+    is_asked: bool = False
+    asked_s: float = -math.inf
+
+
+class Verifier:
+    """Reads the registers of `VERIFIED` again, once it is asked to `begin`.
+
+    It keeps no values: what is known is given as a `MotorIdentity`, and what has changed returned
+    as another.
+    """
+
+    def __init__(self, can_id: int) -> None:
+        self._can_id = can_id
+        self._open: dict[Register, _Check] = {}
+        self._wrote_s = -math.inf
+        self._awaited_writes = 0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether any register is still to be verified."""
+        return bool(self._open)
+
+    def is_verified(self, register: Register) -> bool:
+        """Whether a register is as known."""
+        return register not in self._open
+
+    def is_in_doubt(self, register: Register) -> bool:
+        """Whether a register may hold something else than is known."""
+        check = self._open.get(register)
+        return check is not None and bool(check.claims)
+
+    @property
+    def doubts_ranges(self) -> bool:
+        """Whether any range of the frames' fields may be another than is known."""
+        return any(self.is_in_doubt(register) for register in _RANGES)
+
+    @property
+    def has_written(self) -> bool:
+        """Whether the watchdog was set since all was begun to be read."""
+        return self._wrote_s > -math.inf
+
+    def reset(self) -> None:
+        """Forget what is to be verified: other code reads all of it again."""
+        self._open.clear()
+
+    def begin(self) -> None:
+        """Read all again; answers to what was asked before count no longer."""
+        self._wrote_s = -math.inf
+        for register in VERIFIED:
+            check = self._open.setdefault(register, _Check())
+            check.is_asked, check.asked_s = False, -math.inf
+
+    def note_request(self, request: Answer, known: MotorIdentity) -> None:
+        """Take another program's write request, which the motor may or may not have heard."""
+        self.begin()
+        register = _BY_NUMBER.get(request.number)
+        if register is None or request.is_save or request.raw == raw_of(known, register):
+            return
+        self._open[register].claims.add(request.raw)
+
+    def note_written(self, answer: Answer, can_id: int, known: MotorIdentity) -> MotorIdentity:
+        """Take the motor's answer to another program's write; return what is known from now on.
+
+        A range is taken at once, where it can be used, and so is the id that the answer came on;
+        what was known before stays possible until the register is verified.
+        """
+        self.note_request(answer, known)
+        register = _BY_NUMBER.get(answer.number)
+        if register is None or not self.is_in_doubt(register) or answer.is_save:
+            return known
+        value = register.decode(answer.raw)
+        is_certain = register is MASTER_ID and value == can_id
+        if not is_certain and not (register in _RANGES and is_usable_range(float(value))):
+            return known
+        claims = self._open[register].claims
+        claims.add(raw_of(known, register))
+        claims.discard(answer.raw)
+        return changed(known, register, answer.raw)
+
+    def is_own_write(self, answer: Answer) -> bool:
+        """Tell whether a write answer is the awaited one to a write of this verifier."""
+        if self._awaited_writes == 0 or answer.number != TIMEOUT.number or answer.is_save:
+            return False
+        self._awaited_writes -= 1
+        return True
+
+    def take(self, answer: Answer, can_id: int, known: MotorIdentity) -> MotorIdentity | None:
+        """Take an answer to a read that came on `can_id`; return what is known from now on.
+
+        None for one that is not awaited.
+        """
+        register = _BY_NUMBER.get(answer.number)
+        check = None if register is None else self._open.get(register)
+        if register is None or check is None or not check.is_asked or answer.is_write:
+            return None
+        value = register.decode(answer.raw)
+        if can_id != (value if register is MASTER_ID else known.master_id):
+            return None
+        check.is_asked, check.asked_s = False, -math.inf
+        if answer.raw != raw_of(known, register) and answer.raw not in check.claims:
+            check.claims.add(answer.raw)
+            return known
+        del self._open[register]
+        if register is TIMEOUT:
+            self._awaited_writes = 0
+        return changed(known, register, answer.raw)
+
+    def step(
+        self, now_s: float, known: MotorIdentity, most: int, *, sets_watchdog: bool
+    ) -> list[CanFrame]:
+        """Return the requests that are due, at most so many; those in doubt come first.
+
+        Where it `sets_watchdog`, a watchdog that is off, or too long, is set and read again.
+        """
+        frames: list[CanFrame] = []
+        if sets_watchdog and self._must_set_watchdog(now_s, known):
+            self._wrote_s = now_s
+            self._awaited_writes += 1
+            self._open[TIMEOUT] = _Check({TIMEOUT.encode(_WATCHDOG_UNITS)})
+            frames.append(write_request(self._can_id, TIMEOUT, _WATCHDOG_UNITS))
+        in_order = sorted(self._open, key=lambda reg: (not self._open[reg].claims, _rank(reg)))
+        for register in in_order:
+            check = self._open[register]
+            if len(frames) < most and now_s - check.asked_s >= ANSWER_WITHIN_S:
+                check.is_asked, check.asked_s = True, now_s
+                frames.append(read_request(self._can_id, register))
+        return frames
+
+    def widest(self, ranges: Ranges) -> Ranges:
+        """Return the largest ranges of velocity and torque that the motor may have."""
+        return replace(
+            ranges,
+            velocity_rad_s=self._largest(VMAX, ranges.velocity_rad_s),
+            torque_nm=self._largest(TMAX, ranges.torque_nm),
+        )
+
+    def _largest(self, register: Register, known: float) -> float:
+        check = self._open.get(register)
+        if check is None or not check.claims:
+            return known
+        claimed = (float(register.decode(raw)) for raw in check.claims)
+        return max(known, *(value for value in claimed if is_usable_range(value)), known)
+
+    def _must_set_watchdog(self, now_s: float, known: MotorIdentity) -> bool:
+        is_due = now_s - self._wrote_s >= ANSWER_WITHIN_S
+        return is_due and self.is_verified(TIMEOUT) and not is_watchdog_on(known)
+
+
+def is_watchdog_on(known: MotorIdentity) -> bool:
+    """Whether the motor disarms itself soon enough when nobody commands it."""
+    return 0.0 < known.timeout_s <= LONGEST_WATCHDOG_S
+
+
+def raw_of(known: MotorIdentity, register: Register) -> bytes:
+    """Return the four bytes that a register holds, as far as is known."""
+    if register in _RANGES:
+        return register.encode(getattr(known.ranges, _RANGES[register]))
+    values: dict[Register, float] = {
+        TIMEOUT: round(known.timeout_s / TIMEOUT_UNIT_S),
+        CONTROL_MODE: known.control_mode,
+        MASTER_ID: known.master_id,
+        CAN_ID: known.registers.get(CAN_ID.name) or known.can_id,
+    }
+    return register.encode(values[register])
+
+
+def changed(known: MotorIdentity, register: Register, raw: bytes) -> MotorIdentity:
+    """Return what is known once a register holds `raw`; the same object where that is nothing new.
+
+    The motor goes on being commanded by the id that it answers to, whatever its ESC_ID says.
+    """
+    if raw == raw_of(known, register):
+        return known
+    value = register.decode(raw)
+    known = replace(known, registers={**known.registers, register.name: value})
+    if register in _RANGES:
+        return replace(known, ranges=replace(known.ranges, **{_RANGES[register]: float(value)}))
+    if register is TIMEOUT:
+        return replace(known, timeout_s=value * TIMEOUT_UNIT_S)
+    if register is CONTROL_MODE:
+        return replace(known, control_mode=int(value))
+    return replace(known, master_id=int(value)) if register is MASTER_ID else known
+
+
+def _rank(register: Register) -> int:
+    return VERIFIED.index(register)
+
+
+STILL_READ = Refusal("motor_silent", "the motor's registers are still being read: try again")
+
+
+class Identification:
+    """The identity of the motor `can_id`, as far as it is known."""
+
+    def __init__(self, can_id: int, configured_master_id: int | None) -> None:
+        self.identity: MotorIdentity | None = None
+        self.verifier = Verifier(can_id)
+        self.can_id = can_id
+        self._configured_master_id = configured_master_id
+        self._look = RegisterScan(can_id)
+
+    @property
+    def master_id(self) -> int | None:
+        """The id on which the motor answers, once it is known."""
+        return self._look.master_id if self.identity is None else self.identity.master_id
+
+    @property
+    def usable_ranges(self) -> Ranges | None:
+        """The motor's own ranges, None while they are unknown and where they make no sense."""
+        identity = self.identity
+        return identity.ranges if identity is not None and has_usable_ranges(identity) else None
+
+    @property
+    def ranges(self) -> Ranges:
+        """What frames are decoded with; the status does not depend on it."""
+        return self.usable_ranges or Ranges()
+
+    @property
+    def ranges_to_send(self) -> Ranges:
+        """What commands are coded with: no torque is larger than wanted by any possible range."""
+        usable = self.usable_ranges
+        return Ranges() if usable is None else self.verifier.widest(usable)
+
+    def begin(self) -> None:
+        """Forget everything and look anew."""
+        self._look = RegisterScan(self.can_id)
+        self.identity = None
+        self.verifier.reset()
+
+    def expect_another(self) -> None:
+        """Look anew for the id of the answers: another motor may come in a silent one's place."""
+        if self._look.master_id is not None:
+            self._look = RegisterScan(self.can_id)
+
+    def step(self, now_s: float) -> list[CanFrame]:
+        """Return the read request that is due, if any."""
+        return self._look.step(now_s)
+
+    def take(self, answer: Answer, can_id: int) -> bool:
+        """Take an answer that came on `can_id`; tell whether it was the awaited one."""
+        return self._look.take(answer, can_id)
+
+    def note_request(self, request: Answer) -> None:
+        """Take another program's request to write registers; all is verified after it."""
+        if self.identity is None:
+            self.verifier.begin()  # what the look has read already may hold no longer
+        else:
+            self.verifier.note_request(request, self.identity)
+
+    def note_written(self, answer: Answer, can_id: int) -> None:
+        """Take the motor's answer to another program's write, which came on `can_id`."""
+        if self.identity is None:
+            self.verifier.begin()
+        else:
+            self.identity = self.verifier.note_written(answer, can_id, self.identity)
+
+    def verify(self, answer: Answer, can_id: int) -> bool:
+        """Take an answer to a read; tell whether the verifier awaited it."""
+        found = self.identity and self.verifier.take(answer, can_id, self.identity)
+        self.identity = found or self.identity
+        return found is not None
+
+    def finish(self) -> bool:
+        """Note the identity when all has been asked for; tell whether it is known."""
+        self.identity = self._look.identity()
+        return self.identity is not None
+
+    def problem(self) -> Refusal | None:
+        """Say why the motor cannot be used, if so; it has told too little while unknown."""
+        if self.identity is None:
+            return STILL_READ
+        return unsuitable(self.identity, self._configured_master_id)
+
+    @property
+    def is_uncontrollable(self) -> bool:
+        """Whether it is known that the motor cannot be commanded."""
+        return self.identity is not None and uncontrollable(self.identity) is not None

@@ -1,0 +1,1 @@
+"""Golden runs: what a change of the code's shape must leave as it is, byte for byte."""

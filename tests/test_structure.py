@@ -1,0 +1,20 @@
+"""What a reader of the code may rely on."""
+
+from tests.structure import PRODUCT, ROOT, import_circle, imported, sizes, walks
+
+
+def test_no_modules_import_each_other_in_a_circle() -> None:
+    assert import_circle() == []
+
+
+def test_a_circle_would_be_found() -> None:
+    """The search sees what a module imports."""
+    path = ROOT / "litegripd/control/recorder.py"
+    modules = {"litegripd.control.ring": path, "litegripd.model.events": path}
+    assert set(imported(path, modules)) == set(modules)
+
+
+def test_walks_enter_files_of_the_product() -> None:
+    for name, files in walks().items():
+        assert len(files) > 3, name
+        assert set(files) <= set(sizes(*PRODUCT)) | {"litegrip_client/_error_table.py"}
