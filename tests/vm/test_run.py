@@ -7,10 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.vm import socketcan, systemd
+from tests.vm import adapters, socketcan, systemd
 
 RUN = Path(__file__).with_name("run")
-SOCKETCAN, SYSTEMD = "bash tests/vm/socketcan.sh", "bash tests/vm/systemd.sh"
+SOCKETCAN = "bash tests/vm/socketcan.sh"
+SYSTEMD, ADAPTERS = (f"bash tests/vm/installed.sh {suite}" for suite in ("systemd", "adapters"))
 
 
 def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
@@ -35,6 +36,8 @@ def booted(done: "subprocess.CompletedProcess[str]") -> list[str]:
         ("socketcan", socketcan.SCENES, [SOCKETCAN]),
         ("systemd", systemd.FIRST, [f"{SYSTEMD} 1"]),
         ("systemd", systemd.SECOND, [f"{SYSTEMD} 1", f"{SYSTEMD} 2"]),
+        ("adapters", adapters.FIRST, [f"{ADAPTERS} 1"]),
+        ("adapters", adapters.SECOND, [f"{ADAPTERS} 1", f"{ADAPTERS} 2"]),
     ],
 )
 def test_each_scene_is_found_in_its_suite(

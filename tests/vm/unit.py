@@ -36,6 +36,11 @@ def must(*command: str) -> str:
     return out
 
 
+def typed(line: str) -> tuple[int, str]:
+    """Run a line as it would be typed into a shell; return its exit status and what it printed."""
+    return run("bash", "-c", line)
+
+
 def ctl(user: str, *arguments: str, channel: str = "can0") -> tuple[int, str]:
     """Run litegripctl as a user."""
     program = f"{PROGRAMS}/litegripctl"
@@ -120,13 +125,13 @@ def flags(name: str) -> str:
     return " ".join(link(name).get("flags", ["not there"]))
 
 
-def is_set_up(name: str) -> bool:
-    """Whether a CAN interface is as the rule sets it."""
+def is_set_up(name: str, restart_ms: int = 100) -> bool:
+    """Whether a CAN interface is as the rule sets it; 0 for one that knows no restart."""
     found = link(name)
     data = found.get("linkinfo", {}).get("info_data", {})
     return (
         "UP" in found.get("flags", ())
         and data.get("bittiming", {}).get("bitrate") == 1_000_000
-        and data.get("restart_ms") == 100
+        and data.get("restart_ms", 0) == restart_ms
         and found.get("txqlen") == 10
     )

@@ -1,9 +1,10 @@
 #!/bin/bash
-# Runs in the virtual machine: systemd.sh BOOT [SCENE...]. The first boot installs the wheels.
+# Runs in the virtual machine: installed.sh SUITE BOOT [SCENE...]. The first boot installs the wheels.
 set -euo pipefail
 cd /mnt/host
 
-boot=$1
+suite=$1 boot=$2
+shift
 venv=/opt/litegripd
 if [[ $boot == 1 ]]; then
     python3 -m venv --without-pip "$venv"
@@ -17,7 +18,7 @@ ip link set vcan0 up
 mkdir -p /root/logs
 cd /root
 status=0
-PATH=$venv/bin:$PATH PYTHONPATH=/mnt/host python3 -m tests.vm.systemd "$@" || status=$?
-mkdir -p "/mnt/host/logs/systemd-$boot"
-cp -r logs/. "/mnt/host/logs/systemd-$boot"
+PATH=$venv/bin:$PATH PYTHONPATH=/mnt/host python3 -m "tests.vm.$suite" "$@" || status=$?
+mkdir -p "/mnt/host/logs/$suite-$boot"
+cp -r logs/. "/mnt/host/logs/$suite-$boot"
 exit "$status"
