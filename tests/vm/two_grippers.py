@@ -29,8 +29,6 @@ def two_grippers() -> None:
     one.tell("end")
     for name, person in PERSONS.items():
         give(name, person)
-    by_drop_in("left", "lenas")
-    must("usermod", "--append", "--groups", "ricks", "litegrip")
     Path("/etc/udev/rules.d/70-can-names.rules").write_text(f"{_RULE}\n")
     Path("/etc/systemd/network/70-right.link").write_text(_LINK)
     must("systemctl", "daemon-reload")
@@ -57,16 +55,12 @@ def grippers_after_reboot() -> None:
 
 
 def give(name: str, person: str) -> None:
-    """Let this person's group have the gripper of this name, by its configuration."""
+    """Let this person's group have the gripper of this name: its unit's group and its sockets'."""
     group = f"{person}s"
     must("groupadd", "--system", group)
     must("useradd", "--create-home", "--groups", group, person)
     configuration = SLOW + f'[rpc]\ngroup = "{group}"\n'
     (CONFIGURATION.parent / f"{name}.toml").write_text(configuration)
-
-
-def by_drop_in(name: str, group: str) -> None:
-    """Have the daemon of a channel run with this group."""
     drop_in = Path(f"/etc/systemd/system/litegripd@{name}.service.d/group.conf")
     drop_in.parent.mkdir(parents=True)
     drop_in.write_text(f"[Service]\nGroup={group}\n")
