@@ -14,7 +14,7 @@ help:
 	@echo "make demo    that daemon, and two processes that use it; ends by itself"
 	@echo "make test    the tests"
 	@echo "make check   format, lint, types, import layers, generated files, tests"
-	@echo "make nightly a million hostile lines and damaged files, property tests with other examples: others every day"
+	@echo "make nightly a million hostile lines and damaged files, longer chaos, property tests with other examples every day"
 	@echo "make format  put all sources into the project's format"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
 	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
@@ -50,6 +50,7 @@ check: $(STAMP)
 	$(TESTS)
 
 nightly: $(STAMP)
+	LITEGRIPD_CHAOS_MINUTES=30 $(BIN)/python -m pytest tests/faults/test_chaos.py
 	LITEGRIPD_FUZZ_LINES=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 tests/rpc/test_fuzz.py
 	LITEGRIPD_FUZZ_MUTATIONS=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 \
 		tests/model/test_grips.py tests/model/test_trajectory.py tests/client/test_trajectory.py tests/client/test_taught_grips.py
