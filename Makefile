@@ -33,10 +33,11 @@ run: $(STAMP)
 demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
 
-# What runs in virtual time may share the processors; what runs in real time wants them to itself.
-TESTS = $(BIN)/python -m pytest --durations 15 --numprocesses auto --dist worksteal \
-	--ignore tests/process --ignore tests/io && \
-	$(BIN)/python -m pytest --durations 15 tests/process tests/io
+# Tests in virtual time come first, then real processes, two at a time; last what has to be alone.
+PYTEST = $(BIN)/python -m pytest --durations 15
+TESTS = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io && \
+	$(PYTEST) --numprocesses 2 --dist worksteal -m 'not alone' tests/process tests/io && \
+	$(PYTEST) -m alone tests/process tests/io
 
 test: $(STAMP)
 	$(TESTS)

@@ -13,6 +13,8 @@ from litegripd.io.reactor import REQUEST_SHARE, Reactor
 from litegripd.io.signals import Signals
 from litegripd.io.timerfd import PeriodicTimer
 
+pytestmark = pytest.mark.alone
+
 PERIOD_S = 0.005
 
 

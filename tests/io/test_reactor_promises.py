@@ -16,6 +16,8 @@ from litegripd.io.reactor import (
     Reactor,
 )
 
+pytestmark = pytest.mark.alone
+
 PERIOD_S = 0.005
 TIMER_FD, HANDLED_FD = 1000, 7
 EPSILON_S = 1e-9

@@ -12,6 +12,8 @@ from litegripd.io.server import Server
 from litegripd.rpc.sessions import Peer, Session
 from tests.io.loop import Loop, line
 
+pytestmark = pytest.mark.alone
+
 POLITE = 1000
 FLOODING = (2001, 2002, 2003)
 CONNECTIONS = 20

@@ -8,6 +8,8 @@ from bench.crowd_audit import Audit, Death, Sample
 from bench.crowd_run import survive
 from tests.process.daemon_process import DaemonProcess
 
+pytestmark = pytest.mark.alone
+
 CLIENTS = 12
 SECONDS = 4.0
 OWNER = {"client": 3, "pid": 33}

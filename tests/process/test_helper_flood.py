@@ -12,6 +12,8 @@ import pytest
 
 from tests.process.daemon_process import Client, DaemonProcess, daemon, line_of
 
+pytestmark = pytest.mark.alone
+
 FLOOD = """
 import os, select, socket, sys
 if sys.argv[2] != "0":

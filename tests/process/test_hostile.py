@@ -15,6 +15,8 @@ import pytest
 from bench.polite import Polite
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon, line_of
 
+pytestmark = pytest.mark.alone
+
 READS, MOTIONS = 200, 1
 TURNED_AWAY = 1000
 UIDS = ("30001", "30002", "30003", "30004") if os.getuid() == 0 else ()
