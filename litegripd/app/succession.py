@@ -93,6 +93,7 @@ class Succession:
         self._deadline_s = 0.0
         self._pid = 0
         self._gap_s = 0.0
+        self._is_started = False  # the helper has answered that the process runs
         self._pidfd: int | None = None
         self._history: tuple[int, int] | None = None
 
@@ -104,6 +105,7 @@ class Succession:
         self._link, inherited = Link.pair()
         self._on_restarted = on_restarted
         self._deadline_s = now_s + READY_WITHIN_S
+        self._is_started = False
         with inherited:
             try:
                 self._greet(self._link)
@@ -189,14 +191,17 @@ class Succession:
             os.close(document)
 
     def _note_start(self, result: HelperResult) -> None:
-        if result.error is not None and self._link is not None:
+        if result.error is None:
+            self._is_started = True
+        elif self._link is not None:
             self._fail(f"the successor cannot be started: {result.error}")
 
     def _listen(self, link: Link) -> None:
         """Take what the successor says before it has taken over."""
         packet = link.receive()
         if packet is None:
-            if link.has_ended:
+            # A program that cannot be started ends the line, too; the helper then reports why.
+            if link.has_ended and self._is_started:
                 self._fail("the successor ended before it was ready; see the log")
         elif packet.kind == "ready" and self._pidfd is None and packet.descriptors:
             self._pid, self._pidfd = int(packet.body["pid"]), packet.descriptors[0]

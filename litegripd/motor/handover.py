@@ -108,7 +108,8 @@ def refusal(motor: Motor) -> Refusal | None:
         f"the motor is {view.phase.value}{reading}: it can be handed over once it answers and is"
         " settled"
     )
-    problem = view.problem or Refusal("restart_failed", text)
+    passes_by_itself = motor.is_verifying
+    problem = view.problem or Refusal("busy" if passes_by_itself else "restart_failed", text)
     hint = (
         "try again once it answers and is settled, or restart without the hold, which disables"
         " the motor"

@@ -36,7 +36,9 @@ class FakeHelper:
 
     is_busy = False
     error: str | None = None
+    is_late = False
     inherited: Link | None = None
+    answer: Callable[[HelperResult], None]
 
     def request(
         self,
@@ -53,6 +55,9 @@ class FakeHelper:
             return
         (descriptor,) = descriptors
         self.inherited = Link(socket.socket(fileno=os.dup(descriptor)))
+        self.answer = on_result
+        if not self.is_late:
+            on_result(HelperResult())
 
 
 class FakeBus:
@@ -232,6 +237,17 @@ def test_one_that_ends_before_it_is_ready_changes_nothing(rig: Rig) -> None:
     assert rig.step() is None
     assert "ended before it was ready" in rig.refusal()
     assert rig.process.poll() is None
+
+
+def test_one_that_cannot_be_started_is_reported_so_though_its_line_ends_first(rig: Rig) -> None:
+    rig.helper.is_late = True
+    link = rig.begin()
+    link.close()
+    rig.helper.inherited = None
+    assert rig.step() is None
+    assert rig.told == []
+    rig.helper.answer(HelperResult(error="no such file"))
+    assert rig.refusal().endswith("the successor cannot be started: no such file")
 
 
 def test_its_own_words_are_passed_on(rig: Rig) -> None:

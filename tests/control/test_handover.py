@@ -308,6 +308,11 @@ def test_nothing_is_handed_over_while_another_motion_waits_or_the_motor_is_not_s
     assert silent.reason == "motor_silent"
     assert "restart without the hold" in str(silent.data["hint"])
     world.lose_from_motor = lambda _frame: False
+    world.run_until(lambda: world.machine.motor.is_verifying)
+    reading = handover.why_not_restartable(world.machine)
+    assert reading is not None, "its registers are read again"
+    assert reading.reason == "busy"
+    assert "registers are being read" in reading.message
     world.run_until(lambda: handover.why_not_restartable(world.machine) is None)
     client.send("stop", level="disable")
     assert handover.why_not_restartable(world.machine) is not None, "it is about to be disabled"
