@@ -13,11 +13,10 @@ import time
 
 from litegripd.app.machine import Machine
 from litegripd.control.snapshot import snapshot
-from litegripd.io.bus import BusSettings
-from litegripd.io.direct_bus import DirectBus
-from litegripd.io.meters import LatenessMeter
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.can.direct import DirectBus
+from litegripd.io.loop import LatenessMeter, PeriodicTimer
 from litegripd.io.realtime import acquire
-from litegripd.io.timerfd import PeriodicTimer
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.unit import Unit
 from litegripd.rpc.reports import state_view

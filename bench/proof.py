@@ -19,12 +19,11 @@ import time
 import tty
 from pathlib import Path
 
-from litegripd.io.bus import BusSettings
-from litegripd.io.child import Child
-from litegripd.io.helper import Helper
-from litegripd.io.helper_requests import HelperResult
-from litegripd.io.pumped_bus import PumpedBus
-from litegripd.io.reactor import Reactor
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.can.pumped import PumpedBus
+from litegripd.io.helper.child import Child
+from litegripd.io.helper.helper import Helper, HelperResult
+from litegripd.io.loop import Reactor
 from litegripd.io.realtime import acquire
 from litegripd.io.server import Server
 from litegripd.model.frame import CanFrame

@@ -8,9 +8,8 @@ import json
 import sys
 import time
 
-from litegripd.io.meters import LatenessMeter
+from litegripd.io.loop import LatenessMeter, PeriodicTimer
 from litegripd.io.realtime import acquire
-from litegripd.io.timerfd import PeriodicTimer
 
 PERIOD_S = 0.005
 PRIORITY = 51  # above the daemon's, so that only the machine can delay it

@@ -10,8 +10,8 @@ import time
 
 import can
 
-from litegripd.io.messages import to_message
-from litegripd.io.meters import LatenessMeter
+from litegripd.io.can.bus import to_message
+from litegripd.io.loop import LatenessMeter
 from litegripd.model.frame import CanFrame
 
 PERIOD_S = 0.005

@@ -27,7 +27,7 @@ from docs.protocol_fields import (  # noqa: E402
     teleop_section,
 )
 from litegrip_client.reasons import OWN_REASONS  # noqa: E402
-from litegripd.io.stop_listener import MAX_STOP_LINE_BYTES  # noqa: E402
+from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
 from litegripd.rpc.method import Method  # noqa: E402

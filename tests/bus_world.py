@@ -8,8 +8,8 @@ from itertools import count
 from types import TracebackType
 from typing import Any
 
-from litegripd.io.bus import BusSettings
-from litegripd.io.direct_bus import DirectBus
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.can.direct import DirectBus
 from litegripd.model.frame import CanFrame
 from litegripd.motor import codec
 from litegripd.sim.faults import BusFaults

@@ -22,8 +22,8 @@ from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
 from litegripd.app.starting import load_at_start
 from litegripd.control.teleop.link import Links
-from litegripd.io.bus import BusSettings
-from litegripd.io.helper_main import OPERATIONS
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.helper.main import OPERATIONS
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase

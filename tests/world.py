@@ -18,8 +18,8 @@ from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
 from litegripd.control.recorder import memory_bytes, tick_slots
 from litegripd.control.recording import Recording, read
-from litegripd.io.atomic_file import FileSystem
-from litegripd.io.calibration_files import load_operation, templates_operation
+from litegripd.io.helper.atomic_file import FileSystem
+from litegripd.io.helper.files import load_operation, templates_operation
 from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP

@@ -13,8 +13,8 @@ from typing import Any
 
 from litegripd.app.config_table import KEYS, MAX_CPUS, TABLES
 from litegripd.app.roles import ALLOWED, Access, UnknownEntryError, access_of
-from litegripd.io.bus import BusSettings
-from litegripd.io.calibration_files import TEMPLATES
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.helper.files import TEMPLATES
 from litegripd.io.trajectory_owners import MB, Limits
 from litegripd.rpc.facts import Configuration
 

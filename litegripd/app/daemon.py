@@ -18,17 +18,14 @@ from litegripd.app.retiring import Retirement
 from litegripd.app.starting import load_at_start
 from litegripd.app.succession import Succession
 from litegripd.app.supervision import Supervision
-from litegripd.io.child import Child
-from litegripd.io.descriptors import clients_within_limit
-from litegripd.io.helper import Helper
-from litegripd.io.reactor import Reactor
+from litegripd.io.helper.child import Child
+from litegripd.io.helper.helper import Helper
+from litegripd.io.helper.spawner import Spawner
+from litegripd.io.loop import Reactor, Signals, Urgent
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import MAX_CONNECTIONS, Server
-from litegripd.io.signals import Signals
-from litegripd.io.spawner import Spawner
-from litegripd.io.stop_listener import StopListener
+from litegripd.io.stop_socket import StopListener, clients_within_limit
 from litegripd.io.teleop_links import TeleopLinks
-from litegripd.io.urgent import Urgent
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.unit import Unit

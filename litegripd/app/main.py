@@ -13,9 +13,8 @@ from litegripd.app.daemon import Daemon
 from litegripd.app.facts import daemon_version
 from litegripd.app.succession import SUCCESSOR_OPTION
 from litegripd.app.successor import succeed
-from litegripd.io.listener import InUseError
-from litegripd.io.log import PriorityFormatter, goes_to_journal
-from litegripd.io.standard_error import BoundedHandler
+from litegripd.io.log import BoundedHandler, PriorityFormatter, goes_to_journal
+from litegripd.io.sockets import InUseError
 
 _log = logging.getLogger(__name__)
 

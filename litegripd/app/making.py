@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from litegripd.app.config import Config
-from litegripd.io.bus import DIRECT_INTERFACES, FrameBus
-from litegripd.io.listener import runtime_directory
-from litegripd.io.places import Places, occupy
-from litegripd.io.pumped_bus import PumpedBus
-from litegripd.io.spawner import Spawner
+from litegripd.io.can.bus import DIRECT_INTERFACES, FrameBus
+from litegripd.io.can.pumped import PumpedBus
+from litegripd.io.helper.spawner import Spawner
+from litegripd.io.sockets import Places, occupy, runtime_directory
 
 
 def socket_path(config: Config) -> Path:
@@ -27,7 +26,7 @@ def occupy_places(config: Config) -> Places:
 def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:
     """Choose how the adapter is driven: in the control thread, or by a process of its own."""
     if config.bus.interface in DIRECT_INTERFACES:
-        from litegripd.io.direct_bus import DirectBus  # noqa: PLC0415 - imports python-can
+        from litegripd.io.can.direct import DirectBus  # noqa: PLC0415 - imports python-can
 
         return DirectBus(config.bus)
     return PumpedBus(config.bus, period_s, spawner.start)

@@ -8,13 +8,13 @@ from pathlib import Path
 
 from litegripd.app.machine import Machine
 from litegripd.control.heat import COIL_LIMIT_C, HeatGuard
-from litegripd.io.bus import FrameBus
-from litegripd.io.helper import Helper
+from litegripd.io.can.bus import FrameBus
+from litegripd.io.helper.helper import Helper
+from litegripd.io.helper.spawner import Spawner
 from litegripd.io.log import LogHandler
-from litegripd.io.reactor import Reactor
+from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
-from litegripd.io.spawner import Spawner
 from litegripd.io.teleop_links import TeleopLinks
 from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
 from litegripd.rpc.service import RpcService

@@ -10,9 +10,9 @@ from litegripd.app.ending import Ending
 from litegripd.app.succession import Succession
 from litegripd.control.engine import Engine
 from litegripd.io.handover_link import Link
+from litegripd.io.loop import Urgent
 from litegripd.io.server import Server
-from litegripd.io.stop_listener import StopListener
-from litegripd.io.urgent import Urgent
+from litegripd.io.stop_socket import StopListener
 
 DRAIN_WITHIN_S = 0.05
 """So long a daemon that has handed over serves what its clients have sent before."""

@@ -19,11 +19,10 @@ from typing import Any
 from litegripd.app import handover
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
-from litegripd.io.bus import IN_PROCESS_INTERFACES, FrameBus
+from litegripd.io.can.bus import IN_PROCESS_INTERFACES, FrameBus
 from litegripd.io.handover_link import Link, Packet, write_document
-from litegripd.io.helper import Helper
-from litegripd.io.helper_requests import HelperResult
-from litegripd.io.places import Places
+from litegripd.io.helper.helper import Helper, HelperResult
+from litegripd.io.sockets import Places
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of

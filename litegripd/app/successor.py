@@ -16,9 +16,9 @@ from litegripd.app.daemon import Daemon
 from litegripd.app.machine import Machine
 from litegripd.app.making import Legacy, socket_path
 from litegripd.app.succession import same_settings
-from litegripd.io import places
-from litegripd.io.bus import DIRECT_INTERFACES
+from litegripd.io.can.bus import DIRECT_INTERFACES
 from litegripd.io.handover_link import Link, Packet, read_document
+from litegripd.io.sockets import take_over
 from litegripd.model.jobs import Stop
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.plain import PlainError, value_of
@@ -50,7 +50,7 @@ class Successor(Daemon):
         will = read_document(document)
         _check_same(config, will)
         bus, path = config.bus, socket_path(config)
-        inherited = places.take_over(bus.interface, bus.channel, path, sockets)
+        inherited = take_over(bus.interface, bus.channel, path, sockets)
         super().__init__(config, arguments, Legacy(inherited, will["epoch"]))
         self._link = link
         self._prepare(will["state"])

@@ -9,8 +9,8 @@ from collections.abc import Callable
 
 from litegripd.app.facts import DaemonFacts
 from litegripd.app.machine import Machine
-from litegripd.io.notify import Notifier, one_line, watchdog_s
 from litegripd.io.server import Server
+from litegripd.io.systemd import Notifier, one_line, watchdog_s
 from litegripd.model.motor import MotorPhase
 
 _log = logging.getLogger(__name__)

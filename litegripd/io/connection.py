@@ -11,7 +11,7 @@ import termios
 import time
 from typing import Protocol
 
-from litegripd.io.reactor import Reactor
+from litegripd.io.loop import Reactor
 from litegripd.model.errors import Refusal
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES, error_line
 from litegripd.rpc.line_kinds import is_set_point, newest_set_point, stops_in

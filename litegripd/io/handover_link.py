@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from litegripd.io.child import CHILD_FD, MAX_PACKET_BYTES, receive_descriptors
+from litegripd.io.helper.child import CHILD_FD, MAX_PACKET_BYTES, receive_descriptors
 
 _MAX_DESCRIPTORS = 8
 _FILE_NAME = "litegripd handover"

@@ -11,10 +11,10 @@ import time
 from pathlib import Path
 
 from litegripd.control.recording import read
-from litegripd.io import atomic_file
-from litegripd.io.atomic_file import FileError
-from litegripd.io.calibration_files import own_directory
-from litegripd.io.child import MEMORY_FD
+from litegripd.io.helper import atomic_file
+from litegripd.io.helper.atomic_file import FileError
+from litegripd.io.helper.child import MEMORY_FD
+from litegripd.io.helper.files import own_directory
 from litegripd.io.recorder_mcap import to_mcap
 from litegripd.io.shared_memory import copy_of
 from litegripd.model.calibration import Dumped

@@ -1,8 +1,9 @@
 """The Unix socket at which clients speak JSON-RPC: bytes in and out, fairly, without waiting.
 
-It knows lines and bounds, not methods: every line goes to the `Service`. Users take turns, and then
-each user's connections; a turn is for one line. A connection whose lines are still waiting is not
-read further, so that a flood waits in the kernel; only a newer set-point overtakes older ones.
+It knows lines and bounds, not methods: every line goes to the `Service`. Users take turns by the
+time they have used, then each user's connections: a user with 64 connections is served as much as
+a user with one. A turn is for one line. A connection whose lines still wait is not read further,
+so that a flood waits in the kernel; only a newer set-point overtakes older ones.
 """
 
 import logging
@@ -10,16 +11,106 @@ import select
 import socket
 import time
 from collections import Counter, deque
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from litegripd.io.connection import Connection
-from litegripd.io.listener import LISTEN_BACKLOG
-from litegripd.io.peer import peer_of
-from litegripd.io.process_watch import ProcessWatch
-from litegripd.io.reactor import Reactor
-from litegripd.io.turns import Turns
+from litegripd.io.loop import ProcessWatch, Reactor
+from litegripd.io.sockets import LISTEN_BACKLOG, peer_of
 from litegripd.model.errors import Refusal
 from litegripd.rpc.jsonrpc import error_line
 from litegripd.rpc.sessions import Peer, Service
+
+if TYPE_CHECKING:
+    from litegripd.io.connection import Connection
+
+LIGHT_SHARE = 0.1
+"""Of a period: a user who used less of late is light, and is served although a flood has used up
+the time for requests."""
+
+_FADES = 0.5  # what was used counts half after each period
+_FORGOTTEN = 1e-3  # of a period
+
+
+@dataclass(slots=True, eq=False)
+class _User:
+    """One user's connections that wait, the next one first, and the seconds used of late."""
+
+    used_s: float = 0.0
+    waiting: "dict[Connection, None]" = field(default_factory=dict)
+
+
+class Turns:
+    """The connections that have something to be read or served.
+
+    `charge` whatever time a user costs; `next_period` lets the past fade.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self._light_s = LIGHT_SHARE * period_s
+        self._forgotten_s = _FORGOTTEN * period_s
+        self._users: dict[int, _User] = {}
+        self._waiting: dict[int, _User] = {}
+
+    def __bool__(self) -> bool:
+        """Return whether any connection waits."""
+        return bool(self._waiting)
+
+    @property
+    def has_light(self) -> bool:
+        """Whether a connection of a light user waits."""
+        return any(user.used_s < self._light_s for user in self._waiting.values())
+
+    def __contains__(self, connection: "Connection") -> bool:
+        """Return whether a connection waits."""
+        user = self._users.get(connection.session.peer.uid)
+        return user is not None and connection in user.waiting
+
+    def add(self, connection: "Connection") -> None:
+        """Let a connection wait, once."""
+        uid = connection.session.peer.uid
+        user = self._users.setdefault(uid, _User())
+        user.waiting.setdefault(connection)
+        self._waiting[uid] = user
+
+    def remove(self, connection: "Connection") -> None:
+        """Let a connection wait no longer, if it does."""
+        uid = connection.session.peer.uid
+        user = self._waiting.get(uid)
+        if user is not None:
+            user.waiting.pop(connection, None)
+            if not user.waiting:
+                del self._waiting[uid]
+
+    def postpone(self, connection: "Connection") -> None:
+        """Let a connection's turn come after those of the same user's others."""
+        waiting = self._waiting[connection.session.peer.uid].waiting
+        del waiting[connection]
+        waiting[connection] = None
+
+    def heads(self, *, light_only: bool) -> "Iterator[Connection]":
+        """Yield each user's next connection, whose user has used the least first."""
+        users = list(self._waiting.values())
+        if light_only:
+            users = [user for user in users if user.used_s < self._light_s]
+        if len(users) > 1:
+            users.sort(key=lambda user: user.used_s)
+        for user in users:
+            yield next(iter(user.waiting))
+
+    def charge(self, uid: int, used_s: float) -> None:
+        """Note that a user has cost some time."""
+        self._users.setdefault(uid, _User()).used_s += used_s
+
+    def next_period(self, periods: int) -> None:
+        """Let what was used fade, once for each period that has begun."""
+        fades = _FADES**periods
+        for uid, user in list(self._users.items()):
+            user.used_s *= fades
+            if user.used_s < self._forgotten_s and not user.waiting:
+                del self._users[uid]
+
 
 _log = logging.getLogger(__name__)
 

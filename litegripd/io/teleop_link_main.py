@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
-from litegripd.io.child import inherited_socket, next_packet, use_all_cpus
+from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.io.teleop_endpoint import Endpoint, UdpFollower, UdpLeader
 from litegripd.io.teleop_wire import (
     CLOSE,

@@ -7,7 +7,7 @@ the first link is wanted, kept for the daemon's life, and started again when it 
 from collections.abc import Callable, Sequence
 
 from litegripd.control.teleop.link import InProcessLinks, Link
-from litegripd.io.child import Child, start_here
+from litegripd.io.helper.child import Child, start_here
 from litegripd.io.teleop_wire import (
     CLOSE,
     FRAME,

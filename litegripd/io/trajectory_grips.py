@@ -10,8 +10,8 @@ from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from litegripd.io import atomic_file
-from litegripd.io.atomic_file import FileSystem
+from litegripd.io.helper import atomic_file
+from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.trajectory_content import ENDING as LGT_ENDING
 from litegripd.io.trajectory_content import StoreError, open_file
 from litegripd.model.grips import (

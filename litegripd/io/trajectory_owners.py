@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from litegripd.io import atomic_file
-from litegripd.io.atomic_file import REAL, FileSystem
+from litegripd.io.helper import atomic_file
+from litegripd.io.helper.atomic_file import REAL, FileSystem
 from litegripd.io.trajectory_content import ENDING as LGT_ENDING
 from litegripd.io.trajectory_content import StoreError
 from litegripd.io.trajectory_grips import path_beside as grips_beside

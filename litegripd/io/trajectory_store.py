@@ -12,9 +12,10 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from litegripd.io import atomic_file, trajectory_grips
-from litegripd.io.atomic_file import REAL, FileSystem
-from litegripd.io.calibration_files import state_directory
+from litegripd.io import trajectory_grips
+from litegripd.io.helper import atomic_file
+from litegripd.io.helper.atomic_file import REAL, FileSystem
+from litegripd.io.helper.files import state_directory
 from litegripd.io.trajectory_content import (
     ENDING,
     Content,

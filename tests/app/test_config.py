@@ -17,7 +17,7 @@ from litegripd.app.config import (
     override,
 )
 from litegripd.app.roles import Access
-from litegripd.io.bus import BusSettings
+from litegripd.io.can.bus import BusSettings
 
 EXAMPLE = """
 [bus]                      # handed to python-can

@@ -10,9 +10,9 @@ from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
 from litegripd.app.parts import motor_figures
 from litegripd.control.second_master import QUIET_AFTER_S
-from litegripd.io.bus import BusSettings
-from litegripd.io.calibration_files import DATA
-from litegripd.io.meters import RecentLateness
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.helper.files import DATA
+from litegripd.io.loop import RecentLateness
 from litegripd.model.bus import UP
 from litegripd.model.calibration import to_plain
 from litegripd.model.frame import CanFrame

@@ -15,12 +15,11 @@ import pytest
 from litegripd.app.config import load, override
 from litegripd.app.handover import FORMAT
 from litegripd.app.succession import READY_WITHIN_S, TAKE_WITHIN_S, Succession
-from litegripd.io.bus import FrameBus
-from litegripd.io.child import start_here
+from litegripd.io.can.bus import FrameBus
 from litegripd.io.handover_link import Link, Packet, read_document
-from litegripd.io.helper import Helper
-from litegripd.io.helper_requests import HelperResult
-from litegripd.io.places import Places, occupy
+from litegripd.io.helper.child import start_here
+from litegripd.io.helper.helper import Helper, HelperResult
+from litegripd.io.sockets import Places, occupy
 from litegripd.model.bus import UP, BusCondition
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Owner, Stop

@@ -5,8 +5,8 @@ from collections import deque
 
 import can
 
-from litegripd.io.bus import BusSettings
-from litegripd.io.direct_bus import DirectBus
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.can.direct import DirectBus
 from litegripd.model.frame import CanFrame
 
 FRAME = CanFrame(0x08, bytes(range(8)))

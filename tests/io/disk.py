@@ -14,7 +14,7 @@ from itertools import count, product
 from pathlib import Path
 from typing import TypeAlias
 
-from litegripd.io.atomic_file import FileSystem
+from litegripd.io.helper.atomic_file import FileSystem
 
 Names: TypeAlias = dict[Path, int]
 """Which file (a number, as an inode's) each name means."""

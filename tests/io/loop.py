@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from litegripd.io.listener import listen
-from litegripd.io.reactor import Reactor
+from litegripd.io.loop import Reactor
 from litegripd.io.server import Server
+from litegripd.io.sockets import listen
 from litegripd.rpc.jsonrpc import Request, encode, error_line, notification_line, parse, result_line
 from litegripd.rpc.sessions import Peer, Session
 

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import can
 import pytest
 
-from litegripd.io import pump_main
-from litegripd.io.pumped_bus import pack_order
+from litegripd.io.can import pump_main
+from litegripd.io.can.pumped import pack_order
 from litegripd.model.frame import CanFrame
 
 

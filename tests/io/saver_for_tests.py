@@ -15,8 +15,8 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from litegripd.io.atomic_file import REAL, FileSystem
-from litegripd.io.saved_files import save_calibration
+from litegripd.io.helper.atomic_file import REAL, FileSystem
+from litegripd.io.helper.files import save_calibration
 
 CHANNEL = "can7"
 MOUNTS = {"normal": (0.1, -1.5), "reverse": (-1.5, 0.1)}

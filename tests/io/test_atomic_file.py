@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io import atomic_file
-from litegripd.io.atomic_file import FileSystem
+from litegripd.io.helper import atomic_file
+from litegripd.io.helper.atomic_file import FileSystem
 from tests.io.disk import Disk, PowerCut
 
 FOLDER = Path("/state")

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io import atomic_file
-from litegripd.io.atomic_file import REAL, FileError
+from litegripd.io.helper import atomic_file
+from litegripd.io.helper.atomic_file import REAL, FileError
 from tests.io.disk import ordinary_user
 
 OLD, NEW = b"the old", b"new one"

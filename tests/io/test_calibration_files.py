@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.calibration_files import (
+from litegripd.io.helper.files import (
     DATA,
     MAX_FILE_BYTES,
     Found,

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io import channel_lock, listener, places
-from litegripd.io.channel_lock import lock_path
-from litegripd.io.listener import ChannelClaim, InUseError
+from litegripd.io import sockets
+from litegripd.io.sockets import ChannelClaim, InUseError, lock_path
 
 OUTSIDER = """
 import os, socket, sys
@@ -33,7 +32,7 @@ as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root can be another 
 @pytest.fixture
 def run_directory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     directory = tmp_path / "run"
-    monkeypatch.setattr(channel_lock, "RUN_DIRECTORY", directory)
+    monkeypatch.setattr(sockets, "RUN_DIRECTORY", directory)
     return directory
 
 
@@ -79,7 +78,7 @@ def test_an_outsider_who_has_the_name_keeps_no_daemon_from_its_channel(
 def test_without_the_lock_the_refusal_names_the_user(
     channel: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(channel_lock, "RUN_DIRECTORY", Path("/proc/no/such"))
+    monkeypatch.setattr(sockets, "RUN_DIRECTORY", Path("/proc/no/such"))
     with (
         taken_by(NOBODY, channel) as pid,
         pytest.raises(InUseError, match=rf"pid {pid} of uid {NOBODY}: one motor"),
@@ -106,10 +105,10 @@ def own(channel: str) -> Iterator[None]:
 
 def test_a_lock_is_handed_over_with_the_sockets(run_directory: Path, channel: str) -> None:
     path = run_directory.parent / "a.sock"
-    before = places.occupy("virtual", channel, path, None)
+    before = sockets.occupy("virtual", channel, path, None)
     inherited = [os.dup(descriptor) for descriptor in before.descriptors]
     assert len(inherited) == 4
-    after = places.take_over("virtual", channel, path, inherited)
+    after = sockets.take_over("virtual", channel, path, inherited)
     for place in (before.claim, before.stops, before.requests):
         place.close()
     with pytest.raises(InUseError, match="one motor has one owner"):
@@ -124,7 +123,7 @@ def test_a_place_that_cannot_be_had_leaves_no_lock(run_directory: Path, channel:
     path = run_directory.parent / "a.sock"
     path.write_text("", encoding="utf-8")
     with pytest.raises(InUseError, match="not a socket"):
-        places.occupy("virtual", channel, path, None)
+        sockets.occupy("virtual", channel, path, None)
     assert list(run_directory.iterdir()) == []
 
 
@@ -138,7 +137,7 @@ def test_a_file_that_nobody_locks_is_no_obstacle(run_directory: Path, channel: s
 
 def test_no_socket_has_the_name_of_a_stop_socket(tmp_path: Path, channel: str) -> None:
     with pytest.raises(InUseError, match="kept for stop sockets"):
-        places.occupy("virtual", channel, tmp_path / "can0.stop.sock", None)
+        sockets.occupy("virtual", channel, tmp_path / "can0.stop.sock", None)
 
 
 @as_root
@@ -147,6 +146,6 @@ def test_a_link_in_the_sockets_place_gives_no_other_file_away(tmp_path: Path) ->
     victim.write_text("", encoding="utf-8")
     link.symlink_to(victim)
     other = next(group for group in grp.getgrall() if group.gr_gid != victim.stat().st_gid)
-    listener._give_to_group(link, other.gr_name)
+    sockets._give_to_group(link, other.gr_name)
     assert victim.stat().st_gid == os.getgid()
     assert link.lstat().st_gid == other.gr_gid

@@ -6,8 +6,8 @@ from itertools import pairwise
 import can
 import pytest
 
-from litegripd.io import direct_bus
-from litegripd.io.bus import MAX_FRAMES_PER_TICK
+from litegripd.io.can import direct as direct_bus
+from litegripd.io.can.bus import MAX_FRAMES_PER_TICK
 from litegripd.model.frame import CanFrame
 from tests.io.direct_rig import FRAME, MESSAGE, Rig, operation_error
 

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from litegripd.io.bus import BusSettings
-from litegripd.io.direct_bus import DirectBus
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.can.direct import DirectBus
 from litegripd.model.frame import CanFrame
 from litegripd.motor.registers import status_request
 

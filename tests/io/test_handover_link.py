@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.child import Child, start_here
 from litegripd.io.handover_link import Link, read_document, write_document
-from litegripd.io.places import occupy, take_over
-from litegripd.io.timerfd import PeriodicTimer
+from litegripd.io.helper.child import Child, start_here
+from litegripd.io.loop import PeriodicTimer
+from litegripd.io.sockets import occupy, take_over
 
 DEADLINE_S = 20.0
 

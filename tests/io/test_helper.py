@@ -10,9 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.child import MAX_PACKET_BYTES, Child, Start, start_here
-from litegripd.io.helper import Helper
-from litegripd.io.helper_requests import HelperResult
+from litegripd.io.helper.child import MAX_PACKET_BYTES, Child, Start, start_here
+from litegripd.io.helper.helper import Helper, HelperResult
 from litegripd.io.log import LogHandler
 
 DEADLINE_S = 30.0
@@ -244,7 +243,7 @@ def test_a_helper_that_cannot_be_started_is_tried_again(caplog: pytest.LogCaptur
 
 
 def test_a_helper_ends_with_its_daemon() -> None:
-    child = start_here("litegripd.io.helper_main")
+    child = start_here("litegripd.io.helper.main")
     assert child.pid is not None
     pidfd = os.pidfd_open(child.pid)
     try:
@@ -261,7 +260,7 @@ def test_a_helper_runs_nothing_that_lies_in_the_current_directory(
 ) -> None:
     (tmp_path / "json.py").write_text("raise SystemExit('a module of somebody else')")
     monkeypatch.chdir(tmp_path)
-    rig = Rig("litegripd.io.helper_main")
+    rig = Rig("litegripd.io.helper.main")
     try:
         assert rig.ask("calibration.templates").error is None
     finally:

@@ -5,8 +5,8 @@ import socket
 
 import pytest
 
-from litegripd.io import helper_main
-from litegripd.io.helper import GOODBYE
+from litegripd.io.helper import main as helper_main
+from litegripd.io.helper.helper import GOODBYE
 
 
 @pytest.mark.parametrize("has_unread", [False, True])

@@ -4,11 +4,12 @@ from collections.abc import Iterator
 
 import pytest
 
-from litegripd.io.helper import REFUSED_LATELY_S, Helper
-from litegripd.io.helper_requests import (
+from litegripd.io.helper.helper import (
     MOST_AT_ONCE,
     MOST_OWN,
     MOST_PER_UID,
+    REFUSED_LATELY_S,
+    Helper,
     HelperRequest,
     HelperRequests,
     HelperResult,

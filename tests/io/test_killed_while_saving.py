@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.calibration_files import find_calibration
+from litegripd.io.helper.files import find_calibration
 from tests.io.saver_for_tests import CHANNEL, MOUNTS, content, save
 
 DEADLINE_S = 30.0

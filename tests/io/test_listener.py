@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.listener import (
+from litegripd.io.sockets import (
     ChannelClaim,
     InUseError,
     listen,
@@ -23,7 +23,7 @@ from litegripd.io.listener import (
 
 HOLDER = """
 import socket, sys
-from litegripd.io.listener import ChannelClaim, listen
+from litegripd.io.sockets import ChannelClaim, listen
 from pathlib import Path
 kept = ChannelClaim("virtual", sys.argv[1]), listen(Path(sys.argv[2]), None)
 print("ready", flush=True)

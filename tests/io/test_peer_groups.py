@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from litegripd.io.peer import peer_of
+from litegripd.io.sockets import peer_of
 from litegripd.rpc.sessions import Peer
 from tests.io.loop import Loop
 

@@ -6,8 +6,8 @@ import json
 import can
 import pytest
 
-from litegripd.io import pump_main
-from litegripd.io.pumped_bus import pack_frames
+from litegripd.io.can import pump_main
+from litegripd.io.can.pumped import pack_frames
 from litegripd.model.frame import CanFrame
 from tests.io.pump_rig import FakeAdapter, Pump
 

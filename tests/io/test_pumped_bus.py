@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.io import pumped_bus
-from litegripd.io.bus import BusSettings
-from litegripd.io.pumped_bus import (
+from litegripd.io.can import pumped as pumped_bus
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.can.pumped import (
     PumpedBus,
     pack_frames,
     pack_order,

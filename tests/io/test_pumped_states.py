@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.io.bus import BusSettings
-from litegripd.io.pumped_bus import PumpedBus, pack_frames
+from litegripd.io.can.bus import BusSettings
+from litegripd.io.can.pumped import PumpedBus, pack_frames
 from litegripd.model.frame import CanFrame
 from tests.io.pump_rig import FakeChild
 

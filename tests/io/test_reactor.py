@@ -8,10 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from litegripd.io.meters import LatenessMeter
-from litegripd.io.reactor import REQUEST_SHARE, Reactor
-from litegripd.io.signals import Signals
-from litegripd.io.timerfd import PeriodicTimer
+from litegripd.io.loop import REQUEST_SHARE, LatenessMeter, PeriodicTimer, Reactor, Signals
 
 pytestmark = pytest.mark.alone
 

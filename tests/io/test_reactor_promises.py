@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.io import reactor as reactor_module
-from litegripd.io.reactor import (
+from litegripd.io import loop as loop_module
+from litegripd.io.loop import (
     GUARD_S,
     REQUEST_SHARE,
     ROOM_SHARE,
@@ -163,9 +163,9 @@ class Virtual:
         self.collector = Collector()
         self.at_tick: Callable[[], None] = lambda: None
         self._most = 0
-        monkeypatch.setattr(reactor_module, "time", self.clock)
-        monkeypatch.setattr(reactor_module, "PeriodicTimer", self._make_timer)
-        monkeypatch.setattr(reactor_module, "GarbageCollector", lambda: self.collector)
+        monkeypatch.setattr(loop_module, "time", self.clock)
+        monkeypatch.setattr(loop_module, "PeriodicTimer", self._make_timer)
+        monkeypatch.setattr(loop_module, "GarbageCollector", lambda: self.collector)
         self.epoll = Epoll(self)
         monkeypatch.setattr(select, "epoll", lambda: self.epoll)
         Timer.clock = self.clock

@@ -17,8 +17,8 @@ from mcap.reader import make_reader
 from litegripd.control.recorder import memory_bytes, tick_slots
 from litegripd.control.recording import read
 from litegripd.io import recorder_files
-from litegripd.io.atomic_file import FileError
-from litegripd.io.child import start_here
+from litegripd.io.helper.atomic_file import FileError
+from litegripd.io.helper.child import start_here
 from litegripd.io.recorder_files import dump, prune
 from litegripd.io.recorder_mcap import EVENT_SCHEMA, TICK_SCHEMA, to_mcap
 from litegripd.io.shared_memory import SharedMemory, copy_of
@@ -226,7 +226,7 @@ def test_shared_memory_keeps_its_size_and_its_descriptor_stays_at_home() -> None
 
 
 def helper_with(shared: SharedMemory) -> Rig:
-    return Rig("litegripd.io.helper_main", shared.fd)
+    return Rig("litegripd.io.helper.main", shared.fd)
 
 
 def dumps_in(tmp_path: Path) -> list[Path]:
@@ -254,7 +254,7 @@ def test_a_helper_that_is_started_again_has_the_memory_too(shared: SharedMemory)
 def test_without_a_goodbye_the_helper_writes_what_the_daemon_did_last(
     shared: SharedMemory, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    child = start_here("litegripd.io.helper_main", memory_fd=shared.fd)
+    child = start_here("litegripd.io.helper.main", memory_fd=shared.fd)
     child.close(DEADLINE_S)
     (path,) = dumps_in(tmp_path)
     assert path.name.endswith("-crash.mcap")
@@ -266,7 +266,7 @@ def test_a_daemon_that_dies_with_an_answer_unread_leaves_its_last_minute(
     shared: SharedMemory, tmp_path: Path
 ) -> None:
     """The helper is told of a reset before it is told of the end."""
-    child = start_here("litegripd.io.helper_main", memory_fd=shared.fd)
+    child = start_here("litegripd.io.helper.main", memory_fd=shared.fd)
     assert child.send(json.dumps([1, "calibration.templates", {}]).encode())
     assert select.select([child.socket], [], [], DEADLINE_S)[0]
     child.close(DEADLINE_S)

@@ -8,11 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.atomic_file import FileError
-from litegripd.io.calibration_files import MAX_FILE_BYTES, find_calibration
-from litegripd.io.child import MAX_PACKET_BYTES, Child, start_here
-from litegripd.io.helper_main import OPERATIONS
-from litegripd.io.saved_files import load_motion, save_calibration, save_motion
+from litegripd.io.helper.atomic_file import FileError
+from litegripd.io.helper.child import MAX_PACKET_BYTES, Child, start_here
+from litegripd.io.helper.files import (
+    MAX_FILE_BYTES,
+    find_calibration,
+    load_motion,
+    save_calibration,
+    save_motion,
+)
+from litegripd.io.helper.main import OPERATIONS
 from litegripd.model.calibration import CalibrationError, from_plain
 from tests.io.disk import Disk
 
@@ -205,7 +210,7 @@ def test_motion_settings_that_could_not_be_read_back_are_not_written(
 
 @pytest.fixture
 def helper() -> Iterator[Child]:
-    child = start_here("litegripd.io.helper_main")
+    child = start_here("litegripd.io.helper.main")
     yield child
     child.close()
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.child import Child
-from litegripd.io.helper import Helper
-from litegripd.io.spawner import Spawner
+from litegripd.io.helper.child import Child
+from litegripd.io.helper.helper import Helper
+from litegripd.io.helper.spawner import Spawner
 
 DEADLINE_S = 30.0
 MODULE = "tests.io.helper_for_tests"
@@ -123,7 +123,7 @@ def test_a_process_holds_no_end_of_another_pair(spawner: Spawner) -> None:
 
 
 def test_a_start_that_fails_says_why(spawner: Spawner, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("litegripd.io.child._PYTHON", "/no/such/python")
+    monkeypatch.setattr("litegripd.io.helper.child._PYTHON", "/no/such/python")
     with pytest.raises(OSError, match="No such file"):
         Spawner()
     child = spawner.start(MODULE, ["\0"])  # no argument can have one

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from litegripd.io import standard_error
-from litegripd.io.standard_error import BoundedHandler, LineWriter
+from litegripd.io import log as log_module
+from litegripd.io.log import BoundedHandler, LineWriter
 
 DEADLINE_S = 30.0
 
@@ -85,7 +85,7 @@ def test_a_full_pipe_keeps_nobody_waiting_and_what_is_lost_is_said(pipe: tuple[i
     assert time.monotonic() - began_s < 10.0
     until(lambda: lines.is_stuck)
     lost = lines.lost
-    assert 400 - lost == pytest.approx(standard_error.MOST_WAITING_BYTES // 1000, abs=2)
+    assert 400 - lost == pytest.approx(log_module.MOST_WAITING_BYTES // 1000, abs=2)
     found = b""
     while not lines.finish(0.05):
         found += empty(reader)
@@ -132,7 +132,7 @@ def test_the_control_process_drops_a_line_that_is_not_taken(pipe: tuple[int, int
         began_s = time.monotonic()
         for number in range(100):
             log.error("line %d", number)
-        assert time.monotonic() - began_s < 20 * standard_error.WRITE_WITHIN_S
+        assert time.monotonic() - began_s < 20 * log_module.WRITE_WITHIN_S
         empty(reader)
         log.error("the last one")
         assert os.read(reader, 1000) == b"the last one\n"

@@ -14,13 +14,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.io.listener import listen
-from litegripd.io.stop_listener import (
+from litegripd.io.loop import Urgent
+from litegripd.io.sockets import listen
+from litegripd.io.stop_socket import (
     MAX_STOP_CONNECTIONS,
     MAX_STOP_LINE_BYTES,
     StopListener,
 )
-from litegripd.io.urgent import Urgent
 from litegripd.model.jobs import STOP_LEVELS, Owner, StopLevel
 from litegripd.rpc.line_kinds import StopLine, stop_in
 

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.control.teleop.link import Link
-from litegripd.io.child import Child
+from litegripd.io.helper.child import Child
 from litegripd.io.teleop_link_main import Flood, Station
 from litegripd.io.teleop_links import ProcessLink, TeleopLinks
 from litegripd.io.teleop_wire import (

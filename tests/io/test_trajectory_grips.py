@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.io.atomic_file import FileSystem
+from litegripd.io.helper.atomic_file import FileSystem
 from tests.io.test_trajectory_store import LONG, RECORDED, TAUGHT, Rig
 from tests.trajectories import HEADER_BYTES, lgt, pieces, sampled, swing
 

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from litegripd.io.atomic_file import FileSystem
-from litegripd.io.child import MAX_PACKET_BYTES, start_here
+from litegripd.io.helper.atomic_file import FileSystem
+from litegripd.io.helper.child import MAX_PACKET_BYTES, start_here
 from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.trajectory import MAX_BYTES, MAX_NAME, PIECE_BYTES
@@ -357,7 +357,7 @@ def test_a_file_that_changes_is_judged_anew(rig: Rig) -> None:
 
 def test_the_helper_process_does_all_this(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
-    child = start_here("litegripd.io.helper_main")
+    child = start_here("litegripd.io.helper.main")
 
     def ask(which: str, /, **parameters: Any) -> dict[str, Any]:
         packet = json.dumps([1, f"trajectory.{which}", parameters]).encode()

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from litegripd.io import server as server_module
-from litegripd.io.peer import peer_of
 from litegripd.io.server import Server
+from litegripd.io.sockets import peer_of
 from litegripd.rpc.sessions import Peer, Session
 from tests.io.loop import Loop, line
 

@@ -12,7 +12,7 @@ from jsonschema import ValidationError
 import litegripd
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
-from litegripd.io.bus import BusSettings
+from litegripd.io.can.bus import BusSettings
 from litegripd.rpc.methods import METHODS
 from litegripd.rpc.openrpc import NOTIFICATIONS
 from litegripd.rpc.schema import Schemas, Shape

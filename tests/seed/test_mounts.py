@@ -138,7 +138,7 @@ def test_a_template_that_cannot_be_read_raises_instead_of_falling_back(
     write_file(broken / "factory.json", "normal", channel="can0")
     if damage != "missing":
         (broken / "reverse.json").write_text("{", encoding="utf-8")
-    monkeypatch.setattr("litegripd.io.calibration_files.DATA", broken)
+    monkeypatch.setattr("litegripd.io.helper.files.DATA", broken)
     site.add(Daemon(mount="reverse", calibrated=False))
     with LiteGrip("can0") as gripper:
         for choose in (

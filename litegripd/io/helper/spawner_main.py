@@ -10,7 +10,7 @@ import os
 import select
 import socket
 
-from litegripd.io.child import (
+from litegripd.io.helper.child import (
     MAX_PACKET_BYTES,
     inherited_socket,
     receive_descriptors,

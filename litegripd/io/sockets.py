@@ -1,6 +1,14 @@
-"""The daemon's places in the system: its socket file, and the lock that makes it the only one."""
+"""The places of the daemon in the system: its sockets and the locks that make it the only one.
 
+A name in the abstract socket namespace can be taken by anybody; a lock file in the run directory
+only by users who may run its daemon, so both are held. The three sockets (`Places`: the claim on
+the channel, the stop socket, the socket of all other requests) are handed to a successor and are
+never closed in between, so no attempt to connect fails while one process takes another's place.
+"""
+
+import ctypes
 import errno
+import fcntl
 import grp
 import hashlib
 import logging
@@ -12,15 +20,66 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from litegripd.io.channel_lock import (
-    RUN_DIRECTORY,
-    ChannelLock,
-    LockedError,
-    lock_channel,
-    lock_path,
-)
+from litegripd.rpc.sessions import Peer
 
 _log = logging.getLogger(__name__)
+
+RUN_DIRECTORY = Path("/run/litegripd")
+_MODE = 0o600
+
+
+class LockedError(RuntimeError):
+    """Another process holds the lock."""
+
+
+class ChannelLock:
+    """The lock of one claim, held as long as any process has `descriptor` open."""
+
+    def __init__(self, descriptor: int, path: Path) -> None:
+        self.descriptor = descriptor
+        self._path = path
+
+    def remove(self) -> None:
+        """Remove the file, while it is locked: at the end of a daemon that has no successor."""
+        self._path.unlink(missing_ok=True)
+
+    def close(self) -> None:
+        """Close the descriptor."""
+        os.close(self.descriptor)
+
+
+def lock_path(claim: str) -> Path:
+    """Return the lock's file for a claim; CAN interfaces belong to a network namespace."""
+    namespace = Path("/proc/self/ns/net").stat().st_ino
+    digest = hashlib.sha256(f"{namespace}/{claim}".encode()).hexdigest()
+    return RUN_DIRECTORY / f"{digest[:32]}.lock"
+
+
+def lock_channel(claim: str) -> ChannelLock | None:
+    """Take the lock of a claim; None where this user may not use the run directory.
+
+    Raises `LockedError` where another process has it.
+    """
+    path = lock_path(claim)
+    while True:
+        try:
+            path.parent.mkdir(mode=0o755, exist_ok=True)
+            flags = os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+            descriptor = os.open(path, flags, _MODE)
+        except OSError as error:
+            _log.debug("there is no lock in %s: %s", path.parent, error)
+            return None
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.fstat(descriptor).st_ino == path.stat().st_ino:
+                return ChannelLock(descriptor, path)
+        except BlockingIOError:
+            os.close(descriptor)
+            raise LockedError from None
+        except FileNotFoundError:
+            _log.debug("%s was removed by its last owner just now", path)
+        os.close(descriptor)
+
 
 SOCKET_MODE = 0o660
 LISTEN_BACKLOG = 128
@@ -293,3 +352,119 @@ def _group_of(path: Path) -> str:
         return grp.getgrgid(gid).gr_name
     except KeyError:
         return str(gid)
+
+
+_SOCKETS = 3
+STOP_ENDING = ".stop.sock"
+
+
+@dataclass(frozen=True, slots=True)
+class Places:
+    """The sockets, and the paths of those that have one."""
+
+    claim: ChannelClaim
+    stops: socket.socket
+    requests: socket.socket
+    stop_path: Path
+    path: Path
+
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """What a successor gets."""
+        sockets = (self.claim.fileno(), self.stops.fileno(), self.requests.fileno())
+        return (*sockets, *self.claim.descriptors)
+
+    def name_owner(self) -> None:
+        """Let the kernel name this process to whoever asks who listens."""
+        self.claim.name_owner()
+        for listener in (self.stops, self.requests):
+            listener.listen(LISTEN_BACKLOG)
+
+    def remove(self) -> None:
+        """Remove the files; the sockets are closed by those who serve them."""
+        for path in (self.path, self.stop_path):
+            path.unlink(missing_ok=True)
+        self.claim.remove()
+
+
+def occupy(interface: str, channel: str, path: Path, group: str | None) -> Places:
+    """Take the places; raises `InUseError` where one belongs to another process."""
+    if path.name.endswith(STOP_ENDING):
+        raise InUseError(f"{path}: names that end in {STOP_ENDING} are kept for stop sockets")
+    claim = ChannelClaim(interface, channel)
+    stop_path = stop_socket_path(path)
+    # In this order, so that whoever has reached the one can stop by the other.
+    try:
+        stops, requests = listen_on_all((stop_path, path), group)
+    except InUseError:
+        claim.remove()
+        claim.close()
+        raise
+    return Places(claim, stops, requests, stop_path, path)
+
+
+def take_over(interface: str, channel: str, path: Path, descriptors: Sequence[int]) -> Places:
+    """Make the places of what a predecessor has handed over."""
+    *sockets, lock = (*descriptors, None) if len(descriptors) == _SOCKETS else descriptors
+    claim, stops, requests = (socket.socket(fileno=descriptor) for descriptor in sockets)
+    claimed = ChannelClaim(interface, channel, claim, lock)
+    return Places(claimed, stops, requests, stop_socket_path(path), path)
+
+
+def stop_socket_path(path: Path) -> Path:
+    """Return where stops are taken: `can0.stop.sock` beside `can0.sock`."""
+    return path.parent / f"{path.name.removesuffix('.sock')}{STOP_ENDING}"
+
+
+SO_PEERGROUPS = 59
+"""Of Linux 4.13 and later; the standard library has no name for it."""
+
+_GID_BYTES = 4
+_COMM_BYTES = 128  # more than any process is called, kernel threads included
+
+_libc = ctypes.CDLL(None)
+_libc.getsockopt.argtypes = (
+    ctypes.c_int,
+    ctypes.c_int,
+    ctypes.c_int,
+    ctypes.c_void_p,
+    ctypes.POINTER(ctypes.c_uint32),
+)
+
+
+def peer_of(connected: socket.socket) -> Peer:
+    """Return who connected, with the groups that the process had when it did."""
+    credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
+    pid, uid, gid = _UCRED.unpack(credentials)
+    return Peer(pid, uid, gid, _program(pid), _groups(connected))
+
+
+def _program(pid: int) -> str:
+    """Return the name of a process as /proc tells it, in which only printable characters are.
+
+    By plain system calls: a file object costs seven times as much, and every connection pays.
+    """
+    try:
+        fd = os.open(f"/proc/{pid}/comm", os.O_RDONLY)
+        try:
+            name = os.read(fd, _COMM_BYTES)
+        finally:
+            os.close(fd)
+    except OSError:
+        return "?"  # ended meanwhile, or in another pid namespace
+    text = name.decode("utf-8", errors="replace").strip()
+    return "".join(c if c.isprintable() else "?" for c in text)
+
+
+def _groups(connected: socket.socket) -> tuple[int, ...]:
+    """Return the supplementary groups, however many; none where the kernel does not tell them.
+
+    `socket.getsockopt` takes at most 1024 bytes, which a user of a large directory may exceed.
+    """
+    size = ctypes.c_uint32(0)
+    question = (connected.fileno(), socket.SOL_SOCKET, SO_PEERGROUPS)
+    _libc.getsockopt(*question, None, ctypes.byref(size))  # refused, but now `size` is known
+    groups = (ctypes.c_uint32 * (size.value // _GID_BYTES))()
+    if _libc.getsockopt(*question, groups, ctypes.byref(size)) != 0:
+        return ()
+    return tuple(groups)

@@ -12,13 +12,18 @@ import os
 import select
 from collections.abc import Sequence
 
-from litegripd.io.child import MAX_PACKET_BYTES, Child, receive_descriptors, socket_pair, start_here
-from litegripd.io.helper import Helper
-from litegripd.io.helper_requests import HelperResult
+from litegripd.io.helper.child import (
+    MAX_PACKET_BYTES,
+    Child,
+    receive_descriptors,
+    socket_pair,
+    start_here,
+)
+from litegripd.io.helper.helper import Helper, HelperResult
 
 _log = logging.getLogger(__name__)
 
-MODULE = "litegripd.io.spawner_main"
+MODULE = "litegripd.io.helper.spawner_main"
 OPERATION = "spawner.start"
 """The helper's operation that starts another spawner."""
 

@@ -5,9 +5,18 @@ from collections.abc import Sequence
 
 import can
 
-from litegripd.io.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
-from litegripd.io.bus_errors import condition_of, not_opened, told_by
-from litegripd.io.messages import describe, open_bus, to_frame, to_message
+from litegripd.io.can.bus import (
+    MAX_FRAMES_PER_TICK,
+    BusCounters,
+    BusSettings,
+    condition_of,
+    describe,
+    not_opened,
+    open_bus,
+    to_frame,
+    to_message,
+    told_by,
+)
 from litegripd.model.bus import NOT_OPENED, UP, BusCondition
 from litegripd.model.frame import CanFrame
 

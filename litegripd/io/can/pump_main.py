@@ -15,11 +15,9 @@ from typing import NoReturn
 
 import can
 
-from litegripd.io.bus import BusSettings
-from litegripd.io.bus_errors import condition_of
-from litegripd.io.child import inherited_socket, next_packet, use_all_cpus
-from litegripd.io.messages import describe, open_bus, to_frame, to_message
-from litegripd.io.pumped_bus import pack_frames, unpack_order
+from litegripd.io.can.bus import BusSettings, condition_of, describe, open_bus, to_frame, to_message
+from litegripd.io.can.pumped import pack_frames, unpack_order
+from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.model.frame import CanFrame
 
 _READ_TIMEOUT_S = 0.05

@@ -1,4 +1,4 @@
-"""Tells the service manager how the daemon fares, where there is one that listens (sd_notify).
+"""Notifications to the service manager, where one listens (sd_notify).
 
 The protocol is one datagram of lines `NAME=value` to the socket that NOTIFY_SOCKET names.
 """

@@ -9,12 +9,12 @@ import socket
 import struct
 from collections.abc import Callable, Sequence
 
-from litegripd.io.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
-from litegripd.io.child import Child, start_here
+from litegripd.io.can.bus import MAX_FRAMES_PER_TICK, BusCounters, BusSettings
+from litegripd.io.helper.child import Child, start_here
 from litegripd.model.bus import NOT_OPENED, UP, BusCondition
 from litegripd.model.frame import CanFrame
 
-MODULE = "litegripd.io.pump_main"
+MODULE = "litegripd.io.can.pump_main"
 _RESTART_FIRST_S = 0.5
 _RESTART_AT_MOST_S = 5.0
 _END_WITHIN_S = 0.5

@@ -1,17 +1,17 @@
-"""The stop socket: whatever is said to it is a stop, in whatever form; nothing else is done here.
+"""The stop socket: every line sent to it is a stop, in any form; nothing else is done here.
 
 It is served before everything else in every tick, so that no flood on the other socket can delay
-it. What it is told is read leniently: who cannot spell still gets the jaws stopped.
+it. Its lines are read leniently: a client that cannot spell still gets the jaws stopped.
 """
 
 import logging
+import resource
 import socket
 from collections.abc import Callable
 from typing import TypeAlias
 
-from litegripd.io.listener import LISTEN_BACKLOG
-from litegripd.io.peer import peer_of
-from litegripd.io.urgent import Urgent
+from litegripd.io.loop import Urgent
+from litegripd.io.sockets import LISTEN_BACKLOG, peer_of
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.rpc.jsonrpc import encode, error_line, result_line
@@ -180,3 +180,42 @@ class StopConnection:
             self._socket.send(line)
         except OSError as error:
             _log.debug("%s takes no answer to its stop: %s", self._owner.program, error)
+
+
+OWN = 64  # for sockets, files, timers, links and child processes
+PER_CLIENT = 2  # its connection, and what tells that its process has ended
+LEAST_CLIENTS = 16
+
+
+class TooFewDescriptorsError(OSError):
+    """The process may not open enough files; the message says how many it needs."""
+
+
+def clients_within_limit(wanted: int) -> int:
+    """Raise the limit of open files where that is needed and allowed; return how many clients fit.
+
+    Returns `wanted` at most. Raises `TooFewDescriptorsError` where there is hardly room for any.
+    """
+    reserved = OWN + MAX_STOP_CONNECTIONS
+    enough = reserved + PER_CLIENT * wanted
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    limit = _larger(soft, _smaller(hard, enough))
+    if limit != soft:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))
+    clients = (_smaller(limit, enough) - reserved) // PER_CLIENT
+    if clients < LEAST_CLIENTS:
+        raise TooFewDescriptorsError(
+            f"this process may open {hard} files, and needs {reserved + PER_CLIENT * LEAST_CLIENTS}"
+            f" at least ({enough} for {wanted} clients), some of them for stops: raise the limit"
+            " (LimitNOFILE= of the unit, or ulimit -n)"
+        )
+    return clients
+
+
+def _larger(one: int, other: int) -> int:
+    return resource.RLIM_INFINITY if resource.RLIM_INFINITY in (one, other) else max(one, other)
+
+
+def _smaller(one: int, other: int) -> int:
+    finite = [limit for limit in (one, other) if limit != resource.RLIM_INFINITY]
+    return min(finite)

@@ -16,8 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from litegripd.io.calibration_files import load_operation, templates_operation
-from litegripd.io.child import (
+from litegripd.io.helper.child import (
     CHILD_FD,
     MAX_PACKET_BYTES,
     MEMORY_FD,
@@ -27,11 +26,17 @@ from litegripd.io.child import (
     spawn,
     use_all_cpus,
 )
-from litegripd.io.helper import GOODBYE, LOG, LOG_STATE
-from litegripd.io.saved_files import load_motion, save_calibration, save_motion
-from litegripd.io.spawner import MODULE as SPAWNER
-from litegripd.io.spawner import OPERATION as START_SPAWNER
-from litegripd.io.standard_error import LineWriter
+from litegripd.io.helper.files import (
+    load_motion,
+    load_operation,
+    save_calibration,
+    save_motion,
+    templates_operation,
+)
+from litegripd.io.helper.helper import GOODBYE, LOG, LOG_STATE
+from litegripd.io.helper.spawner import MODULE as SPAWNER
+from litegripd.io.helper.spawner import OPERATION as START_SPAWNER
+from litegripd.io.log import LineWriter
 from litegripd.io.trajectory_owners import Limits
 from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.calibration import Dumped

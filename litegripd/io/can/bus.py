@@ -1,0 +1,195 @@
+"""The CAN bus as the control thread uses it: frames out and in, without ever waiting.
+
+Two kinds share one shape, `FrameBus`: an adapter that may be read in the control thread (`direct`)
+and one that can block and is therefore driven by a process of its own (`pumped`). Neither raises:
+a failure becomes its `condition`, a name and a sentence.
+"""
+
+import errno
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Protocol
+
+import can
+import can.bus
+
+from litegripd.model.bus import BusCondition, BusState
+from litegripd.model.frame import CanFrame
+
+DIRECT_INTERFACES = ("socketcan", "virtual", "litegrip_sim")
+"""python-can interfaces whose send and recv(0) never block."""
+
+IN_PROCESS_INTERFACES = ("virtual", "litegrip_sim")
+"""Those whose bus, and what is on it, ends with the process."""
+
+MAX_FRAMES_PER_TICK = 256
+"""More than a fully loaded 1 Mbit/s bus carries in 10 ms, the longest period: nothing that is old
+counts as new. What a stall has left waiting is caught up with in a few periods."""
+
+_FRAME_OVERHEAD_BITS = 47  # start, id, control, CRC, ACK, end and interframe space
+_STUFFING = 1.1  # the average share of stuff bits on top
+
+
+@dataclass(frozen=True, slots=True)
+class BusSettings:
+    """What python-can is given: `options` are the interface's own keyword arguments."""
+
+    interface: str
+    channel: str
+    bitrate: int
+    options: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(slots=True)
+class BusCounters:
+    """What has passed since the daemon's start; `bits` estimates the load both ways."""
+
+    sent: int = 0
+    received: int = 0
+    send_failures: int = 0
+    """Frames lost since the bus was open for the first time."""
+    ignored: int = 0
+    """Remote, extended and CAN FD frames, and lines of an adapter that are no frames."""
+    error_frames: int = 0
+    errors: int = 0
+    reopened: int = 0
+    """How often it was opened after that; attempts that fail do not count."""
+    bits: float = 0.0
+
+    def count(self, frame: CanFrame) -> None:
+        """Add one frame to the load."""
+        self.bits += (_FRAME_OVERHEAD_BITS + 8 * len(frame.data)) * _STUFFING
+
+
+class FrameBus(Protocol):
+    """A CAN bus seen from the control thread."""
+
+    counters: BusCounters
+    condition: BusCondition
+
+    def receive(self, now_s: float) -> list[CanFrame]:
+        """Return what has come since the last call; opens the bus again when that is due."""
+
+    def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
+        """Hand `frames` over in this order."""
+
+    def close(self) -> None:
+        """Let go of the adapter."""
+
+    def stand_by(self, now_s: float) -> None:
+        """Open what a successor opens for itself, and drop what comes until it takes over."""
+
+    def hand_over(self) -> tuple[tuple[int, ...], int]:
+        """Return what a successor goes on with: descriptors, and the pump's pid (0: none)."""
+
+    def take_over(self, descriptors: Sequence[int], pid: int) -> None:
+        """Go on with what the predecessor has handed over."""
+
+    def leave(self) -> None:
+        """Close our end of what a successor has taken over."""
+
+
+BUS_OFF = 0x40
+RESTARTED = 0x100
+"""Classes of an error frame, in its id (linux/can/error.h)."""
+
+_STATES: dict[int, BusState] = {
+    errno.ENETDOWN: "link_down",
+    errno.ENODEV: "adapter_gone",
+    errno.ENXIO: "adapter_gone",
+    errno.ENOENT: "adapter_gone",
+    errno.EBADF: "adapter_gone",
+    errno.ENOBUFS: "bus_stalled",
+    errno.EAGAIN: "bus_stalled",
+}
+
+
+_UNOPENED = {
+    errno.ENODEV: "there is no network interface {channel}",
+    errno.EAFNOSUPPORT: "this system has no CAN sockets: load them by 'sudo modprobe can_raw' (of a"
+    " container, on its host); a kernel without that module cannot use SocketCAN",
+}
+"""What the errors of SocketCAN's socket mean."""
+
+
+def code_of(error: BaseException) -> int | None:
+    """Return the system's error number of an error or of what caused it, where there is one."""
+    seen: BaseException | None = error
+    while seen is not None:
+        code = getattr(seen, "error_code", None) or getattr(seen, "errno", None)
+        if isinstance(code, int):
+            return code
+        seen = seen.__cause__ or seen.__context__
+    return None
+
+
+def condition_of(error: BaseException, text: str, channel: str) -> BusCondition:
+    """Name what was raised; a device file that is no longer there is an adapter that is gone."""
+    if "buffer full" in str(error):
+        return BusCondition("bus_stalled", text)
+    is_missing = channel.startswith("/") and not Path(channel).exists()
+    state = _STATES.get(code_of(error) or 0, "down")
+    return BusCondition("adapter_gone" if is_missing else state, text)
+
+
+def not_opened(error: BaseException, text: str, interface: str, channel: str) -> BusCondition:
+    """Name what opening a bus has raised, in words where the system's own do not tell."""
+    condition = condition_of(error, f"cannot be opened: {text}", channel)
+    why = _UNOPENED.get(code_of(error) or 0)
+    if interface != "socketcan" or why is None:
+        return condition
+    return BusCondition(
+        condition.state, f"cannot be opened: {why.format(channel=channel)} ({text})"
+    )
+
+
+def told_by(message: can.Message) -> BusState | None:
+    """Return the state that an error frame tells of, if any: `bus_off`, or `up` when over."""
+    if not message.is_error_frame:
+        return None
+    if message.arbitration_id & RESTARTED:
+        return "up"
+    return "bus_off" if message.arbitration_id & BUS_OFF else None
+
+
+# python-can asks the time of day how long `recv` still has to wait: were it set back by an hour in
+# the middle of a `recv(0)`, that would wait for an hour, in the control thread.
+can.bus.time = time.monotonic  # type: ignore[attr-defined]
+
+
+def open_bus(settings: BusSettings) -> can.BusABC:
+    """Open the bus by python-can; raises whatever its interface raises.
+
+    `ignore_config` keeps a stray python-can configuration file from changing the bus.
+    """
+    return can.Bus(
+        interface=settings.interface,
+        channel=settings.channel,
+        bitrate=settings.bitrate,
+        ignore_config=True,
+        **settings.options,
+    )
+
+
+def to_message(frame: CanFrame) -> can.Message:
+    """Make python-can's message of a frame."""
+    return can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=False)
+
+
+def to_frame(message: can.Message) -> CanFrame | None:
+    """Make a frame of a message; None for every kind that is not a classic data frame.
+
+    Error frames go first: their ids are masked to 11 bits and can equal the feedback id.
+    """
+    if message.is_error_frame or message.is_remote_frame or message.is_extended_id or message.is_fd:
+        return None
+    return CanFrame(message.arbitration_id, bytes(message.data))
+
+
+def describe(error: BaseException) -> str:
+    """Say in one line what python-can raised, with the system's error number where it has one."""
+    code = getattr(error, "error_code", None)
+    text = str(error) or type(error).__name__
+    return text if code is None else f"{text} (error {code})"

@@ -1,0 +1,520 @@
+"""The one loop of the control thread: a tick first, then a bounded share of requests.
+
+The loop never starts a request that could run into the next tick, and never gives requests more
+than their share of a period: a flood at real-time priority would run into the kernel's
+real-time throttle, which stops the process for 50 ms in every second. What is not served waits in
+the kernel's socket buffers. Stops and signals (`Urgent`) are served first in every tick and do
+not wait behind a flood of requests.
+"""
+
+import ctypes
+import logging
+import os
+import select
+import signal
+import socket
+import time
+from collections.abc import Callable, Mapping, Sequence
+from types import FrameType
+from typing import Protocol
+
+from litegripd.io.realtime import GarbageCollector
+from litegripd.rpc.facts import Durations
+
+_log = logging.getLogger(__name__)
+
+_CLOCK_MONOTONIC = 1
+_TFD_TIMER_ABSTIME = 1
+_TFD_CLOEXEC = os.O_CLOEXEC
+_NS_PER_S = 1_000_000_000
+
+
+class _Timespec(ctypes.Structure):
+    _fields_ = (("tv_sec", ctypes.c_long), ("tv_nsec", ctypes.c_long))
+
+
+class _Itimerspec(ctypes.Structure):
+    _fields_ = (("it_interval", _Timespec), ("it_value", _Timespec))
+
+
+_libc = ctypes.CDLL(None, use_errno=True)
+
+
+def _timespec(nanoseconds: int) -> _Timespec:
+    return _Timespec(nanoseconds // _NS_PER_S, nanoseconds % _NS_PER_S)
+
+
+def _check(result: int) -> int:
+    if result < 0:
+        number = ctypes.get_errno()
+        raise OSError(number, os.strerror(number))
+    return result
+
+
+class PeriodicTimer:
+    """Fires at `first_s + n * period_s` of CLOCK_MONOTONIC, however late it is read.
+
+    By default it first fires one period from now.
+    `wait()` blocks until the next firing and returns how many have passed since the last call;
+    the descriptor may also be polled. Raises `OSError` where the kernel refuses.
+    """
+
+    def __init__(self, period_s: float, first_s: float | None = None) -> None:
+        period_ns = round(period_s * _NS_PER_S)
+        given_ns = None if first_s is None else round(first_s * _NS_PER_S)
+        first_ns = given_ns or time.monotonic_ns() + period_ns
+        self.period_s = period_ns / _NS_PER_S
+        self._first_ns = first_ns
+        self._period_ns = period_ns
+        self._fired = 0
+        self._at_once = 0
+        self._fd = _check(_libc.timerfd_create(_CLOCK_MONOTONIC, _TFD_CLOEXEC))
+        spec = _Itimerspec(_timespec(period_ns), _timespec(first_ns))
+        _check(_libc.timerfd_settime(self._fd, _TFD_TIMER_ABSTIME, ctypes.byref(spec), None))
+
+    def fileno(self) -> int:
+        """Return the descriptor, readable when a firing is due."""
+        return self._fd
+
+    def wait(self) -> int:
+        """Block until a firing is due; return the number of firings since the last call."""
+        count = int.from_bytes(os.read(self._fd, 8), "little")
+        self._fired += count
+        self._at_once = count
+        return count
+
+    @property
+    def first_due_s(self) -> float:
+        """When the first of the firings that the last `wait` has returned was due."""
+        return (self._first_ns + (self._fired - self._at_once) * self._period_ns) / _NS_PER_S
+
+    @property
+    def last_due_s(self) -> float:
+        """When the latest firing that `wait` has returned was due."""
+        return (self._first_ns + (self._fired - 1) * self._period_ns) / _NS_PER_S
+
+    @property
+    def next_due_s(self) -> float:
+        """When the next firing is due."""
+        return (self._first_ns + self._fired * self._period_ns) / _NS_PER_S
+
+    def close(self) -> None:
+        """Give the descriptor back."""
+        os.close(self._fd)
+
+
+_BUCKET_S = 10e-6
+_BUCKETS = 1000  # 10 ms; what is longer counts as the last bucket, the worst is kept exactly
+
+
+class LatenessMeter:
+    """A histogram of durations in steps of 10 µs up to 10 ms, with the exact worst."""
+
+    def __init__(self) -> None:
+        self._counts = [0] * _BUCKETS
+        self._total = 0
+        self.worst_s = 0.0
+
+    def add(self, duration_s: float) -> None:
+        """Count one duration; a negative one counts as zero."""
+        index = int(duration_s / _BUCKET_S)
+        self._counts[min(max(index, 0), _BUCKETS - 1)] += 1
+        self._total += 1
+        self.worst_s = max(self.worst_s, duration_s)
+
+    def percentiles_s(self, fractions: Sequence[float]) -> list[float | None]:
+        """Return the upper edge of the bucket that holds each fraction (0 to 1), ascending.
+
+        The edge never exceeds the worst value seen; None before the first value.
+        """
+        if not self._total:
+            return [None] * len(fractions)
+        edges: list[float | None] = []
+        seen = 0
+        index = -1
+        for fraction in fractions:
+            wanted = fraction * self._total
+            while seen < wanted:
+                index += 1
+                seen += self._counts[index]
+            edges.append(min((index + 1) * _BUCKET_S, self.worst_s))
+        return edges
+
+    def summary_us(self) -> Durations:
+        """Return p50, p99, p99.9 and the worst in microseconds."""
+        p50_s, p99_s, p99_9_s = self.percentiles_s((0.5, 0.99, 0.999))
+        return {
+            "p50_us": _us(p50_s),
+            "p99_us": _us(p99_s),
+            "p99_9_us": _us(p99_9_s),
+            "worst_us": _us(self.worst_s if self._total else None),
+        }
+
+
+def _us(duration_s: float | None) -> float | None:
+    return None if duration_s is None else round(duration_s * 1e6, 1)
+
+
+class RecentLateness:
+    """The durations of the last one to two windows, for a verdict about the present."""
+
+    def __init__(self, window_s: float) -> None:
+        self._window_s = window_s
+        self._ends_s: float | None = None
+        self._current = LatenessMeter()
+        self._previous = LatenessMeter()
+
+    def add(self, now_s: float, duration_s: float) -> None:
+        """Count one duration."""
+        if self._ends_s is None:
+            self._ends_s = now_s + self._window_s
+        if now_s >= self._ends_s:
+            self._previous, self._current = self._current, LatenessMeter()
+            self._ends_s = now_s + self._window_s
+        self._current.add(duration_s)
+
+    def worst_s(self) -> float:
+        """Return the longest duration of the two windows; 0 before the first."""
+        return max(self._previous.worst_s, self._current.worst_s)
+
+    def p99_s(self) -> float | None:
+        """Return the 99th percentile of the worse of the two windows; None before the first."""
+        found = [
+            value
+            for meter in (self._previous, self._current)
+            for value in meter.percentiles_s((0.99,))
+            if value is not None
+        ]
+        return max(found, default=None)
+
+
+REQUEST_SHARE = 0.5  # of each period
+SPARE_SHARE = 0.25
+"""Of each period: so much longer light requests are served once a flood has used up its share."""
+GUARD_S = 150e-6  # no request starts closer than this to the next tick
+_EVENTS_PER_POLL = 16
+RECENT_S = 30.0
+ROOM_SHARE = 0.1  # of a period: less than this between two ticks is no room for requests
+STARVED_AFTER_S = 0.1
+"""After so long without room, one share is served although a tick is due: a loop whose ticks take
+longer than its period must still hear a stop and SIGTERM."""
+
+
+class Handler(Protocol):
+    """What a descriptor is registered with; `mask` holds the `select.EPOLL*` bits."""
+
+    def on_event(self, mask: int) -> None:
+        """Do what is ready, without waiting."""
+
+
+class Backlog(Protocol):
+    """Requests that were read but not yet answered."""
+
+    @property
+    def pending(self) -> bool:
+        """Whether anything is left."""
+
+    def serve(self, until_s: float) -> None:
+        """Answer some of it by `until_s`; it is called again while there is time."""
+
+    @property
+    def pending_light(self) -> bool:
+        """Whether anything is left of who has used little time."""
+
+    def serve_light(self, until_s: float) -> None:
+        """Answer some of that by `until_s`, though the share of all requests is used up."""
+
+
+class Reactor:
+    """Calls `on_tick(now_s)` at an absolute rate, serves descriptors and `backlog` in between.
+
+    An exception in a handler is logged and its descriptor forgotten; one in the tick or in the
+    backlog is logged once and counted: none ends the loop.
+    """
+
+    def __init__(self, period_s: float, on_tick: Callable[[float], None]) -> None:
+        self.period_s = period_s
+        self.backlog: Backlog | None = None
+        self.lateness = LatenessMeter()
+        self.recent_lateness = RecentLateness(RECENT_S)
+        self.tick_cost = LatenessMeter()
+        self.late_s = 0.0
+        self.ticks = 0
+        self.lost_ticks = 0
+        self.tick_errors = 0
+        self.backlog_errors = 0
+        self.budget_exhausted = 0
+        self.late_shares = 0
+        self.next_tick_s = 0.0
+        self._had_room_s = 0.0
+        self._on_tick = on_tick
+        self._epoll = select.epoll()
+        self._handlers: dict[int, Handler] = {}
+        self._running = False
+        self._collector = GarbageCollector()
+
+    def add(self, fd: int, handler: Handler, mask: int = select.EPOLLIN) -> None:
+        """Serve `fd` from now on; raises `OSError` where the kernel refuses."""
+        self._epoll.register(fd, mask)
+        self._handlers[fd] = handler
+
+    def modify(self, fd: int, mask: int) -> None:
+        """Change what `fd` is served for."""
+        self._epoll.modify(fd, mask)
+
+    def remove(self, fd: int) -> None:
+        """Forget `fd`, if it is served; call it before the descriptor is closed."""
+        if self._handlers.pop(fd, None) is not None:
+            self._epoll.unregister(fd)
+
+    def serves(self, fd: int) -> bool:
+        """Whether `fd` is served; one whose handler has failed is not."""
+        return fd in self._handlers
+
+    def stop(self) -> None:
+        """Let `run` return after what it is doing now."""
+        self._running = False
+
+    @property
+    def longest_collection_s(self) -> float:
+        """How long the longest garbage collection took."""
+        return self._collector.longest_s
+
+    def freeze(self) -> None:
+        """Exempt all that lives now from garbage collection, which takes many milliseconds."""
+        self._collector.freeze()
+
+    def run(self, first_tick_s: float | None = None) -> None:
+        """Run until `stop`; the first tick is one period from now, or at `first_tick_s`."""
+        self.freeze()
+        timer = PeriodicTimer(self.period_s, first_tick_s)
+        self.next_tick_s = timer.next_due_s
+        self._epoll.register(timer.fileno(), select.EPOLLIN)
+        self._running = True
+        try:
+            while self._running:
+                self._run_period(timer)
+        finally:
+            self._epoll.unregister(timer.fileno())
+            timer.close()
+            self._collector.thaw()
+
+    def close(self) -> None:
+        """Give the epoll descriptor back."""
+        self._epoll.close()
+
+    def _run_period(self, timer: PeriodicTimer) -> None:
+        """Wait for a tick while serving requests, then do the tick."""
+        latest_s = self._latest_s(timer.next_due_s - GUARD_S)
+        if self._serve_until(latest_s, timer.fileno(), is_late=latest_s > timer.next_due_s):
+            self.budget_exhausted += 1
+        fired = timer.wait()
+        now_s = time.monotonic()
+        self.next_tick_s = timer.next_due_s
+        self.late_s = late_s = now_s - timer.first_due_s  # of lost ticks, the first
+        self.lateness.add(late_s)
+        self.recent_lateness.add(now_s, late_s)
+        self.ticks += fired
+        self.lost_ticks += fired - 1
+        try:
+            self._on_tick(now_s)
+        except Exception:  # noqa: BLE001 - the loop outlives any defect above it
+            self.tick_errors += 1
+            if self.tick_errors == 1:
+                _log.exception("the tick failed; further failures are only counted")
+        ended_s = time.monotonic()
+        self.tick_cost.add(ended_s - now_s)
+        if ended_s < timer.next_due_s - self.period_s / 2:
+            self._collector.collect(ended_s)
+
+    def _latest_s(self, latest_s: float) -> float:
+        """Return until when requests are served; later than `latest_s` only when they starve."""
+        now_s = time.monotonic()
+        if now_s + self.period_s * ROOM_SHARE < latest_s:
+            self._had_room_s = now_s
+        elif now_s - self._had_room_s >= STARVED_AFTER_S:
+            self._had_room_s = now_s
+            self.late_shares += 1
+            return now_s + self.period_s * REQUEST_SHARE
+        return latest_s
+
+    def _serve_until(self, latest_s: float, timer_fd: int, *, is_late: bool) -> bool:
+        """Serve until the timer fires or the share is used up; tell whether it was used up.
+
+        Those who have used little time are served beyond that, as long as there is spare time.
+        With `is_late` what waits is served until `latest_s` although the timer has fired.
+        """
+        left_s = self.period_s * REQUEST_SHARE
+        spare_s = self.period_s * SPARE_SHARE
+        while self._running and left_s + spare_s > 0.0:
+            is_spare = left_s <= 0.0
+            events = self._epoll.poll(0 if self._is_pending(is_spare) else -1, _EVENTS_PER_POLL)
+            started_s = time.monotonic()
+            until_s = min(started_s + (spare_s if is_spare else left_s), latest_s)
+            is_due = False
+            for fd, mask in events:
+                if fd == timer_fd:
+                    is_due = True
+                    continue
+                if time.monotonic() >= until_s:
+                    break
+                self._dispatch(fd, mask)
+            self._serve_backlog(until_s, is_spare)
+            ended_s = time.monotonic()
+            if is_spare:
+                spare_s -= ended_s - started_s
+            else:
+                left_s = max(left_s - (ended_s - started_s), 0.0)
+            is_over = is_due and not (is_late and self._is_pending(is_spare))
+            if is_over or ended_s >= latest_s:
+                break
+        return left_s <= 0.0
+
+    def _is_pending(self, is_spare: bool) -> bool:
+        if self.backlog is None:
+            return False
+        return self.backlog.pending_light if is_spare else self.backlog.pending
+
+    def _serve_backlog(self, until_s: float, is_spare: bool) -> None:
+        if self.backlog is None:
+            return
+        try:
+            if is_spare:
+                self.backlog.serve_light(until_s)
+            else:
+                self.backlog.serve(until_s)
+        except Exception:  # noqa: BLE001 - the loop outlives any defect above it
+            self.backlog_errors += 1
+            if self.backlog_errors == 1:
+                _log.exception("serving a request failed; further failures are only counted")
+
+    def _dispatch(self, fd: int, mask: int) -> None:
+        handler = self._handlers.get(fd)
+        if handler is None:
+            return  # removed by an earlier handler of the same poll
+        try:
+            handler.on_event(mask)
+        except Exception:  # noqa: BLE001 - one descriptor must not end the others
+            _log.exception("the handler of descriptor %d failed; it is no longer served", fd)
+            self.remove(fd)
+
+
+SHARE = 0.1
+"""Of a period; so much of each tick a flood of stops can take at most."""
+
+
+class Urgent:
+    """A row of descriptors of its own; register `fileno()` with the loop, and call `serve` first.
+
+    The descriptors take turns: one that is always ready keeps no other waiting. A handler that
+    fails is asked again: no defect makes the daemon deaf to a stop.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self.errors = 0
+        self._share_s = SHARE * period_s
+        self._epoll = select.epoll()
+        self._handlers: dict[int, Handler] = {}
+
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when any of the registered ones is."""
+        return self._epoll.fileno()
+
+    def add(self, fd: int, handler: Handler) -> None:
+        """Serve `fd` whenever it can be read; raises `OSError` where the kernel refuses."""
+        self._epoll.register(fd, select.EPOLLIN)
+        self._handlers[fd] = handler
+
+    def remove(self, fd: int) -> None:
+        """Forget `fd`, if it is served; call it before the descriptor is closed."""
+        if self._handlers.pop(fd, None) is not None:
+            self._epoll.unregister(fd)
+
+    def serve(self) -> None:
+        """Serve what is ready now, without waiting, within the share of a period."""
+        until_s = time.monotonic() + self._share_s
+        while ready := self._epoll.poll(0, 1):  # one at a time: the kernel lets them take turns
+            self._dispatch(*ready[0])
+            if time.monotonic() >= until_s:
+                return
+
+    def on_event(self, _mask: int) -> None:
+        """Serve between two ticks."""
+        self.serve()
+
+    def close(self) -> None:
+        """Give the epoll descriptor back."""
+        self._epoll.close()
+
+    def _dispatch(self, fd: int, mask: int) -> None:
+        try:
+            self._handlers[fd].on_event(mask)
+        except Exception:  # noqa: BLE001 - one descriptor must not end the others
+            self.errors += 1
+            if self.errors == 1:
+                _log.exception("the handler of descriptor %d failed; it goes on being served", fd)
+
+
+class Signals:
+    """Turns signals into calls from the loop; register `fileno()` with the reactor."""
+
+    def __init__(self, handlers: Mapping[signal.Signals, Callable[[], None]]) -> None:
+        self._handlers = dict(handlers)
+        self._reader, self._writer = socket.socketpair()
+        self._reader.setblocking(False)
+        self._writer.setblocking(False)
+        signal.set_wakeup_fd(self._writer.fileno(), warn_on_full_buffer=False)
+        self._previous = {number: signal.signal(number, _ignore) for number in self._handlers}
+
+    def fileno(self) -> int:
+        """Return the descriptor that is readable when a signal has come."""
+        return self._reader.fileno()
+
+    def on_event(self, _mask: int) -> None:
+        """Call the handlers of the signals that have come."""
+        for number in self._reader.recv(64):
+            handler = self._handlers.get(signal.Signals(number))
+            if handler is not None:
+                handler()
+
+    def close(self) -> None:
+        """Give the signals back to who had them before."""
+        signal.set_wakeup_fd(-1)
+        for number, previous in self._previous.items():
+            signal.signal(number, previous)
+        self._reader.close()
+        self._writer.close()
+
+
+def _ignore(_number: int, _frame: FrameType | None) -> None:
+    """Do nothing: the wake-up descriptor has told the loop already."""
+
+
+class ProcessWatch:
+    """Calls `on_end` once, from the event loop, when process `pid` has ended.
+
+    Raises `OSError` where the process cannot be watched: it has ended already, or is in another
+    pid namespace, whose processes have no number here (pid 0).
+    """
+
+    def __init__(self, reactor: Reactor, pid: int, on_end: Callable[[], None]) -> None:
+        self._reactor = reactor
+        self._on_end = on_end
+        self._pidfd: int | None = os.pidfd_open(pid)
+        try:
+            reactor.add(self._pidfd, self)
+        except OSError:
+            os.close(self._pidfd)
+            raise
+
+    def on_event(self, _mask: int) -> None:
+        """Take note of the end."""
+        self.close()
+        self._on_end()
+
+    def close(self) -> None:
+        """Watch no longer."""
+        if self._pidfd is not None:
+            self._reactor.remove(self._pidfd)
+            os.close(self._pidfd)
+            self._pidfd = None
