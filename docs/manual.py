@@ -15,7 +15,7 @@ from litegrip_client.trajectory_files import DIRECTORY_VARIABLE
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator
 from litegripd.app.config_table import KEYS, TABLES
-from litegripd.sim.commands import help_text
+from litegripd.sim.console import help_text
 
 DATE = "2026-11-21"
 """Of the last change of what the pages say; set by hand."""

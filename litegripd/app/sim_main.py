@@ -16,8 +16,7 @@ from pathlib import Path
 
 import can
 
-from litegripd.sim.commands import Simulator, help_text
-from litegripd.sim.console import Console
+from litegripd.sim.console import Console, Simulator, help_text
 from litegripd.sim.gripper import build_gripper
 from litegripd.sim.parameters import MOUNTS
 from litegripd.sim.server import BusServer, PtyServer, StopSignal

@@ -11,7 +11,7 @@ import heapq
 import math
 
 from litegripd.model.frame import CanFrame
-from litegripd.sim.frame_faults import FrameFaults
+from litegripd.sim.faults import FrameFaults
 from litegripd.sim.gripper import SimulatedGripper
 
 Arrival = tuple[float, CanFrame]

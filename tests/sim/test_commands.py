@@ -8,8 +8,7 @@ import pytest
 
 from litegripd.model.frame import CanFrame
 from litegripd.sim import registers as reg
-from litegripd.sim.commands import TABLE, help_text, parse
-from litegripd.sim.console import Console
+from litegripd.sim.console import TABLE, Console, help_text, parse
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.wire import MotorWire
 from tests.sim.driving import STATUS, decode, write

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.sim.channel import FRAME_TIME_S
-from litegripd.sim.frame_faults import FrameFaults
+from litegripd.sim.faults import FrameFaults
+from litegripd.sim.interface import FRAME_TIME_S
 from tests.sim.driving import command
 from tests.sim.faulty import Rig, code_of
 

@@ -9,9 +9,8 @@ import can
 import pytest
 
 from litegripd.model.frame import CanFrame
-from litegripd.sim.channel import FRAME_TIME_S, QUEUE_FRAMES
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.interface import SimulatedBus
+from litegripd.sim.interface import FRAME_TIME_S, QUEUE_FRAMES, SimulatedBus
 from tests.sim.driving import ENABLE, STATUS, command, decode
 
 

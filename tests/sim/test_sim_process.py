@@ -18,8 +18,7 @@ import pytest
 
 from litegripd.app.sim_main import main
 from litegripd.model.frame import CanFrame
-from litegripd.sim.commands import help_text
-from litegripd.sim.console import Console
+from litegripd.sim.console import Console, help_text
 from litegripd.sim.gripper import build_gripper
 from litegripd.sim.server import BusServer
 from litegripd.sim.wire import MotorWire

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.frame import CanFrame
-from litegripd.sim.slcan import SlcanDevice, SlcanResult
+from litegripd.sim.server import SlcanDevice, SlcanResult
 
 
 def opened() -> SlcanDevice:
