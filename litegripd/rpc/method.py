@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Owner
@@ -35,8 +35,7 @@ def accepted(answer: T | Refusal) -> T:
     return answer
 
 
-@dataclass(frozen=True, slots=True)
-class Call:
+class Call(NamedTuple):
     """One request whose parameters have been checked; `received_s` is when its line came."""
 
     session: Session

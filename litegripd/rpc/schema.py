@@ -132,8 +132,8 @@ def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) 
         if problem is not None:
             text = f"{method}: {name} {problem}"
             return Refusal("invalid_params", text, {"parameter": name})
-    for param in declared.values():
-        if param.required and param.name not in given:
+    for name, param in declared.items():
+        if param.required and name not in given:
             text = f"{method} needs the parameter {param.name}: {param.description}"
             return Refusal("invalid_params", text, {"parameter": param.name})
     return None

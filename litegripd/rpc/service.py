@@ -13,7 +13,6 @@ from litegripd.control.engine import Engine
 from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
-from litegripd.model.jobs import Owner
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.jsonrpc import (
@@ -150,7 +149,7 @@ class RpcService:
         run after it.
         """
         self._now_s = now_s
-        came_s = now_s if received_s is None else min(received_s, now_s)
+        came_s = now_s if received_s is None or received_s > now_s else received_s
         session.counters.requests += 1
         request = parse(line)
         try:
@@ -264,10 +263,8 @@ class RpcService:
         asked = asked_stop(line)
         if asked is None:
             return refusal
-        peer = session.peer
-        owner = Owner(session.identity, peer.pid, peer.uid, session.name)
         why = asked.why or "a stop request that was not understood"
-        self._engine.stop(asked.level, owner, why, now_s)
+        self._engine.stop(asked.level, session.owner, why, now_s)
         self.reporter.refresh()
         text = f"{refusal.message}; stopped ({asked.level}) all the same"
         return replace(refusal, message=text)
@@ -304,8 +301,9 @@ class RpcService:
     def _collect_events(self, now_s: float) -> None:
         """Take what happened to the gripper since the last call."""
         self._now_s = now_s
-        for event in self._engine.take_events():
-            self._note(event, now_s)
+        if self._engine.events:
+            for event in self._engine.take_events():
+                self._note(event, now_s)
 
     def _note(self, event: Event, now_s: float) -> None:
         """Keep an event for the log, and for who has subscribed to its kind."""
