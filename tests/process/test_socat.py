@@ -1,4 +1,4 @@
-"""The lines of docs/shell.md for socat, as they stand there, against a daemon with a simulated gripper."""
+"""The lines for socat of docs/shell.md, as they stand there, against a simulated gripper."""
 
 import contextlib
 import json
