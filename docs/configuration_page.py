@@ -10,7 +10,8 @@ from typing import Any
 from litegripd.app.config import load
 from litegripd.app.config_table import KEYS, TABLES, Key
 from litegripd.app.succession import SAME_TABLES
-from litegripd.model.motion_config import RANGES, MotionConfig
+from litegripd.model.motion_config import MotionConfig, ranges_of
+from litegripd.model.motor_types import DM4310
 
 KINDS = {
     str: "string",
@@ -121,7 +122,7 @@ def configuration_page() -> str:
     free = _listed([f"`[{table}]`" for table in TABLES if table not in SAME_TABLES])
     motions = [
         f"| `{name}` | {low:g} to {high:g} | {getattr(MotionConfig(), name):g} | {MEANINGS[name]} |"
-        for name, (low, high) in RANGES.items()
+        for name, (low, high) in ranges_of(DM4310).items()
     ]
     parts = [HEAD, *sections, REREAD.format(free=free, fixed=fixed), MOTIONS]
     return "\n".join([*parts, *motions, ENVIRONMENT])

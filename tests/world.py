@@ -30,6 +30,7 @@ from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase, Ranges
+from litegripd.model.motor_types import DM4310
 from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
@@ -386,7 +387,7 @@ class World:
     def ranges(self) -> Ranges:
         """The ranges that the daemon codes its frames in."""
         identity = self.machine.motor.view().identity
-        return Ranges() if identity is None else identity.ranges
+        return DM4310.ranges if identity is None else identity.ranges
 
     def commands_since(self, since_s: float) -> list[tuple[float, MitCommand]]:
         """Return the MIT commands that were sent since a time, decoded, with their times."""

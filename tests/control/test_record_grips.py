@@ -14,6 +14,7 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.grips import MOST_GRIPS, grips_of
 from litegripd.model.jobs import Owner
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor_types import DM4310
 from tests.control.grips import beside, both, gripper, grips, picked
 from tests.trajectories import fetched, points_of, send
 
@@ -182,7 +183,7 @@ def test_more_grips_than_are_kept_are_counted() -> None:
     for number in range(MOST_GRIPS + 5):
         job = jobs.add("grasp", owner, False, 10.0 + number)
         jobs.begin(job, 10.0 + number)
-        grip = Grip(settings, 5.0, 0.0, watched=True)
+        grip = Grip(settings, 5.0, 0.0, DM4310, watched=True)
         notes.see(number + 0.4, 10.0, -0.5, grip, jobs)
         notes.see(number + 0.8, 10.0, -0.5, None, jobs)
         jobs.end(job, Refusal("cancelled", "done"), 10.8 + number)

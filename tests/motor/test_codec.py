@@ -7,9 +7,10 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from litegripd.model.motor import MitCommand, Ranges
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 
-RANGES = Ranges()
+RANGES = DM4310.ranges
 LSB_12 = 1.0 / 4095
 GOLDEN = [  # published by the maker, which truncates; then what rounding to the nearest gives
     (MitCommand(-0.6, 0.0, 100.0, 2.0, 0.0), "79DA7FF3336667FF", "79DB800333666800"),
