@@ -208,35 +208,31 @@ def uncontrollable(identity: MotorIdentity) -> Refusal | None:
 def wrong_type(identity: MotorIdentity, motor_type: MotorType) -> Refusal | None:
     """Return a refusal if the motor is not of the type that is configured.
 
-    Its gear ratio tells, which nobody can write. Of a motor that does not answer it, the ranges do:
-    they are another type's then, and not those of this one.
+    Its gear ratio tells, which nobody can write. So do ranges that are another type's and not this
+    one's: a motor may not answer the ratio, or have been exchanged since that was read.
     """
     ratio = identity.registers.get(GEAR_RATIO.name)
-    rows = MOTOR_TYPES.values()
-    if ratio is None:
-        fits = [row.name for row in rows if identity.ranges == row.ranges]
-        is_wrong = bool(fits) and motor_type.name not in fits
-    else:
-        fits = [row.name for row in rows if _has_ratio(row, ratio)]
-        is_wrong = not _has_ratio(motor_type, ratio)
-    if not is_wrong:
+    by_ranges = [row.name for row in MOTOR_TYPES.values() if row.ranges == identity.ranges]
+    has_ratio = ratio is None or _has_ratio(motor_type, ratio)
+    if has_ratio and (not by_ranges or motor_type.name in by_ranges):
         return None
-    advice = (
-        f' set [motor] type = "{fits[0]}" and start the daemon again, or'
-        if fits
-        else " its type is none that the daemon knows:"
+    register, value, fits = TMAX, identity.ranges.torque_nm, by_ranges
+    if ratio is not None and not has_ratio:
+        register, value = GEAR_RATIO, ratio
+        fits = [row.name for row in MOTOR_TYPES.values() if _has_ratio(row, ratio)]
+    other = f'set [motor] type = "{fits[0]}" and start the daemon again, or ' if fits else ""
+    hardware, software = (
+        identity.registers.get(version.name) for version in (HARDWARE_VERSION, SOFTWARE_VERSION)
     )
-    hardware, software = HARDWARE_VERSION.name, SOFTWARE_VERSION.name
     return Refusal(
         "motor_unsuitable",
-        f"the motor is no {motor_type.name}, the configured type: Gr, PMAX, VMAX, TMAX are"
-        f" {_figures(ratio, identity.ranges)}, of a {motor_type.name}"
-        f" {_figures(motor_type.gear_ratio, motor_type.ranges)} ({hardware}"
-        f" {identity.registers.get(hardware)}, {software} {identity.registers.get(software)});"
-        f"{advice} connect a {motor_type.name}; then motor.clear_fault reads it again",
+        f"the motor is no {motor_type.name}, the configured type: its Gr, PMAX, VMAX, TMAX are"
+        f" {_figures(ratio, identity.ranges)} (hw_ver {hardware}, sw_ver {software}), a"
+        f" {motor_type.name} has {_figures(motor_type.gear_ratio, motor_type.ranges)}: {other}"
+        f"connect a {motor_type.name}; then motor.clear_fault reads it again",
         {
-            "register": GEAR_RATIO.name if ratio is not None else TMAX.name,
-            "value": identity.ranges.torque_nm if ratio is None else _finite(ratio),
+            "register": register.name,
+            "value": value if math.isfinite(value) else None,
             "motor_type": motor_type.name,
             "fits": fits,
             "hint": "motor.clear_fault",
@@ -247,10 +243,6 @@ def wrong_type(identity: MotorIdentity, motor_type: MotorType) -> Refusal | None
 def _has_ratio(motor_type: MotorType, ratio: float) -> bool:
     """Whether a gear ratio is the type's; one that is no number is not."""
     return abs(ratio - motor_type.gear_ratio) <= RATIO_WITHIN * motor_type.gear_ratio
-
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None
 
 
 def _figures(ratio: float | None, ranges: Ranges) -> str:

@@ -199,7 +199,9 @@ class Grasp(PlainAction):
         self._gains = gains
         self._period_s = period_s
         self._motor_type = motor_type
-        self._approach = Approach(geometry, config, gains, request.speed_mm_s, period_s, motor_type)
+        self._approach = Approach(
+            geometry, config, gains, request.speed_mm_s, period_s, motor_type=motor_type
+        )
         self._grip: Grip | None = None
         self._verdict: Verdict | None = None
         self._width_mm: float | None = None
