@@ -251,9 +251,11 @@ def _figures(ratio: float | None, ranges: Ranges) -> str:
 
 
 def warnings(identity: MotorIdentity, motor_type: MotorType = DM4310) -> list[str]:
-    """Say what is unusual about a motor that can be used all the same."""
+    """Say what is unusual about a motor, whether or not it can be used all the same."""
     found = []
-    if identity.ranges != motor_type.ranges:
+    if (wrong := wrong_type(identity, motor_type)) is not None:
+        found.append(wrong.message)
+    elif identity.ranges != motor_type.ranges:
         read, usual = identity.ranges, motor_type.ranges
         found.append(
             f"the motor's ranges are ±{read.position_rad:g} rad, ±{read.velocity_rad_s:g} rad/s,"
