@@ -10,6 +10,7 @@ from litegripd.control.limiter import torque_bound_nm
 from litegripd.model.motor import MotorPhase
 from litegripd.model.motor_types import DM4310, DM4340, MOTOR_TYPES, MotorType
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from tests.control.exchange import exchange
 from tests.world import Client, World
 
 BETWEEN = replace(
@@ -161,6 +162,18 @@ def test_a_hot_coil_is_kept_below_its_limit(motor_type: MotorType) -> None:
     assert motor_type.coil_limit_c - 1.0 < hottest_c < motor_type.coil_limit_c + 1.5
     assert world.state.limited == ("heat",)
     assert world.state.is_grasped
+
+
+@every_type
+def test_a_successor_goes_on_with_the_same_motor(motor_type: MotorType) -> None:
+    most_n = 10.0 * motor_type.rated_nm
+    world, _ = gripping(motor_type, "normal", 20.0)
+    exchange(world)
+    client = world.client()
+    assert client.result("motion.set_force", force_n=most_n)["force_n"] == most_n
+    world.run(most_n / 20.0)
+    assert world.state.is_grasped
+    assert abs(world.gripper.motor_torque_nm) == pytest.approx(motor_type.rated_nm, rel=0.05)
 
 
 @every_type
