@@ -84,8 +84,8 @@ MOTIONS = """## The motions' defaults
 They are no part of the file. `litegripctl config` shows them. `litegripctl config set
 speed_mm_s=25`, for admins, changes one until the daemon ends, with `--keep` for good: then the
 daemon writes it to its state directory. A request may bring its own values, which count for that
-request only: `MotionConfig` in Python, `config` in the [protocol](protocol.md). The ranges are those
-with a DM4310; `litegripctl config` shows those with the configured motor.
+request only: `MotionConfig` in Python, `config` in the [protocol](protocol.md). The ranges are with
+a DM4310; `litegripctl config` shows those with the configured motor.
 
 | field | range | default | meaning |
 | --- | --- | --- | --- |"""
