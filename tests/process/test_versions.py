@@ -14,7 +14,14 @@ from typing import Any
 import pytest
 
 from tests.process.daemon_process import DEADLINE_S, Client
-from tests.process.restarting import Restartable, held, holds, restartable, wait_for_end
+from tests.process.restarting import (
+    Restartable,
+    held,
+    holds,
+    is_of_silence,
+    restartable,
+    wait_for_end,
+)
 
 SOURCES = Path(__file__).parents[2]
 SCRIPT = """#!{python}
@@ -132,9 +139,7 @@ def answer_to_restart(daemon: Restartable) -> dict[str, Any]:
         with daemon.connect() as client:
             held(client)
             answer = daemon.restart(client)
-        error = answer.get("error", {"data": {"reason": None}, "message": ""})
-        is_read = "registers are being read" in error["message"]  # after a silence
-        if error["data"]["reason"] != "motor_silent" and not is_read:
+        if not is_of_silence(answer):
             return answer
         assert time.monotonic() < ends_s, answer
 
