@@ -35,7 +35,15 @@ _MOTOR = Carried(
     ),
     _identification=Carried(
         Identification,
-        left=("can_id", "_configured_master_id", "_look", "motor_type", "verifier"),
+        left=(
+            "can_id",
+            "motor_type",
+            "verifier",
+            "_configured_master_id",
+            "_judged",
+            "_look",
+            "_refusal",
+        ),
         identity=MotorIdentity,
     ),
     _phase=Phase,

@@ -494,6 +494,9 @@ class Identification:
         self.can_id = can_id
         self.motor_type = motor_type
         self._configured_master_id = configured_master_id
+        self._judged: MotorIdentity | None = None
+        self._refusal: Refusal | None = None
+        """Why the motor that was `_judged` cannot be used: judged once, asked for in every tick."""
         self._look = RegisterScan(can_id, motor_type)
 
     @property
@@ -566,7 +569,10 @@ class Identification:
         """Say why the motor cannot be used, if so; it has told too little while unknown."""
         if self.identity is None:
             return STILL_READ
-        return unsuitable(self.identity, self._configured_master_id, self.motor_type)
+        if self.identity is not self._judged:
+            self._judged = self.identity
+            self._refusal = unsuitable(self.identity, self._configured_master_id, self.motor_type)
+        return self._refusal
 
     @property
     def is_uncontrollable(self) -> bool:
