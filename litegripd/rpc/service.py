@@ -28,7 +28,7 @@ from litegripd.rpc.jsonrpc import (
 )
 from litegripd.rpc.line_kinds import asked_stop
 from litegripd.rpc.method import Answer, Deferred, Later, Method, Result
-from litegripd.rpc.methods import BY_NAME
+from litegripd.rpc.methods import METHODS
 from litegripd.rpc.methods.lease import LeaseMethods, Tokens
 from litegripd.rpc.methods.motion import MotionMethods
 from litegripd.rpc.methods.reading import ReadingMethods
@@ -84,6 +84,7 @@ class RpcService:
         self._subscriptions = Subscriptions()
         self._waiters = Waiters(engine, self.reporter)
         self._tokens = Tokens(new_token)
+        motor_type = engine.unit.motor_type
         files = TrajectoryFileMethods(engine)
         self._trajectories = TrajectoryMethods(engine, files)
         groups = (
@@ -93,7 +94,7 @@ class RpcService:
                 self._clients,
                 self.reporter,
                 self._subscriptions,
-                document=encoded_document(),  # made here: it takes longer than a tick
+                document=encoded_document(motor_type),  # made here: it takes longer than a tick
             ),
             LeaseMethods(engine, self._tokens, self.reporter),
             MotionMethods(engine, self.reporter),
@@ -105,6 +106,7 @@ class RpcService:
             TeleopMethods(engine, links or InProcessLinks(), self.reporter, epoch),
         )
         self._requests = Requests(engine, self._tokens, groups)
+        self._methods = {row.name: row.with_motor(motor_type) for row in METHODS}
         self._last_session = 0
         self._event_log = EventLog()
         self._now_s = 0.0
@@ -211,7 +213,7 @@ class RpcService:
     def _call(
         self, session: Session, request: Request, line: bytes, now_s: float, received_s: float
     ) -> None:
-        method = BY_NAME.get(request.method)
+        method = self._methods.get(request.method)
         if method is None:
             text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
             self._refuse(session, request.identity, Refusal("unknown_method", text))
