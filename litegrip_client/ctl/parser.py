@@ -149,12 +149,26 @@ class _WholeParser(Parser):
         return super().format_help()
 
 
+class _Version(argparse.Action):
+    """Prints the version and exits; it is looked up only then, for that takes long."""
+
+    def __init__(self, option_strings: list[str], dest: str, help: str) -> None:  # noqa: A002
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from litegrip_client import __version__  # noqa: PLC0415 - seldom needed
+
+        print(f"{parser.prog} {__version__}")
+        parser.exit()
+
+
 def whole_parser() -> Parser:
     """Return the parser of all commands."""
     parser = _WholeParser(
         prog="litegripctl",
         description="Look at a LiteGrip gripper and drive it, through its daemon.",
     )
+    parser.add_argument("--version", action=_Version, help="print the version and exit")
     commands = parser.add_subparsers(
         dest="command", required=True, metavar="COMMAND", parser_class=LateParser
     )
