@@ -45,8 +45,8 @@ DAEMON_CASES = [
         facts(daemon=None, failure="nobody listens", sockets=(), is_unit_enabled=True),
         "error",
         "nobody listens",
-        "systemctl status litegripd@can0",
-        "its unit is enabled",
+        "sudo systemctl start litegripd@can0",
+        "it was stopped or has failed: systemctl status litegripd@can0 says which",
     ),
     Case(
         "daemon",
