@@ -172,7 +172,7 @@ def _no_daemon(facts: Facts) -> Finding:
             f"{f'look first: {status}; ' if status else ''}without systemd: end it, start it anew",
         )
     if not facts.is_channel_known:
-        advice = "start its daemon: litegripd CHANNEL --socket PATH"
+        advice = f"start its daemon: litegripd CHANNEL --socket {facts.socket}"
         return error(failure, advice=f"{advice}; without hardware: with --simulate")
     if facts.unit is None:
         return _not_installed(facts, failure)
