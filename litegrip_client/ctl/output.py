@@ -29,7 +29,7 @@ class Output:
 
     def __init__(self, *, as_json: bool, for_gripper: Callable[[str], str] = str) -> None:
         self.as_json = as_json
-        self._for_gripper = for_gripper
+        self.for_gripper = for_gripper
         self.live = sys.stdout.isatty() and not as_json
         """Whether a line can be written over."""
         self._open_line = False
@@ -37,7 +37,7 @@ class Output:
     def result(self, data: Mapping[str, Any], text: str) -> None:
         """Print a result: as it came, or as `text`."""
         self.end_line()
-        told = json.dumps(data, ensure_ascii=False) if self.as_json else self._for_gripper(text)
+        told = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
         _write(f"{told}\n")
 
     def line(self, text: str) -> None:
@@ -69,11 +69,11 @@ class Output:
         else:
             self.note(error.message)
             if hint and not is_said(error.message, hint):  # many a message has its remedy
-                print(f"  {one_line(self._for_gripper(hint))}", file=sys.stderr)
+                print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
 
     def note(self, text: str) -> None:
         """Tell a person something that is no result."""
-        print(f"litegripctl: {one_line(self._for_gripper(text))}", file=sys.stderr)
+        print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
 
 
 def _write(text: str) -> None:
