@@ -8,8 +8,7 @@ from pathlib import Path
 
 from tests.vm.attended import at_work, hold_through
 from tests.vm.guest import check, play, reaches
-from tests.vm.installing import install_units
-from tests.vm.unit import CONFIGURATION, SLOW, STATE, Unit, ctl, must, run
+from tests.vm.unit import CONFIGURATION, SLOW, STATE, Unit, ctl, install_units, must, run
 
 PACKAGES = Path("/mnt/host/packages")
 VERSIONS = Path("/opt/litegripd-versions")
