@@ -11,7 +11,7 @@ from typing import Any
 
 from litegripd.model import strict_json
 from litegripd.model.motion_config import RANGES
-from litegripd.model.trajectory import TrajectoryError
+from litegripd.trajectories.values import TrajectoryError
 
 FORMAT = "litegrip-grips"
 VERSION = 1
