@@ -18,9 +18,10 @@ from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
+from litegripd.model.motor_types import DM4310, FASTEST_MM_S
 from litegripd.model.results import ReplayResult, Result
 from litegripd.trajectories.grips import TaughtGrip, pack
-from litegripd.trajectories.replay import FASTEST_MM_S, Replay, ReplayRequest
+from litegripd.trajectories.replay import Replay, ReplayRequest
 from litegripd.trajectories.store import TrajectoryStore
 from tests.trajectories import Point, lgt, pieces, sampled, swing
 from tests.world import PERIOD_S
@@ -53,6 +54,7 @@ class Jaws:
             config=MotionConfig(),
             gains=DEFAULT_GAINS,
             period_s=PERIOD_S,
+            motor_type=DM4310,
             resting=Slack,
         )
         self.follows = follows
