@@ -60,7 +60,10 @@ def client_page() -> str:
         ("litegripctl", 1, "look at a LiteGrip gripper and drive it"),
         r"\fBlitegripctl\fR [\fIOPTION\fR ...] \fICOMMAND\fR [\fIARGUMENT\fR ...]",
         _section("DESCRIPTION", _text(f"{parser.description}\n\n{CLOSING}")),
-        _section("OPTIONS", "Every command takes these, in front of its name or behind it.")
+        _section(
+            "OPTIONS",
+            "Every command takes these, in front of its name or behind it; --version stands alone.",
+        )
         + list(_options(parser.arguments())),
         [".SH COMMANDS", *_commands(commands, "")],
         _section("OTHER MACHINES", _text(REMOTE)),

@@ -4,11 +4,12 @@ import io
 import os
 import sys
 from argparse import Namespace
+from functools import partial
 
 from litegrip_client.ctl.commands import find, needs_daemon
 from litegrip_client.ctl.hints import hint_for
 from litegrip_client.ctl.output import Output, OutputLostError
-from litegrip_client.ctl.parser import UsageError, parse
+from litegrip_client.ctl.parser import UsageError, for_gripper, parse
 from litegrip_client.ctl.run import INTERRUPTED, OK, WRONG_USAGE, Run
 from litegrip_client.ctl.way import Way, way_of
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
@@ -36,7 +37,7 @@ def main(arguments: list[str] | None = None) -> int:
         options = parse(given)
     except UsageError as wrong:
         return _refuse(wrong, Output(as_json="--json" in given))
-    output = Output(as_json=options.json)
+    output = Output(as_json=options.json, for_gripper=partial(for_gripper, options.call))
     try:
         code = _run(options, output)
         sys.stdout.flush()

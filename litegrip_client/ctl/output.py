@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from litegrip_client.errors import LiteGripError
 from litegrip_client.voices import is_said
@@ -22,10 +22,14 @@ class OutputLostError(Exception):
 
 
 class Output:
-    """Standard output and standard error, for a person or (`as_json`) for a program."""
+    """Standard output and standard error, for a person or (`as_json`) for a program.
 
-    def __init__(self, *, as_json: bool) -> None:
+    What a person reads goes through `for_gripper`, since no text knows which gripper it is about.
+    """
+
+    def __init__(self, *, as_json: bool, for_gripper: Callable[[str], str] = str) -> None:
         self.as_json = as_json
+        self.for_gripper = for_gripper
         self.live = sys.stdout.isatty() and not as_json
         """Whether a line can be written over."""
         self._open_line = False
@@ -33,7 +37,8 @@ class Output:
     def result(self, data: Mapping[str, Any], text: str) -> None:
         """Print a result: as it came, or as `text`."""
         self.end_line()
-        _write(f"{json.dumps(data, ensure_ascii=False) if self.as_json else text}\n")
+        told = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
+        _write(f"{told}\n")
 
     def line(self, text: str) -> None:
         """Write `text` over the line before, if that was written by this, too."""
@@ -64,11 +69,11 @@ class Output:
         else:
             self.note(error.message)
             if hint and not is_said(error.message, hint):  # many a message has its remedy
-                print(f"  {one_line(hint)}", file=sys.stderr)
+                print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
 
     def note(self, text: str) -> None:
         """Tell a person something that is no result."""
-        print(f"litegripctl: {one_line(text)}", file=sys.stderr)
+        print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
 
 
 def _write(text: str) -> None:

@@ -10,9 +10,10 @@ import argparse
 import math
 import os
 import re
+import shlex
 from argparse import ArgumentTypeError
 
-from litegrip_client.ctl.commands import COMMANDS, CommandRow
+from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE, CommandRow
 from litegrip_client.discovery import check_channel
 from litegrip_client.errors import CommandError
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 
     from litegrip_client.ctl.run import Fill
 
+PROGRAM = "litegripctl"
 CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
 DEFAULT_CHANNEL = "can0"
 
@@ -119,7 +121,8 @@ def common() -> argparse.ArgumentParser:
 def parse(given: list[str]) -> argparse.Namespace:
     """Read the command line; raises `UsageError` when it is wrong.
 
-    `channel_chosen` tells whether a channel was asked for, by option or by environment.
+    `channel_chosen` tells whether a channel was asked for, by option or by environment, and `call`
+    how the same gripper is called again.
     """
     parser = whole_parser()
     options, rest = parser.parse_known_args([protect_target(argument) for argument in given])
@@ -128,6 +131,7 @@ def parse(given: list[str]) -> argparse.Namespace:
         raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
+    options.call = _call(options)
     options.socket = getattr(options, "socket", None)
     options.ssh_host = getattr(options, "ssh_host", None)
     options.json = getattr(options, "json", False)
@@ -141,6 +145,26 @@ def parse(given: list[str]) -> argparse.Namespace:
     return options
 
 
+def _call(options: argparse.Namespace) -> str:
+    """Return the program with the options that name the gripper, for a shell."""
+    named = (("ssh_host", "--host"), ("channel", "-c"), ("socket", "--socket"))
+    words = [
+        word
+        for name, option in named
+        if (value := getattr(options, name, None)) is not None
+        for word in (option, value)
+    ]
+    return " ".join([PROGRAM, *map(shlex.quote, words)])
+
+
+def for_gripper(call: str, text: str) -> str:
+    """Return `text`; the commands in it that are for a gripper begin with `call`."""
+    if call == PROGRAM:
+        return text
+    names = "|".join(row.name for row in COMMANDS if row.name not in OF_THIS_MACHINE)
+    return re.sub(rf"\b{PROGRAM}(?= (?:{names})\b)", lambda _: call, text)
+
+
 class _WholeParser(Parser):
     def format_help(self) -> str:
         from litegrip_client.ctl.exit_codes import epilog  # noqa: PLC0415 - seldom needed
@@ -149,12 +173,26 @@ class _WholeParser(Parser):
         return super().format_help()
 
 
+class _Version(argparse.Action):
+    """Prints the version and exits; it is looked up only then, for that takes long."""
+
+    def __init__(self, option_strings: list[str], dest: str, help: str) -> None:  # noqa: A002
+        super().__init__(option_strings, dest, nargs=0, default=argparse.SUPPRESS, help=help)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from litegrip_client import __version__  # noqa: PLC0415 - seldom needed
+
+        print(f"{parser.prog} {__version__}")
+        parser.exit()
+
+
 def whole_parser() -> Parser:
     """Return the parser of all commands."""
     parser = _WholeParser(
-        prog="litegripctl",
+        prog=PROGRAM,
         description="Look at a LiteGrip gripper and drive it, through its daemon.",
     )
+    parser.add_argument("--version", action=_Version, help="print the version and exit")
     commands = parser.add_subparsers(
         dest="command", required=True, metavar="COMMAND", parser_class=LateParser
     )

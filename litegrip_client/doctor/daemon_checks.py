@@ -172,7 +172,7 @@ def _no_daemon(facts: Facts) -> Finding:
             f"{f'look first: {status}; ' if status else ''}without systemd: end it, start it anew",
         )
     if not facts.is_channel_known:
-        advice = "start its daemon: litegripd CHANNEL --socket PATH"
+        advice = f"start its daemon: litegripd CHANNEL --socket {facts.socket}"
         return error(failure, advice=f"{advice}; without hardware: with --simulate")
     if facts.unit is None:
         return _not_installed(facts, failure)
@@ -180,7 +180,8 @@ def _no_daemon(facts: Facts) -> Finding:
     if facts.configuration is not None and facts.configuration.error is not None:
         return error(failure, start, "not before the configuration is mended")
     if facts.is_unit_enabled:
-        return error(failure, status, "its unit is enabled: the status says why it has ended")
+        why = f"its unit is enabled, so it was stopped or has failed: {status} says which"
+        return error(failure, start, why)
     return error(
         failure,
         start,

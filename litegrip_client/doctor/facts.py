@@ -133,8 +133,8 @@ class Facts:
     """Whether systemd starts the channel's daemon by itself."""
     is_unit_installed: bool = True
     """Whether systemd has a unit for daemons at all."""
-    is_channel_known: bool = True
-    """False where a socket alone was named, and nobody answers there."""
+    socket: str | None = None
+    """For a shell, the socket that alone was named, and where nobody answers."""
     hung_pid: int | None = None
     """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
     configuration: Configuration | None = None
@@ -142,6 +142,11 @@ class Facts:
     interface: str | None = "socketcan"
     bus_channel: str = "can0"
     now_s: float = 0.0
+
+    @property
+    def is_channel_known(self) -> bool:
+        """True unless a socket alone was named, and nobody answers there."""
+        return self.socket is None
 
     @property
     def unit(self) -> str | None:

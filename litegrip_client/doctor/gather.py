@@ -60,7 +60,7 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         asked_channel=asked,
         is_unit_enabled=not is_socket_given(socket) and is_enabled(channel),
         is_unit_installed=is_unit_installed(),
-        is_channel_known=is_channel_known,
+        socket=None if is_channel_known else shlex.quote(paths[0]),
         hung_pid=hung_pid,
         configuration=file,
         interface=interface,

@@ -23,6 +23,8 @@ EXIT_USAGE = 2
 EXIT_IN_USE = 3
 EXIT_NOT_TAKEN = 4
 """Only of a successor that has not taken over; the daemon before tells why."""
+EXIT_NO_PACKAGES = 5
+"""Of the program `litegripd` beside this file, which has no package to take the number from."""
 
 EXIT_CODES = (
     (0, "ended by SIGTERM or SIGINT, the motor off or never heard of, or followed by a successor"),
@@ -32,6 +34,7 @@ EXIT_CODES = (
         EXIT_IN_USE,
         "the channel or the socket cannot be had, mostly since it belongs to another process",
     ),
+    (EXIT_NO_PACKAGES, "a package is missing, as after a release upgrade of the system"),
 )
 """What they mean, for the help and the manual page."""
 

@@ -16,6 +16,7 @@ from pathlib import Path
 
 import can
 
+from litegripd.io.can.bus import explain
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 from litegripd.sim.console import Console, Simulator, help_text
 from litegripd.sim.gripper import build_gripper
@@ -69,7 +70,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             else:
                 _run_bus(wire, arguments, stop)
         except (can.CanError, OSError, ValueError, ImportError, NotImplementedError) as error:
-            print(f"litegrip-sim: the bus cannot be used: {error}", file=sys.stderr)
+            why = explain(error, str(error), arguments.interface or "", arguments.channel or "")
+            _say(f"the bus cannot be used: {why}")
             return EXIT_BUS
     return EXIT_OK
 

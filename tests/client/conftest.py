@@ -49,9 +49,13 @@ def gripper(daemon: FakeDaemon) -> Iterator[LiteGrip]:
 
 
 @pytest.fixture
-def ctl(daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]) -> Ctl:
+def ctl(
+    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Ctl:
+    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
+
     def run(*arguments: str) -> tuple[int, str, str]:
-        code = main(["--socket", daemon.path, *arguments])
+        code = main(list(arguments))
         captured = capsys.readouterr()
         return code, captured.out, captured.err
 

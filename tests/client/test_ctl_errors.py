@@ -248,3 +248,18 @@ def test_a_strange_answer_is_no_traceback(daemon: FakeDaemon, ctl: Ctl) -> None:
     code, _, err = ctl("cancel", "3")
     assert code == 70
     assert "not as expected" in err
+
+
+def refuse(request: Request) -> None:
+    request.fail("not_enabled", -32030, "the motor is not enabled (motor.enable)")
+
+
+def test_a_remedy_is_for_the_gripper_that_was_named(
+    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Typed as printed, it must not enable, or stop, another gripper."""
+    daemon.handlers["motion.open"] = refuse
+    assert main(["--socket", daemon.path, "open"]) == 5
+    ctl = f"litegripctl --socket {daemon.path}"
+    told = f"litegripctl: the motor is not enabled ({ctl} enable)"
+    assert capsys.readouterr().err.splitlines()[0] == told

@@ -138,7 +138,8 @@ def test_without_ssh_it_says_what_to_install(
 def test_a_stop_goes_by_the_socket_for_stops(daemon: FakeDaemon, remote: Remote) -> None:
     with FakeDaemon(Path(stop_path(daemon.path))) as stops:
         stops.handlers["stop"] = lambda request: STOPPED
-        assert remote("stop") == (0, "stopped: hold, until: litegripctl clear\n", "")
+        clear = f"litegripctl --host bob@robot --socket {daemon.path} clear"
+        assert remote("stop") == (0, f"stopped: hold, until: {clear}\n", "")
         assert stops.methods() == ["stop"]
     assert "stop" not in daemon.methods()
 

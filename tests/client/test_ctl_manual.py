@@ -160,7 +160,7 @@ def test_a_cancelling_that_fails_is_told(daemon: FakeDaemon, steps: list[dict[st
     code, shown = terminal.end()
     assert code == 130
     assert f"the daemon did not confirm that {AS_BEFORE}: none runs\n" in shown
-    assert shown.endswith("  see: litegripctl calibration\n")
+    assert shown.endswith(f"  see: litegripctl --socket {daemon.path} calibration\n")
 
 
 def test_a_step_that_is_refused_ends_it(daemon: FakeDaemon, steps: list[dict[str, Any]]) -> None:
@@ -179,7 +179,8 @@ def test_a_step_that_is_refused_ends_it(daemon: FakeDaemon, steps: list[dict[str
     code, shown = terminal.end()
     assert code == 7
     assert shown.endswith(
-        "litegripctl: a stop is latched\n  when it is safe again: litegripctl clear\n"
+        "litegripctl: a stop is latched\n"
+        f"  when it is safe again: litegripctl --socket {daemon.path} clear\n"
     )
     assert [step["step"] for step in steps] == ["begin", "closed", "cancel"]
 

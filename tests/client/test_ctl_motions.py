@@ -256,5 +256,6 @@ def test_a_grasp_on_a_terminal_shows_how_far_it_is(daemon: FakeDaemon) -> None:
     terminal = Terminal("--socket", daemon.path, "grasp")
     terminal.expect(f"\r[{'#' * 12}{'.' * 12}]  12.50 mm  +0.30 N·m  travel\x1b[K")
     code, shown = terminal.end()
-    text = f"grasp: object held, 48.2 mm wide, holding 20.0 N; {LET_GO}\n"
+    let_go = f"let go with: litegripctl --socket {daemon.path} release"
+    text = f"grasp: object held, 48.2 mm wide, holding 20.0 N; {let_go}\n"
     assert (code, shown) == (0, f"\r\x1b[K{text}")

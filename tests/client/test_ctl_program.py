@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+import litegrip_client
 from litegrip_client.ctl.commands import find
 from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE
@@ -122,6 +123,16 @@ def test_a_state_answers_at_once(daemon: FakeDaemon, tmp_path: Path) -> None:
         subprocess.run([*COMMAND, *arguments], env=environment, check=True, capture_output=True)
         figures.append(processor_time_of_children_s() - before_s)
     assert min(figures) < 0.15, f"litegripctl state takes {figures} s"
+
+
+@pytest.mark.parametrize("line", [["--version"], ["-c", "can1", "--version", "state"]])
+def test_the_version_is_the_package_s_and_needs_no_daemon(
+    line: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as ended:
+        main(line)
+    assert ended.value.code == 0
+    assert capsys.readouterr().out == f"litegripctl {litegrip_client.__version__}\n"
 
 
 def test_without_a_daemon(

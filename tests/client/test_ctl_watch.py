@@ -5,12 +5,14 @@ import json
 import signal
 import sys
 from collections import deque
+from functools import partial
 from pathlib import Path
 
 import pytest
 from rich.console import Console
 
 from litegrip_client.ctl.live.view import picture
+from litegrip_client.ctl.parser import for_gripper
 from litegrip_client.ctl.render import state_line
 from litegrip_client.ctl.watching import Scene
 from litegrip_client.feeds import Event
@@ -29,9 +31,9 @@ def _terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LINES", "40")
 
 
-def shown(scene: Scene) -> str:
+def shown(scene: Scene, call: str = "litegripctl") -> str:
     console = Console(file=io.StringIO(), width=80, force_terminal=False)
-    console.print(picture(scene, "can0"))
+    console.print(picture(scene, "can0", partial(for_gripper, call)))
     assert isinstance(console.file, io.StringIO)
     return console.file.getvalue()
 
@@ -46,6 +48,11 @@ def whole_scene() -> Scene:
     scene.health = HEALTH
     scene.events = deque([Event(1, 88.0, "stop", "a stop\x1b[2J " + "x" * 99, {})])
     return scene
+
+
+def test_what_can_be_typed_is_for_this_gripper() -> None:
+    words = shown(whole_scene(), "litegripctl -c left").split()
+    assert "litegripctl -c left clear" in " ".join(words)
 
 
 def test_the_view_shows_all_of_it() -> None:

@@ -57,7 +57,7 @@ def test_a_user_at_the_limits_is_refused_and_the_others_are_not(limited: DaemonP
     code, _, err = ctl(limited, ALICE, "trajectories", "put", short, "--as", "c")
     assert code == 4
     assert f"uid {ALICE} has 2 named trajectories, of 2" in err
-    assert "litegripctl trajectories delete" in err
+    assert f"litegripctl --socket {limited.socket_path} trajectories delete" in err
     assert ctl(limited, BOB, "trajectories", "put", short, "--as", "c")[0] == 0
     code, out, _ = ctl(limited, ALICE, "trajectories")
     *rows, room = out.splitlines()

@@ -24,11 +24,7 @@ from tests.process.restarting import (
 )
 
 SOURCES = Path(__file__).parents[2]
-SCRIPT = """#!{python}
-import sys
-from litegripd.app.main import main
-sys.exit(main())
-"""
+PROGRAM = SOURCES / "litegripd/app/litegripd"
 
 EXECUTE = "import os, sys; os.execv(sys.argv[1], sys.argv[1:])"
 """Runs a program as systemd does."""
@@ -67,7 +63,7 @@ class Versions:
         metadata.parent.mkdir()
         metadata.write_text(f"Metadata-Version: 2.1\nName: litegripd\nVersion: {version}\n")
         script = prefix / "bin/litegripd"
-        script.write_text(SCRIPT.format(python=python))
+        script.write_text(f"#!{python}\n{PROGRAM.read_text().partition(chr(10))[2]}")
         script.chmod(0o755)
 
 

@@ -224,7 +224,7 @@ def test_who_stops_may_clear_though_a_script_has_the_lease_and_others_are_told_w
 ) -> None:
     with script(ALICE, HOLDER, shared.socket_path) as holder:
         assert said(holder)
-        done = "stopped: hold, until: litegripctl clear\n"
+        done = f"stopped: hold, until: litegripctl --socket {shared.socket_path} clear\n"
         assert ctl(shared, BOB, "stop", "--why", "a hand") == (0, done, "")
         code, out, err = ctl(shared, CAROL, "clear")
         assert (code, out) == (6, "")

@@ -1,5 +1,6 @@
 """The command `litegrip-sim`, as a user runs it."""
 
+import errno
 import fcntl
 import os
 import select
@@ -276,6 +277,19 @@ def test_a_bus_that_cannot_be_opened_gives_exit_code_1(
 ) -> None:
     assert main(["--interface", interface, "--channel", "nosuchcan0"]) == 1
     assert "the bus cannot be used" in capsys.readouterr().err
+
+
+def test_a_kernel_without_can_is_called_that(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(**_: object) -> None:
+        raise OSError(errno.EAFNOSUPPORT, "Address family not supported by protocol")
+
+    monkeypatch.setattr(can, "Bus", fail)
+    assert main(["--interface", "socketcan", "--channel", "can0"]) == 1
+    said = capsys.readouterr().err
+    assert "this system has no CAN sockets: load them by 'sudo modprobe can_raw'" in said
+    assert "[Errno 97]" in said
 
 
 def test_the_version_is_the_package_s() -> None:

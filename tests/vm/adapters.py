@@ -98,9 +98,10 @@ def adapter_bus_off() -> None:
     adapter.tell("mend")
     check("wires alone mend nothing", not rpc.bus_is("up"), reasons(rpc))
     type_remedies(adapter, "bus off")
-    works_again(rpc, "bus off, by doctor")
+    works_again(rpc, "bus off, by doctor", phases=("enabled",))  # the last remedy is to enable it
     leave_bus(adapter, rpc)
     adapter.tell("mend")
+    reaches(lambda: "bus_off" in unit.show("StatusText"))  # it is told a little later
     type_last_of(unit.show("StatusText"))
     works_again(rpc, "bus off, by STATUS")
     ip("link set can0 down")
@@ -171,9 +172,12 @@ def hold(rpc: Rpc) -> None:
     check("the jaws hold", rpc.insist("motion.open").get("ok") is True, rpc.state()["mode"])
 
 
-def works_again(rpc: Rpc, what: str) -> None:
-    """See bus and motor back, the motor off, and it can be enabled."""
-    found = reaches(lambda: rpc.bus_is("up") and rpc.state()["motor"] in ("disabled", "fault"))
+OFF = ("disabled", "fault")
+
+
+def works_again(rpc: Rpc, what: str, phases: tuple[str, ...] = OFF) -> None:
+    """See bus and motor back, the motor in one of these phases, and it can be used."""
+    found = reaches(lambda: rpc.bus_is("up") and rpc.state()["motor"] in phases)
     check(f"{what}: bus and motor are back", found, f"{reasons(rpc)} {flags('can0')}")
     check(f"{what}: the motor can be enabled", rpc.insist("motor.enable").get("ok") is True)
     check(f"{what}: it moves", rpc.insist("motion.close").get("ok") is True, reasons(rpc))

@@ -57,6 +57,8 @@ def at_work(unit: Unit) -> Iterator[Rpc]:
         with contextlib.closing(unit.rpc()) as rpc:
             reaches(lambda: rpc.state()["motor"] in ("disabled", "enabled"))
             reaches(lambda: bool(rpc.state()["calibrated"]))
+            # The write of the register has motions refused, and enabling, until it is quiet again.
+            reaches(lambda: not rpc.call("health")["motor"]["foreign_active"])
             yield rpc
 
 

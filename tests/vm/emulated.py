@@ -36,7 +36,7 @@ class Emulated:
         must("systemctl", "daemon-reload")
 
     def start(self) -> None:
-        """Let there be such an adapter, plugged in."""
+        """Let there be such an adapter, plugged in as it is at its start."""
         must("systemctl", "start", self.unit)
         if not reaches(self.is_there):
             raise TimeoutError(f"the kernel makes no interface of {self.serial}")

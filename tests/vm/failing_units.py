@@ -29,7 +29,7 @@ def ends_and_returns(number: signal.Signals, what: str, result: str) -> None:
     """Send a signal to a daemon that holds; see it return."""
     unit = Unit()
     with at_work(unit) as rpc:
-        rpc.insist("motor.enable")
+        check(f"{what}: the motor is enabled before", rpc.insist("motor.enable").get("ok") is True)
         before, restarts, dumps = unit.pid, unit.restarts, crash_dumps()
         os.kill(before, number)
         took_s = unit.comes_back(before)

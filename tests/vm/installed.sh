@@ -6,7 +6,7 @@ cd /mnt/host
 suite=$1 boot=$2
 shift
 venv=/opt/litegripd
-if [[ $boot == 1 ]]; then
+if [[ $boot == 1 && $suite != debian ]]; then  # that one has packages of its own
     python3 -m venv --without-pip "$venv"
     pip --quiet --python "$venv/bin/python" install --disable-pip-version-check \
         --root-user-action=ignore --no-index --find-links wheels litegripd

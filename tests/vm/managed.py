@@ -55,6 +55,27 @@ def groups_of_channels() -> None:
     of_second.write_text(SLOW)
 
 
+def packages_that_are_missing() -> None:
+    """An interpreter without its packages, as after a release upgrade, ends the unit."""
+    unit = Unit()
+    unit.stop()
+    (packages,) = Path(PROGRAMS).parent.glob("lib/python3.*/site-packages")
+    away = packages.with_name("away")
+    packages.rename(away)
+    try:
+        run("systemctl", "start", unit.name)
+        ended = reaches(lambda: unit.show("ActiveState") == "failed")
+        check("missing packages end the unit", ended and unit.restarts == 0, unit.tell())
+        check("as what it is", unit.show("ExecMainStatus") == "5", unit.show("ExecMainStatus"))
+        said = must("journalctl", "--unit", unit.name, "--output=cat", "--no-pager", "--lines=20")
+        check("the journal says what to do", "docs/installation.md" in said, said)
+    finally:
+        away.rename(packages)
+        run("systemctl", "reset-failed", unit.name)
+    unit.start()
+    check("mended, it starts", unit.is_active(), unit.tell())
+
+
 def program_that_cannot_run() -> None:
     """A program that is not there ends the unit; one that always fails is tried more rarely."""
     unit = Unit()
@@ -136,4 +157,9 @@ def restarted(before: int) -> int:
     return before
 
 
-MANAGED = (groups_of_channels, program_that_cannot_run, manager_that_does_not_read)
+MANAGED = (
+    groups_of_channels,
+    packages_that_are_missing,
+    program_that_cannot_run,
+    manager_that_does_not_read,
+)

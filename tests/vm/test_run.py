@@ -7,18 +7,20 @@ from pathlib import Path
 
 import pytest
 
-from tests.vm import adapters, socketcan, systemd
+from tests.vm import adapters, debian, socketcan, systemd
 
 RUN = Path(__file__).with_name("run")
 SOCKETCAN = "bash tests/vm/socketcan.sh"
-SYSTEMD, ADAPTERS = (f"bash tests/vm/installed.sh {suite}" for suite in ("systemd", "adapters"))
+SYSTEMD, ADAPTERS, DEBIAN = (
+    f"bash tests/vm/installed.sh {suite}" for suite in ("systemd", "adapters", "debian")
+)
 
 
-def run(*arguments: str) -> "subprocess.CompletedProcess[str]":
+def run(*arguments: str, **environment: str) -> "subprocess.CompletedProcess[str]":
     """Run it with a machine that only prints what it is to run, and without wheels."""
     return subprocess.run(
         [str(RUN), *arguments],
-        env={**os.environ, "PYTHON": "true", "RUN_IN_VM": "echo"},
+        env={**os.environ, "PYTHON": "true", "RUN_IN_VM": "echo", **environment},
         capture_output=True,
         text=True,
         check=False,
@@ -47,6 +49,20 @@ def test_each_scene_is_found_in_its_suite(
     done = run(suite, *names)
     assert (done.returncode, done.stderr) == (0, "")
     assert booted(done) == [" ".join([boot, *names]) for boot in boots]
+
+
+def test_the_packages_may_have_been_built_before(tmp_path: Path) -> None:
+    (tmp_path / "litegripd_0.1.0-1_all.deb").touch()
+    names = [scene.__name__ for scene in debian.SCENES]
+    done = run("debian", *names, PACKAGES=str(tmp_path))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert booted(done) == [" ".join([f"{DEBIAN} 1", *names])]
+
+
+def test_packages_for_another_release_are_not_tried() -> None:
+    done = run("debian", VM_RELEASE="no-such-release")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert "debian was not run" in done.stderr
 
 
 def test_a_scene_alone_finds_its_suite() -> None:

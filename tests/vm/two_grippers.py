@@ -6,8 +6,8 @@ from pathlib import Path
 
 from tests.vm.emulated import Emulated
 from tests.vm.guest import check, reaches, reasons
-from tests.vm.installing import install_units, installed
-from tests.vm.unit import CONFIGURATION, SLOW, Unit, ctl, flags, is_set_up, must
+from tests.vm.installing import installed
+from tests.vm.unit import CONFIGURATION, SLOW, Unit, ctl, flags, install_units, is_set_up, must
 
 PERSONS = {"left": "lena", "right": "rick"}
 """Who may use which gripper."""

@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from tests.vm.guest import Rpc, reaches
+from tests.vm.guest import Rpc, check, reaches
 
 PROGRAMS = "/opt/litegripd/bin"
 CONFIGURATION = Path("/etc/litegripd/can0.toml")
@@ -135,3 +135,16 @@ def is_set_up(name: str, restart_ms: int = 100) -> bool:
         and data.get("restart_ms", 0) == restart_ms
         and found.get("txqlen") == 10
     )
+
+
+def install_units(user: str, *channels: str) -> None:
+    """Run it for these channels, and then what it prints, word for word."""
+    options = [option for channel in channels for option in ("--can", channel)]
+    out = must(f"{PROGRAMS}/litegripctl", "install-units", *options)
+    print(out, flush=True)
+    following = out.partition("next, as root:\n")[2].splitlines()
+    for line in following:
+        if line.startswith("note: "):
+            continue
+        status, said = typed(line.strip().replace("USER", user))
+        check(f"typed as printed: {line.strip()}", status == 0, said)

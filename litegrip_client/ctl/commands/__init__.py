@@ -93,13 +93,17 @@ COMMANDS = (
 )
 
 
+OF_THIS_MACHINE = ("doctor", "completion", "install-units")
+"""Commands that ask no daemon for anything."""
+
+
 def needs_daemon(options: Namespace) -> bool:
     """Whether the command line asks for something of the daemon's."""
     if options.command == "plot":
         return is_name(options.file) and not options.local
     if options.command == "trajectories":
         return not options.local
-    return options.command not in ("doctor", "completion", "install-units")
+    return options.command not in OF_THIS_MACHINE
 
 
 def is_name(text: str) -> bool:

@@ -16,7 +16,7 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 
     from litegrip_client.ctl.watching import Scene
 
-Show: TypeAlias = "Callable[[Iterable[Scene], str], None]"
+Show: TypeAlias = "Callable[[Iterable[Scene], str, Callable[[str], str]], None]"
 
 
 _WATCH = """\
@@ -46,7 +46,7 @@ def watch(run: Run) -> int:
     if run.options.ssh_host is not None:
         name = f"{name} of {run.options.ssh_host}"
     try:
-        show(_counted(run, last), name)
+        show(_counted(run, last), name, run.output.for_gripper)
     finally:
         for scene in last:
             if scene.state is not None:  # the view itself leaves nothing in the terminal

@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 from rich.console import Console
 from rich.live import Live
@@ -21,8 +21,8 @@ _SHORTEST_S = 0.05
 _TERMINATED = 128 + signal.SIGTERM
 
 
-def show(scenes: Iterable[Scene], name: str) -> None:
-    """Show scenes of the gripper `name` until there are no more of them."""
+def show(scenes: Iterable[Scene], name: str, for_gripper: Callable[[str], str]) -> None:
+    """Show scenes of the gripper `name` until there are no more of them; see `Output`."""
     shown_s = 0.0
     with (
         Live(console=Console(), screen=True, auto_refresh=False) as live,
@@ -31,7 +31,7 @@ def show(scenes: Iterable[Scene], name: str) -> None:
         for scene in scenes:
             now_s = time.monotonic()
             if now_s - shown_s >= _SHORTEST_S:
-                live.update(picture(scene, name), refresh=True)
+                live.update(picture(scene, name, for_gripper), refresh=True)
                 shown_s = now_s
 
 

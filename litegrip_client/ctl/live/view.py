@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from rich.console import Group, RenderableType
 from rich.progress_bar import ProgressBar
 from rich.table import Table
@@ -20,15 +22,15 @@ _STYLES = {"ok": "bold green", "degraded": "bold yellow", "down": "bold red"}
 _ALARMING = {"stop", "limited", "age"}
 
 
-def picture(scene: Scene, name: str) -> RenderableType:
-    """Show a scene of the gripper `name`."""
+def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) -> RenderableType:
+    """Show a scene of the gripper `name`; `for_gripper` names it in what can be typed."""
     parts: list[RenderableType] = [_head(scene, name), Text()]
     if scene.state is not None:
-        parts += [_bar(scene.state), _figures(scene.state)]
+        parts += [_bar(scene.state), _figures(scene.state, for_gripper)]
     parts += [Text(), _company(scene)]
     if scene.health is not None:
         parts += [
-            Text(f"- {render.plain(in_shell(str(reason)))}", "yellow")
+            Text(f"- {render.plain(for_gripper(in_shell(str(reason))))}", "yellow")
             for reason in scene.health.get("reasons", ())
         ]
     return Group(*parts, Text(), *_events(scene))
@@ -51,13 +53,13 @@ def _bar(state: dict[str, Any]) -> RenderableType:
     return grid
 
 
-def _figures(state: dict[str, Any]) -> RenderableType:
+def _figures(state: dict[str, Any], for_gripper: Callable[[str], str]) -> RenderableType:
     grid = Table.grid(padding=(0, 2))
     is_old = bool(state.get("stale"))
     for label, text in render.state_rows(state):
         alarming = label in _ALARMING and (label != "age" or is_old)
         style = "bold red" if alarming else "dim" if is_old else ""
-        grid.add_row(Text(label, "cyan"), Text(render.plain(text), style))
+        grid.add_row(Text(label, "cyan"), Text(render.plain(for_gripper(text)), style))
     return grid
 
 

@@ -134,15 +134,18 @@ def condition_of(error: BaseException, text: str, channel: str) -> BusCondition:
     return BusCondition("adapter_gone" if is_missing else state, text)
 
 
-def not_opened(error: BaseException, text: str, interface: str, channel: str) -> BusCondition:
-    """Name what opening a bus has raised, in words where the system's own do not tell."""
-    condition = condition_of(error, f"cannot be opened: {text}", channel)
+def explain(error: BaseException, text: str, interface: str, channel: str) -> str:
+    """Return `text`; in front of it what it means and what to do, where it does not say that."""
     why = _UNOPENED.get(code_of(error) or 0)
     if interface != "socketcan" or why is None:
-        return condition
-    return BusCondition(
-        condition.state, f"cannot be opened: {why.format(channel=channel)} ({text})"
-    )
+        return text
+    return f"{why.format(channel=channel)} ({text})"
+
+
+def not_opened(error: BaseException, text: str, interface: str, channel: str) -> BusCondition:
+    """Return the condition of a bus whose opening has raised."""
+    why = explain(error, text, interface, channel)
+    return condition_of(error, f"cannot be opened: {why}", channel)
 
 
 def told_by(message: can.Message) -> BusState | None:

@@ -20,7 +20,7 @@ OUTSIDE = replace(ALICE, is_member=False, has_group=False)
 NO_GROUP = replace(OUTSIDE, group_exists=False)
 FILE = "/etc/litegripd/can0.toml"
 WRONG = Configuration(FILE, error=f"{FILE}: not valid TOML: at line 3")
-UNKNOWN = facts(daemon=None, failure="no daemon can be reached", sockets=(), is_channel_known=False)
+UNKNOWN = facts(daemon=None, failure="no daemon can be reached", sockets=(), socket="/tmp/s")
 ROOT = User("root", 0, "litegrip", is_member=False, has_group=False)
 GRANTED = {"fifo_priority": 50, "memory_locked": True}
 LIMITS = (
@@ -45,8 +45,8 @@ DAEMON_CASES = [
         facts(daemon=None, failure="nobody listens", sockets=(), is_unit_enabled=True),
         "error",
         "nobody listens",
-        "systemctl status litegripd@can0",
-        "its unit is enabled",
+        "sudo systemctl start litegripd@can0",
+        "it was stopped or has failed: systemctl status litegripd@can0 says which",
     ),
     Case(
         "daemon",
@@ -90,7 +90,7 @@ DAEMON_CASES = [
         UNKNOWN,
         "error",
         "no daemon can be reached",
-        advises="litegripd CHANNEL --socket PATH",
+        advises="litegripd CHANNEL --socket /tmp/s",
     ),
     Case(
         "daemon",
