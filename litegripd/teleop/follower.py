@@ -17,14 +17,14 @@ from typing import Literal, TypeAlias
 from litegripd.control.actions.base import Step, progress_of
 from litegripd.control.gains import Gains, budgeted, clamp_lead, max_lead_rad
 from litegripd.control.holds import Hold, Rest, Slack
-from litegripd.control.teleop.base import TeleopAction, Tell
-from litegripd.control.teleop.intake import MOST_ROUND_TRIP_S, Intake
-from litegripd.control.teleop.link import Link
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
 from litegripd.model.teleop import ForceFrame, LinkWish, TeleopSettings, TeleopStatus, encode_force
+from litegripd.teleop.base import TeleopAction, Tell
+from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
+from litegripd.teleop.link import Link
 
 MOST_NM = 5.5
 """By no more the jaws are pushed, however stiff the follow gains are: what the lead cap of 4 mm is

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from litegripd.model.trajectory import (
+from litegripd.trajectories.values import (
     CSV_HEAD,
     HEADER,
     MAX_BYTES,

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from litegripd.model import strict_json
-from litegripd.model.trajectory import TrajectoryError
+from litegripd.trajectories.values import TrajectoryError
 
 FORMAT = "litegrip-grips"
 VERSION = 1

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from litegripd.control import recorder
-from litegripd.control.ring import records
+from litegripd.recorder import recorder
+from litegripd.recorder.ring import records
 
 
 class Tick(NamedTuple):

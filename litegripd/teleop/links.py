@@ -6,9 +6,10 @@ the first link is wanted, kept for the daemon's life, and started again when it 
 
 from collections.abc import Callable, Sequence
 
-from litegripd.control.teleop.link import InProcessLinks, Link
 from litegripd.io.helper.child import Child, start_here
-from litegripd.io.teleop_wire import (
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.teleop.link import InProcessLinks, Link
+from litegripd.teleop.wire import (
     CLOSE,
     FRAME,
     STATUS,
@@ -18,9 +19,8 @@ from litegripd.io.teleop_wire import (
     unpack_arrival,
     unpack_status,
 )
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
 
-MODULE = "litegripd.io.teleop_link_main"
+MODULE = "litegripd.teleop.process"
 _PACKETS_PER_TICK = 32
 _RESTART_FIRST_S = 0.5
 _RESTART_AT_MOST_S = 5.0

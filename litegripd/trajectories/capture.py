@@ -17,11 +17,11 @@ from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
-from litegripd.model.grips import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS
 from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.model.results import Progress, RecordOutcome, RecordResult
-from litegripd.model.trajectory import PIECE_BYTES, SAMPLE
+from litegripd.trajectories.grips import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS
+from litegripd.trajectories.values import PIECE_BYTES, SAMPLE
 
 _METHODS: Mapping[JobKind, str] = {
     "grasp": "motion.grasp",

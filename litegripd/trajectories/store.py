@@ -12,11 +12,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from litegripd.io import trajectory_grips
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileSystem
 from litegripd.io.helper.files import state_directory
-from litegripd.io.trajectory_content import (
+from litegripd.trajectories import grip_files as trajectory_grips
+from litegripd.trajectories.content import (
     ENDING,
     Content,
     StoreError,
@@ -28,9 +28,16 @@ from litegripd.io.trajectory_content import (
     unknown,
     unopened,
 )
-from litegripd.io.trajectory_grips import Grips
-from litegripd.io.trajectory_owners import Limits, Owners, lgt_names
-from litegripd.model.trajectory import HEADER, MAX_BYTES, PIECE_BYTES, SAMPLE, Header, name_problem
+from litegripd.trajectories.grip_files import Grips
+from litegripd.trajectories.owners import Limits, Owners, lgt_names
+from litegripd.trajectories.values import (
+    HEADER,
+    MAX_BYTES,
+    PIECE_BYTES,
+    SAMPLE,
+    Header,
+    name_problem,
+)
 
 LISTED_BYTES = 40_000
 """So much of a list in one answer, which must fit into a packet."""

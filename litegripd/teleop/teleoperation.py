@@ -16,10 +16,6 @@ from litegripd.control.admission import (
 )
 from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
-from litegripd.control.teleop.base import TeleopAction, ended
-from litegripd.control.teleop.follower import Course, TeleopFollower
-from litegripd.control.teleop.leader import TeleopLeader
-from litegripd.control.teleop.link import Link, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
@@ -34,6 +30,10 @@ from litegripd.model.teleop import (
     TeleopStatus,
     encode_frame,
 )
+from litegripd.teleop.base import TeleopAction, ended
+from litegripd.teleop.follower import Course, TeleopFollower
+from litegripd.teleop.leader import TeleopLeader
+from litegripd.teleop.link import Link, Links
 
 SWEEP_S = 6.0
 """From open to closed and back: 63 mm/s at most on a travel of 120 mm."""

@@ -10,14 +10,14 @@ import re
 import time
 from pathlib import Path
 
-from litegripd.control.recording import read
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import FileError
 from litegripd.io.helper.child import MEMORY_FD
 from litegripd.io.helper.files import own_directory
-from litegripd.io.recorder_mcap import to_mcap
 from litegripd.io.shared_memory import copy_of
 from litegripd.model.calibration import Dumped
+from litegripd.recorder.mcap import to_mcap
+from litegripd.recorder.reader import read
 
 KEPT_FILES = 10
 KEPT_BYTES = 64_000_000

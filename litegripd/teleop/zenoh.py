@@ -12,9 +12,9 @@ from typing import Any
 
 import zenoh
 
-from litegripd.io.teleop_endpoint import Deliver
-from litegripd.io.teleop_wire import MAX_PAYLOAD_BYTES
 from litegripd.model.teleop import LinkWish
+from litegripd.teleop.udp import Deliver
+from litegripd.teleop.wire import MAX_PAYLOAD_BYTES
 
 _QUEUED_AT_MOST = 16
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2}

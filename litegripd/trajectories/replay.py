@@ -18,10 +18,8 @@ from litegripd.control.actions.base import PlainAction, Step
 from litegripd.control.actions.grasp import Grasp, GraspRequest
 from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import Grip, Hold, Rest
-from litegripd.control.loading import Loading
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.grips import TaughtGrip
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.motor_types import MotorType
@@ -32,7 +30,9 @@ from litegripd.model.results import (
     ReplayProgress,
     ReplayResult,
 )
-from litegripd.model.trajectory import Path
+from litegripd.trajectories.grips import TaughtGrip
+from litegripd.trajectories.loading import Loading
+from litegripd.trajectories.values import Path
 
 _SLOWEST_RAD_S = 1e-3
 

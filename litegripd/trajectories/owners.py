@@ -14,10 +14,10 @@ from typing import Any
 
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileSystem
-from litegripd.io.trajectory_content import ENDING as LGT_ENDING
-from litegripd.io.trajectory_content import StoreError
-from litegripd.io.trajectory_grips import path_beside as grips_beside
-from litegripd.model.trajectory import name_problem
+from litegripd.trajectories.content import ENDING as LGT_ENDING
+from litegripd.trajectories.content import StoreError
+from litegripd.trajectories.grip_files import path_beside as grips_beside
+from litegripd.trajectories.values import name_problem
 
 ENDING = ".uid"
 

@@ -10,7 +10,6 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from litegripd.control.actions.replay import Replay, ReplayRequest
 from litegripd.control.admission import (
     NO_FEEDBACK,
     busy_with,
@@ -19,16 +18,17 @@ from litegripd.control.admission import (
     position_refusal,
     trajectory_or_teleop_refusal,
 )
-from litegripd.control.capture import Capture, Teach, result_of
 from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
-from litegripd.control.loading import outcome_of
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_conflict
-from litegripd.model.trajectory import MAX_SAMPLES, PIECE_BYTES
+from litegripd.trajectories.capture import Capture, Teach, result_of
+from litegripd.trajectories.loading import outcome_of
+from litegripd.trajectories.replay import Replay, ReplayRequest
+from litegripd.trajectories.values import MAX_SAMPLES, PIECE_BYTES
 
 
 def recording_key(number: int) -> str:

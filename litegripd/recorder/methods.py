@@ -1,9 +1,9 @@
 """The method on the flight recorder: have it written to disk, and tell where it is."""
 
-from litegripd.control.dumps import Dumps
 from litegripd.model.calibration import Dumped
 from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
+from litegripd.recorder.causes import Dumps
 from litegripd.rpc.method import Answer, Call, Deferred, Method
 from litegripd.rpc.schema import Param
 

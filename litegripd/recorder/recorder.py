@@ -11,11 +11,11 @@ from typing import get_args
 
 from litegripd.control.engine import Engine
 from litegripd.control.holds import Slack
-from litegripd.control.ring import OVERHEAD_BYTES, Ring
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobKind, Owner
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase
+from litegripd.recorder.ring import OVERHEAD_BYTES, Ring
 
 KEPT_S = 60.0
 EVENTS = 1024

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from typing import Literal, TypeAlias
 
 from litegripd.control.engine import Engine
-from litegripd.control.recorder import KEPT_S
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.motor import MotorPhase
+from litegripd.recorder.recorder import KEPT_S
 
 Cause: TypeAlias = Literal[
     "demand",

@@ -16,13 +16,13 @@ from dataclasses import replace
 
 from litegripd.control.actions.base import Step, progress_of
 from litegripd.control.holds import Slack
-from litegripd.control.teleop.base import TeleopAction, Tell
-from litegripd.control.teleop.intake import ForceIntake
-from litegripd.control.teleop.link import Link
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
 from litegripd.model.teleop import LinkWish, TeleopFrame, TeleopSettings, TeleopStatus, encode_frame
+from litegripd.teleop.base import TeleopAction, Tell
+from litegripd.teleop.intake import ForceIntake
+from litegripd.teleop.link import Link
 
 MOST_N = 10.0
 """No leader pushes back with more, whoever asks for it: a finger holds it without effort."""

@@ -6,11 +6,11 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from litegripd.control.actions.base import PlainAction, Step
-from litegripd.control.teleop.link import Link
 from litegripd.model.events import Event
 from litegripd.model.motor import Feedback, MotorView, Status, status_name
 from litegripd.model.results import TeleopResult
 from litegripd.model.teleop import LinkStatus, LinkWish, TeleopMode, TeleopStatus
+from litegripd.teleop.link import Link
 
 _WINDOW_S = 1.0
 

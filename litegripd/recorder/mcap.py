@@ -11,12 +11,12 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from litegripd.control import recorder
-from litegripd.control.recording import RecordedEvent, Recording, Tick
 from litegripd.control.snapshot import mode_of
 from litegripd.model.motor import MitCommand, Ranges, status_name
 from litegripd.motor import codec
 from litegripd.motor.phases import Phase
+from litegripd.recorder import recorder
+from litegripd.recorder.reader import RecordedEvent, Recording, Tick
 
 _NUMBER, _TEXT, _TRUTH = {"type": "number"}, {"type": "string"}, {"type": "boolean"}
 _INTEGER = {"type": "integer"}

@@ -4,13 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypedDict
 
-from litegripd.control.actions.replay import ReplayRequest
-from litegripd.control.capture import Capture
 from litegripd.control.engine import Engine
-from litegripd.control.trajectories import Trajectories
 from litegripd.model.errors import Refusal
 from litegripd.model.results import ReplayResult
-from litegripd.model.trajectory import MAX_SAMPLES, Header, Summary
 from litegripd.rpc.method import (
     DETACH,
     JOB,
@@ -23,7 +19,10 @@ from litegripd.rpc.method import (
     accepted,
     later,
 )
-from litegripd.rpc.methods.trajectory_files import (
+from litegripd.rpc.schema import Param, Shape
+from litegripd.rpc.sessions import Session
+from litegripd.trajectories.capture import Capture
+from litegripd.trajectories.file_methods import (
     NAME,
     RECORDING,
     UPLOAD,
@@ -31,8 +30,9 @@ from litegripd.rpc.methods.trajectory_files import (
     Whole,
     check_name,
 )
-from litegripd.rpc.schema import Param, Shape
-from litegripd.rpc.sessions import Session
+from litegripd.trajectories.replay import ReplayRequest
+from litegripd.trajectories.requests import Trajectories
+from litegripd.trajectories.values import MAX_SAMPLES, Header, Summary
 
 
 class NoTrajectory(TypedDict):

@@ -6,8 +6,8 @@ from typing import Any
 
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
-from litegripd.model.grips import TaughtGrip
-from litegripd.model.trajectory import PIECE_BYTES, SAMPLE, Path
+from litegripd.trajectories.grips import TaughtGrip
+from litegripd.trajectories.values import PIECE_BYTES, SAMPLE, Path
 
 LOAD_WITHIN_S = 10.0
 """So long each answer may take; judging the longest trajectory takes the helper half a second."""

@@ -6,8 +6,8 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, Protocol, TypeAlias
 
-from litegripd.io.teleop_wire import MAX_PAYLOAD_BYTES
 from litegripd.model.teleop import LinkWish, udp_targets
+from litegripd.teleop.wire import MAX_PAYLOAD_BYTES
 
 Deliver: TypeAlias = Callable[[bytes, str], None]
 """Takes a payload and the name of its sender, from any thread."""

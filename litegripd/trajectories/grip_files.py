@@ -12,9 +12,9 @@ from typing import Any
 
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import FileSystem
-from litegripd.io.trajectory_content import ENDING as LGT_ENDING
-from litegripd.io.trajectory_content import StoreError, open_file
-from litegripd.model.grips import (
+from litegripd.trajectories.content import ENDING as LGT_ENDING
+from litegripd.trajectories.content import StoreError, open_file
+from litegripd.trajectories.grips import (
     ENDING,
     MAX_GRIP_BYTES,
     TaughtGrip,
@@ -24,7 +24,7 @@ from litegripd.model.grips import (
     parse,
     read,
 )
-from litegripd.model.trajectory import HEADER, SAMPLE, TrajectoryError
+from litegripd.trajectories.values import HEADER, SAMPLE, TrajectoryError
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,9 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
-from litegripd.io.teleop_endpoint import Endpoint, UdpFollower, UdpLeader
-from litegripd.io.teleop_wire import (
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.teleop.udp import Endpoint, UdpFollower, UdpLeader
+from litegripd.teleop.wire import (
     CLOSE,
     FRAME,
     OPEN,
@@ -30,10 +31,9 @@ from litegripd.io.teleop_wire import (
     unpack_open,
     unpack_reply,
 )
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
 
 if TYPE_CHECKING:
-    from litegripd.io.teleop_zenoh import ZenohLeaders
+    from litegripd.teleop.zenoh import ZenohLeaders
 
 _LOOK_EVERY_S = 0.1
 _RETRY_AFTER_S = 1.0
@@ -165,7 +165,7 @@ class Station:
                 if wish.mode == "master"
                 else UdpFollower(wish, deliver, flood.refuse)
             )
-        from litegripd.io.teleop_zenoh import (  # noqa: PLC0415 - large, and UDP needs none of it
+        from litegripd.teleop.zenoh import (  # noqa: PLC0415 - large, and UDP needs none of it
             ZenohFollower,
             ZenohLeaders,
         )

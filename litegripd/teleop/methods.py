@@ -6,8 +6,6 @@ from dataclasses import asdict
 from typing import Any, TypeAlias
 
 from litegripd.control.engine import Engine
-from litegripd.control.teleop.link import Links
-from litegripd.control.teleop.teleoperation import Teleoperation
 from litegripd.model.errors import Refusal
 from litegripd.model.teleop import (
     DEFAULT_DQ_MAX_RAD_S,
@@ -23,6 +21,8 @@ from litegripd.model.teleop import (
 from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method, Refused, accepted
 from litegripd.rpc.reports import Reporter
 from litegripd.rpc.schema import Param
+from litegripd.teleop.link import Links
+from litegripd.teleop.teleoperation import Teleoperation
 
 _GRIP_ID = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")

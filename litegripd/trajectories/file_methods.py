@@ -8,19 +8,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, TypedDict
 
 from litegripd.control.engine import Engine
-from litegripd.control.loading import outcome_of
-from litegripd.control.trajectories import recording_key
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
-from litegripd.model.grips import MAX_GRIP_BYTES
-from litegripd.model.trajectory import (
-    MAX_BYTES,
-    MAX_NAME,
-    Header,
-    Summary,
-    name_problem,
-)
 from litegripd.rpc.method import (
     Answer,
     Call,
@@ -32,6 +22,16 @@ from litegripd.rpc.method import (
 )
 from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Session
+from litegripd.trajectories.grips import MAX_GRIP_BYTES
+from litegripd.trajectories.loading import outcome_of
+from litegripd.trajectories.requests import recording_key
+from litegripd.trajectories.values import (
+    MAX_BYTES,
+    MAX_NAME,
+    Header,
+    Summary,
+    name_problem,
+)
 
 MOST_PER_CONNECTION = 4
 MOST_BYTES = 4 * MAX_BYTES
