@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.ctl.plot.drawing import labels
 from litegrip_client.ctl.plot.dump import Happening, read
-from litegrip_client.ctl.plot.labels import labels
 from litegripd.recorder.mcap import to_mcap
 from litegripd.recorder.reader import read as read_memory
 from tests.client.fake_daemon import FakeDaemon

@@ -16,10 +16,9 @@ from litegrip_client import (
     list_trajectories,
     taught_grips,
 )
-from litegrip_client.ctl.block_chart import block_chart
+from litegrip_client.ctl.commands.recorder import block_chart
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.plot.axes import png
-from litegrip_client.ctl.plot.trajectory import draw_trajectory
+from litegrip_client.ctl.plot.drawing import draw_trajectory, png
 from litegrip_client.ctl.render_trajectories import played, recorded
 from litegripd.trajectories import grips as daemons
 from litegripd.trajectories.values import TrajectoryError

@@ -1,10 +1,16 @@
-"""How the live view looks: a scene in, a picture for rich out. It must not know the terminal."""
+"""The live view of one gripper or of several, drawn with rich."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
 
-from rich.console import Group, RenderableType
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
 from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
@@ -81,3 +87,41 @@ def _events(scene: Scene) -> list[RenderableType]:
         age = Text(f"{render.figure(age_s, '.0f', 's')} ago", "dim", justify="right")
         grid.add_row(age, Text(render.plain(event.message), no_wrap=True, overflow="ellipsis"))
     return [Text("events", "cyan"), grid] if scene.events else []
+
+
+_SHORTEST_S = 0.05
+"""Between two pictures: nobody sees more, and a slow terminal has time for them."""
+
+_TERMINATED = 128 + signal.SIGTERM
+
+
+def show(scenes: Iterable[Scene], name: str, for_gripper: Callable[[str], str]) -> None:
+    """Show scenes of the gripper `name` until there are no more of them; see `Output`."""
+    shown_s = 0.0
+    with (
+        Live(console=Console(), screen=True, auto_refresh=False) as live,
+        _giving_back(live),
+    ):
+        for scene in scenes:
+            now_s = time.monotonic()
+            if now_s - shown_s >= _SHORTEST_S:
+                live.update(picture(scene, name, for_gripper), refresh=True)
+                shown_s = now_s
+
+
+@contextlib.contextmanager
+def _giving_back(live: Live) -> Iterator[None]:
+    """Give the terminal back on SIGTERM, and while Ctrl-Z stops this program."""
+
+    def pause(*_: object) -> None:
+        live.stop()
+        os.kill(os.getpid(), signal.SIGSTOP)
+        live.start(refresh=True)
+
+    handlers = {signal.SIGTERM: lambda *_: sys.exit(_TERMINATED), signal.SIGTSTP: pause}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

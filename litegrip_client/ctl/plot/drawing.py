@@ -1,9 +1,12 @@
-"""Draws a dump: four figures over one time axis, the mode above them, events as vertical lines."""
+"""Draws a flight-recorder dump, or a trajectory, with matplotlib."""
 
 from __future__ import annotations
 
+import io
 import math
+import re
 from collections.abc import Callable
+from dataclasses import dataclass
 from itertools import groupby
 from time import localtime, strftime
 from typing import Any
@@ -11,9 +14,106 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from litegrip_client.ctl.plot.axes import finish
 from litegrip_client.ctl.plot.dump import Dump, Happening
-from litegrip_client.ctl.plot.labels import Label, labels
+from litegrip_client.ctl.render_trajectories import date
+from litegrip_client.taught_grips import TaughtGrip
+from litegrip_client.trajectory import Trajectory
+
+
+def finish(axes: Axes, label: str) -> None:
+    """Give them a label, a grid and room; a legend beside them where lines have names."""
+    axes.set_ylabel(label, fontsize=9)
+    axes.grid(axis="y", color="#eceff1", lw=0.8)
+    axes.set_axisbelow(True)
+    for side in ("top", "right"):
+        axes.spines[side].set_visible(False)
+    axes.tick_params(labelsize=8)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(
+            loc="upper left",
+            bbox_to_anchor=(1.0, 1.02),
+            fontsize=8,
+            frameon=False,
+            handlelength=1.2,
+        )
+
+
+def png(figure: Figure) -> bytes:
+    """Return what is written to a file."""
+    file = io.BytesIO()
+    figure.savefig(file, format="png")
+    return file.getvalue()
+
+
+_APART_SHARE = 0.022
+"""Two labels are at least this share of the shown time apart."""
+
+_LONGEST = 30
+_ALARMS = frozenset({"stop", "object_lost", "heat", "client_lost", "lease_lost"})
+_ROUTINE = ("owner", "refused", "lease", "recorder", "job_ended", "calibration")
+"""Not named while something else happens close by; the last ones rather than the first."""
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text at `x_s`, for what happened at `at_s`; both in seconds before the end."""
+
+    at_s: float
+    x_s: float
+    text: str
+    is_alarm: bool
+
+
+def labels(events: list[Happening], end_s: float, begin_s: float) -> list[Label]:
+    """Return the labels of events in their order of time."""
+    apart_s = -begin_s * _APART_SHARE
+    groups: list[list[Happening]] = []
+    for event in sorted(events, key=lambda event: event.at_s):
+        if groups and event.at_s - groups[-1][0].at_s < apart_s:
+            groups[-1].append(event)
+        else:
+            groups.append([event])
+    return [_label(group, end_s) for group in groups]
+
+
+def _label(group: list[Happening], end_s: float) -> Label:
+    first = max(group, key=_weight)
+    others = len({(event.kind, event.message) for event in group} - {(first.kind, first.message)})
+    text = _short(first) + (f"  +{others}" if others else "")
+    at_s, x_s = first.at_s - end_s, group[0].at_s - end_s
+    return Label(at_s, x_s, text, any(map(_is_alarm, group)))
+
+
+def _weight(event: Happening) -> int:
+    if _is_alarm(event):
+        return len(_ROUTINE) + (2 if event.kind == "job_ended" else 3)
+    if event.kind in _ROUTINE:
+        return _ROUTINE.index(event.kind)
+    return len(_ROUTINE) + (event.kind == "job_started")
+
+
+def _is_alarm(event: Happening) -> bool:
+    failed = event.kind == "job_ended" and event.data.get("state") in ("failed", "cancelled")
+    fault = event.kind == "motor" and event.data.get("phase") in ("fault", "silent")
+    return event.kind in _ALARMS or failed or fault
+
+
+def _short(event: Happening) -> str:
+    """Say it in few words: of a motion its kind, of the motor its new phase."""
+    message, data = event.message, event.data
+    if event.kind == "job_started" and "kind" in data:
+        return f"{data['kind']} (job {data.get('job')})"
+    if event.kind == "job_ended" and "state" in data:
+        return f"job {data.get('job')} {data['state']}"
+    if event.kind == "object_moved" and isinstance(data.get("moved_mm"), int | float):
+        return f"object moved {data['moved_mm']:.1f} mm"
+    if event.kind == "motor" and "phase" in data:
+        return f"motor {data['phase']}"
+    if event.kind in ("calibration", "stop", "heat", "recorder", "lease"):
+        return event.kind
+    words = re.split(r"[:;(]", message)[0].strip()
+    return words if len(words) <= _LONGEST else f"{words[: _LONGEST - 1]}…"
+
 
 _MEASURED, _COMMAND, _THIRD = "#1f4e79", "#d9822b", "#7f8c8d"
 _ALARM, _QUIET = "#c0392b", "#9aa5b1"
@@ -179,3 +279,68 @@ def _write(head: Axes, label: Label) -> None:
     color = _ALARM if label.is_alarm else "#37474f"
     head.plot([label.at_s, label.x_s], [-0.05, 0.06], color=_QUIET, lw=0.6, clip_on=False)
     head.text(label.x_s, 0.08, label.text, color=color, ha="left", va="bottom", **style)
+
+
+_LINE, _GRIP, _FORCE = "#1f4e79", "#fdebd0", "#a04000"
+_LONG_GAP = 2.5
+"""Samples further apart than so many periods are not joined."""
+
+
+def draw_trajectory(trajectory: Trajectory, name: str) -> Figure:
+    """Draw all of a trajectory; `name` is its title."""
+    figure = Figure(figsize=(13.0, 7.2), dpi=110, facecolor="white")
+    opening, velocity, torque = figure.subplots(
+        3, 1, sharex=True, height_ratios=(3.0, 1.6, 1.6), squeeze=True
+    )
+    samples, travel_mm = trajectory.samples, trajectory.travel_mm
+    _row(opening, trajectory, [one.openness * travel_mm for one in samples], "opening [mm]")
+    _row(velocity, trajectory, [one.velocity_rad_s for one in samples], "velocity [rad/s]")
+    _row(torque, trajectory, [one.torque_nm for one in samples], "torque [N·m]")
+    for grip in trajectory.grips:
+        _grip((opening, velocity, torque), grip)
+    opening.set_ylim(-0.04 * travel_mm, 1.04 * travel_mm)
+    torque.set_xlabel("time [s]")
+    figure.suptitle(_trajectory_title(trajectory, name), x=0.075, ha="left", fontsize=11, y=0.975)
+    figure.subplots_adjust(left=0.075, right=0.97, top=0.93, bottom=0.08, hspace=0.12)
+    figure.align_ylabels([opening, velocity, torque])
+    return figure
+
+
+def _trajectory_title(trajectory: Trajectory, name: str) -> str:
+    words = [name, f"{len(trajectory)} samples at {trajectory.sample_hz:g} Hz"]
+    if trajectory.mount is not None:
+        words.append(f"mount {trajectory.mount}")
+    words.append(date(trajectory.created))
+    return "   ·   ".join(words)
+
+
+def _row(axes: Axes, trajectory: Trajectory, values: list[float], label: str) -> None:
+    longest_s = _LONG_GAP / trajectory.sample_hz
+    times: list[float] = []
+    drawn: list[float] = []
+    for sample, value in zip(trajectory.samples, values, strict=True):
+        if times and sample.t - times[-1] > longest_s:
+            times.append(times[-1])
+            drawn.append(math.nan)
+        times.append(sample.t)
+        drawn.append(value)
+    axes.plot(times, drawn, color=_LINE, lw=1.2, marker="." if len(times) == 1 else None)
+    finish(axes, label)
+
+
+def _grip(rows: tuple[Axes, ...], grip: TaughtGrip) -> None:
+    """Shade the time of a grip in all rows, and write its force at the top of the first."""
+    for axes in rows:
+        axes.axvspan(grip.start_s, grip.end_s, color=_GRIP, lw=0.8, zorder=0.4)
+    rows[0].annotate(
+        f"{grip.force_n:g} N",
+        ((grip.start_s + grip.end_s) / 2, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(0, -3),
+        textcoords="offset points",
+        ha="center",
+        va="top",
+        fontsize=8,
+        color=_FORCE,
+        annotation_clip=True,
+    )
