@@ -1,14 +1,13 @@
 """Make the page on the configuration, and the commented file of defaults, from the daemon's tables.
 
-What a key means stands in `litegripd/app/config_table.py`; what a field of the motions' defaults
+What a key means stands in `litegripd/app/config.py`; what a field of the motions' defaults
 means stands here.
 """
 
 import textwrap
 from typing import Any
 
-from litegripd.app.config import load
-from litegripd.app.config_table import KEYS, TABLES, Key
+from litegripd.app.config import KEYS, TABLES, Key, load
 from litegripd.app.succession import SAME_TABLES
 from litegripd.model.motion_config import MotionConfig, ranges_of
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES

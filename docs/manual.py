@@ -14,7 +14,7 @@ from litegrip_client.discovery import SOCKET_VARIABLE
 from litegrip_client.trajectory_files import DIRECTORY_VARIABLE
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator
-from litegripd.app.config_table import KEYS, TABLES
+from litegripd.app.config import KEYS, TABLES
 from litegripd.sim.console import help_text
 
 DATE = "2026-11-21"

@@ -18,9 +18,9 @@ import pytest
 from litegrip_client import LiteGrip
 from litegrip_client.discovery import SYSTEM_DIRECTORY
 from litegrip_client.stream import SLICE_S, StreamEndedError
+from litegripd.app.build import load_at_start
 from litegripd.app.config import Config
-from litegripd.app.facts import DaemonFacts
-from litegripd.app.starting import load_at_start
+from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.main import OPERATIONS
 from litegripd.model.errands import Errand, ErrandResult

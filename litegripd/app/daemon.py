@@ -6,18 +6,21 @@ import signal
 import time
 from collections.abc import Sequence
 
+from litegripd.app.build import Legacy, Parts, load_at_start, make_bus, occupy_places
 from litegripd.app.config import Config
-from litegripd.app.ending import Ending
-from litegripd.app.facts import DaemonFacts
 from litegripd.app.flight import make_flight
-from litegripd.app.logs import MotorGreeting, log_event, make_log_handler, warn_of_untried
-from litegripd.app.machine import Machine
-from litegripd.app.making import Legacy, make_bus, occupy_places
-from litegripd.app.parts import Parts
-from litegripd.app.retiring import Retirement
-from litegripd.app.starting import load_at_start
+from litegripd.app.machine import Ending, Machine
+from litegripd.app.status import (
+    DaemonFacts,
+    MotorGreeting,
+    log_event,
+    make_log_handler,
+    warn_of_untried,
+)
 from litegripd.app.succession import Succession
-from litegripd.app.supervision import Supervision
+from litegripd.app.systemd import Supervision
+from litegripd.control.engine import Engine
+from litegripd.handover.link import Link
 from litegripd.io.helper.child import Child
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
@@ -33,6 +36,58 @@ from litegripd.rpc.service import RpcService
 from litegripd.teleop.links import TeleopLinks
 
 _log = logging.getLogger(__name__)
+
+DRAIN_WITHIN_S = 0.05
+"""So long a daemon that has handed over serves what its clients have sent before."""
+
+
+class Retirement:
+    """What a daemon still does for the successor at the other end of `link`."""
+
+    def __init__(
+        self, link: Link, succession: Succession, engine: Engine, urgent: Urgent, ending: Ending
+    ) -> None:
+        self._link = link
+        self._succession = succession
+        self._engine = engine
+        self._urgent = urgent
+        self._ending = ending
+        self._passed_on = engine.stop_latch.generation
+        self._end_is_passed_on = False
+
+    def part_with_clients(self, server: Server, stops: StopListener) -> None:
+        """Answer what clients have sent before, and close: whoever comes now is the successor's."""
+        self._engine.shut_down()  # it has no motor any more: it only refuses
+        server.let_in(False)
+        stops.let_in_no_more()
+        self.pass_on()
+        server.drain(time.monotonic() + DRAIN_WITHIN_S)
+        server.flush()
+        self.pass_on()
+        server.close()
+        stops.close()
+
+    def pass_on(self) -> None:
+        """Take the stops and signals that have come, and pass them on."""
+        self._urgent.serve()
+        latch = self._engine.stop_latch
+        if latch.generation != self._passed_on and latch.latched is not None:
+            self._passed_on = latch.generation
+            self._succession.tell_stop(self._link, latch.latched, latch.generation)
+        if self._ending.has_begun and not self._end_is_passed_on:
+            self._end_is_passed_on = True
+            self._succession.tell_end(self._link)
+
+    def goes_on(self) -> bool:
+        """Pass on what has come; return whether the successor is still there."""
+        self.pass_on()
+        return not self._link.is_left()
+
+    def close(self) -> None:
+        """Pass on what has come at the last moment, and close the line."""
+        self.pass_on()
+        self._link.close()
+
 
 OPEN_WITHIN_S = 0.5
 """So long the first clients wait for the motor to be found; then they hear that it is silent."""

@@ -7,8 +7,8 @@ import os
 from collections.abc import Mapping
 
 from litegripd.app.config import Config
-from litegripd.app.facts import daemon_version
 from litegripd.app.machine import Machine
+from litegripd.app.status import daemon_version
 from litegripd.io.shared_memory import SharedMemory
 from litegripd.model.events import Event
 from litegripd.recorder.causes import Dumps

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from litegripd.app.config import Config, ConfigError, find, load, override
 from litegripd.app.daemon import Daemon
-from litegripd.app.facts import daemon_version
+from litegripd.app.status import daemon_version
 from litegripd.app.succession import SUCCESSOR_OPTION
 from litegripd.app.successor import succeed
 from litegripd.io.log import BoundedHandler, PriorityFormatter, goes_to_journal

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from litegripd.app.config import (
+    Access,
     ConfigError,
     ControlConfig,
     GripperConfig,
@@ -16,7 +17,6 @@ from litegripd.app.config import (
     load,
     override,
 )
-from litegripd.app.roles import Access
 from litegripd.io.can.bus import BusSettings
 
 EXAMPLE = """

@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from litegripd.app.ending import Ending
+from litegripd.app.machine import Ending
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MitCommand, MotorPhase, Status
 from litegripd.model.motor_types import DM4310

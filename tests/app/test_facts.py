@@ -6,9 +6,9 @@ from typing import Any, cast
 
 import pytest
 
+from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
-from litegripd.app.facts import DaemonFacts
-from litegripd.app.parts import motor_figures
+from litegripd.app.status import DaemonFacts
 from litegripd.control.second_master import QUIET_AFTER_S
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import DATA

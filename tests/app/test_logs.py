@@ -4,7 +4,7 @@ import logging
 
 import pytest
 
-from litegripd.app.logs import MotorGreeting, warn_of_untried
+from litegripd.app.status import MotorGreeting, warn_of_untried
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 from tests.motor.test_wrong_type import BOTH_WAYS, world_of
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.app.roles import Access, UnknownEntryError, access_of
+from litegripd.app.config import Access, UnknownEntryError, access_of
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import ROLES, Peer, Role
 from tests.world import PERIOD_S, Client, FixedFacts, World

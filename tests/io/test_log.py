@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.app.logs import log_event
+from litegripd.app.status import log_event
 from litegripd.io import log
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.model.events import Event, EventKind

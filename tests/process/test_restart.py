@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.app.supervision import MANAGER_WITHIN_S
+from litegripd.app.systemd import MANAGER_WITHIN_S
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.restarting import (
     RATE_HZ,

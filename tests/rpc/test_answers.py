@@ -11,7 +11,7 @@ from jsonschema import ValidationError
 
 import litegripd
 from litegripd.app.config import Config
-from litegripd.app.facts import DaemonFacts
+from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
 from litegripd.rpc.methods import METHODS
 from litegripd.rpc.openrpc import NOTIFICATIONS

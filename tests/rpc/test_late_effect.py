@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from litegripd.app.starting import load_at_start
+from litegripd.app.build import load_at_start
 from litegripd.model.errands import Errand, ErrandResult
 from tests.world import Client, World
 

@@ -1,23 +1,70 @@
-"""The daemon's running parts, and the figures that `health` tells of them."""
+"""What a daemon is built of, as its configuration says: its sockets, its bus, its parts.
+
+`load_at_start` reads the calibration and the kept configuration; without either the daemon runs
+all the same, and reports what is missing.
+"""
 
 import dataclasses
+import logging
 import math
 import resource
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
+from litegripd.app.config import Config
 from litegripd.app.machine import Machine
+from litegripd.control.engine import Engine
 from litegripd.control.heat import HeatGuard
-from litegripd.io.can.bus import FrameBus
+from litegripd.io.can.bus import DIRECT_INTERFACES, FrameBus
+from litegripd.io.can.pumped import PumpedBus
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
 from litegripd.io.log import LogHandler
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
+from litegripd.io.sockets import Places, occupy, runtime_directory
+from litegripd.model.calibration import from_plain
+from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
+from litegripd.model.motion_config import MotionConfigError
 from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
 from litegripd.rpc.service import RpcService
 from litegripd.teleop.links import TeleopLinks
+
+_log = logging.getLogger(__name__)
+
+
+def socket_path(config: Config) -> Path:
+    """Return where clients find the daemon; raises `InUseError` where no place can be used."""
+    if config.rpc.socket is not None:
+        return Path(config.rpc.socket)
+    return runtime_directory() / f"{config.channel}.sock"
+
+
+def occupy_places(config: Config) -> Places:
+    """Claim the channel and listen; raises `InUseError` where another process has a place."""
+    bus = config.bus
+    return occupy(bus.interface, bus.channel, socket_path(config), config.rpc.group)
+
+
+def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:
+    """Choose how the adapter is driven: in the control thread, or by a process of its own."""
+    if config.bus.interface in DIRECT_INTERFACES:
+        from litegripd.io.can.direct import DirectBus  # noqa: PLC0415 - imports python-can
+
+        return DirectBus(config.bus)
+    return PumpedBus(config.bus, period_s, spawner.start)
+
+
+@dataclass(frozen=True, slots=True)
+class Legacy:
+    """What a daemon has from the one before it: its sockets, and what tells its start."""
+
+    places: Places
+    epoch: str
 
 
 def page_bytes(field: int) -> int:
@@ -151,3 +198,58 @@ def _heat(heat: HeatGuard) -> HeatFigures:
         "time_to_limit_s": None if limit_s is None else round(limit_s, 1),
         "allowed_nm": heat.allowance_nm if math.isfinite(heat.allowance_nm) else None,
     }
+
+
+def load_at_start(engine: Engine, on_calibration: Callable[[], None]) -> None:
+    """Ask for both; `on_calibration` is called when it is known what there is of them."""
+    unit = engine.unit
+    engine.calibrated.expect()
+
+    def use_calibration(result: ErrandResult) -> None:
+        on_calibration()
+        if engine.calibrated.is_coming:
+            _use_calibration(engine, result)
+        else:
+            _log.info(
+                "a client has loaded a calibration meanwhile; the one at the start is not used"
+            )
+
+    wanted = {"channel": unit.channel, "mount": unit.mount, "configured": True}
+    engine.errands.append(
+        Errand("motion.load", {"channel": unit.channel}, lambda result: _use_config(engine, result))
+    )
+    engine.errands.append(Errand("calibration.load", wanted, use_calibration))
+
+
+def _use_calibration(engine: Engine, result: ErrandResult) -> None:
+    if result.error is not None or not isinstance(result.value, dict):
+        refusal = Refusal("calibration_unreadable", f"no calibration: {result.error}")
+        _log.error("%s", refusal.message)
+        engine.use_calibration(None, refusal)
+        return
+    for skipped in result.value["skipped"]:
+        _log.warning("calibration passed over: %s", skipped)
+    found = result.value["calibration"]
+    if found is None:
+        channel = engine.unit.channel
+        _log.warning("no calibration for channel %s: motions are refused", channel)
+        engine.use_calibration(None)
+        return
+    engine.use_calibration(from_plain(found), file=result.value["path"])
+
+
+def _use_config(engine: Engine, result: ErrandResult) -> None:
+    if result.error is not None or not isinstance(result.value, dict):
+        _log.error("the kept motion configuration is not used: %s", result.error)
+        return
+    kept = result.value["config"]
+    if kept is None:
+        return
+    try:
+        engine.config = engine.config.changed(kept, engine.period_s, engine.unit.motor_type)
+    except MotionConfigError as error:
+        path = result.value["path"]
+        _log.error("the kept motion configuration %s is not used: %s", path, error)
+        return
+    engine.config_is_kept = True
+    _log.info("motion configuration: %s", result.value["path"])

@@ -7,8 +7,8 @@ a loop that goes round and does not do what it is there for. Nothing here waits.
 import logging
 from collections.abc import Callable
 
-from litegripd.app.facts import DaemonFacts
 from litegripd.app.machine import Machine
+from litegripd.app.status import DaemonFacts
 from litegripd.io.server import Server
 from litegripd.io.systemd import Notifier, one_line, watchdog_s
 from litegripd.model.motor import MotorPhase
