@@ -17,8 +17,8 @@ from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.direct import DirectBus
 from litegripd.io.loop import LatenessMeter, PeriodicTimer
 from litegripd.io.realtime import acquire
+from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.unit import Unit
 from litegripd.rpc.reports import state_view
 
 PERIOD_S = 0.005
@@ -32,7 +32,7 @@ class ControlThread(threading.Thread):
         self.seconds = seconds
         self.lateness = LatenessMeter()
         self.lost_ticks = 0
-        self.machine = Machine(Unit(), None, MotionConfig(), PERIOD_S)
+        self.machine = Machine(GripperId(), None, MotionConfig(), PERIOD_S)
         self.bus = DirectBus(BusSettings("litegrip_sim", "asyncio", 1_000_000))
         self.bus.receive(time.monotonic())
         self.now_s = 0.0
@@ -51,7 +51,9 @@ class ControlThread(threading.Thread):
         self.bus.close()
 
     def state(self) -> bytes:
-        return json.dumps(state_view(snapshot(self.machine.engine, self.now_s, PERIOD_S))).encode()
+        return json.dumps(
+            state_view(snapshot(self.machine.controller, self.now_s, PERIOD_S))
+        ).encode()
 
 
 async def serve(path: str, control: ControlThread) -> int:

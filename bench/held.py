@@ -77,17 +77,17 @@ class HeldRig(Rig):
         job = self.begin(ours(self.geometry, request, period_s=period_s))
         self.run_until(lambda: not job.is_running)
         self.run(abs(force_n - CONTACT_N) / DEFAULTS.force_rate_n_s + SETTLE_S)
-        self.engine.take_events()
+        self.controller.take_events()
 
     @property
     def clamp_bounds_n(self) -> tuple[float, float] | None:
         """Between which forces the daemon says that the clamp lies."""
-        return None if self.engine.grip is None else self.engine.grip.clamp_n
+        return None if self.controller.grip is None else self.controller.grip.clamp_n
 
     @property
     def loss_detected_from_n(self) -> float | None:
         """From which force on the daemon says that it would notice the loss."""
-        grip, feedback = self.engine.grip, self.engine.motor.feedback
+        grip, feedback = self.controller.grip, self.controller.motor.feedback
         if grip is None or feedback is None:
             return 0.0
         return grip.loss_detected_from_n(self.geometry.opening_mm(feedback.position_rad))
@@ -154,7 +154,7 @@ class HeldRig(Rig):
         )
 
     def _events(self, began_s: float) -> Iterator[tuple[str, float, float | None]]:
-        for event in self.engine.take_events():
+        for event in self.controller.take_events():
             moved_mm = event.data.get("moved_mm")
             way_mm = moved_mm if isinstance(moved_mm, float) else None
             yield event.kind, self.now_s - began_s, way_mm

@@ -18,12 +18,12 @@ from litegripd.control.holds import Grip, GripSettings, Rest
 from litegripd.model.calibration import Calibration
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
+from litegripd.model.gripper_id import GripperId
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import EnableMotor, MotorPhase, MotorView
 from litegripd.model.motor_types import DM4310
 from litegripd.model.results import GraspOutcome, GraspResult
-from litegripd.model.unit import Unit
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 
@@ -60,8 +60,8 @@ class Rig:
         )
         self.geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
         self.gripper = SimulatedGripper(parameters, seed=noise_seed)
-        self.engine = (machine := Machine(Unit(), None, DEFAULTS, period_s)).engine
-        self.engine.use_calibration(Calibration(self.geometry))
+        self.controller = (machine := Machine(GripperId(), None, DEFAULTS, period_s)).controller
+        self.controller.use_calibration(Calibration(self.geometry))
         self.period_s = period_s
         self.now_s = 1000.0
         self.looks = 1
@@ -101,11 +101,11 @@ class Rig:
 
     def begin(self, action: Action) -> Job:
         """Enable the motor and begin an action; peaks count from here."""
-        self.run_until(lambda: self.engine.motor.phase is MotorPhase.DISABLED, 2.0)
-        enabling = self.engine.begin("enable", Enable(EnableMotor(3, 0.2)), OWNER, True)
+        self.run_until(lambda: self.controller.motor.phase is MotorPhase.DISABLED, 2.0)
+        enabling = self.controller.begin("enable", Enable(EnableMotor(3, 0.2)), OWNER, True)
         self.run_until(lambda: not enabling.is_running, 2.0)
         self.peak_nm = self.peak_mm_s = 0.0
-        return self.engine.begin("grasp", action, OWNER, True)
+        return self.controller.begin("grasp", action, OWNER, True)
 
     @property
     def squeeze_nm(self) -> float:
@@ -115,7 +115,7 @@ class Rig:
     @property
     def is_grasped(self) -> bool:
         """Whether something is held by force, as the daemon believes."""
-        return self.engine.grip is not None and self.engine.grip.is_holding
+        return self.controller.grip is not None and self.controller.grip.is_holding
 
 
 def ours(

@@ -109,7 +109,7 @@ def follow(way: Way, network: Network, duration_s: float) -> list[Moment]:
     for _ in range(round(duration_s / PERIOD_S)):
         rig.peak_nm = 0.0
         rig.tick()
-        wanted = rig.engine.output.requested
+        wanted = rig.controller.output.requested
         if wanted is not None:
             at_s, wanted_mm = rig.now_s - began_s, rig.geometry.opening_mm(wanted.position_rad)
             moments.append(Moment(at_s, rig.gripper.opening_mm, wanted_mm, rig.peak_nm))

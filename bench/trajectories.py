@@ -48,9 +48,9 @@ def _follow(points: list[Point], torque_nm: float) -> None:
     client = world.enabled()
     upload = uploaded(client, points)
     number = client.send("trajectory.play", upload=upload, torque_nm=torque_nm)
-    geometry, errors = world.engine.geometry, []
+    geometry, errors = world.controller.geometry, []
     while not client.has_answer(number):
-        action = world.engine.action
+        action = world.controller.action
         on_path = isinstance(action, Replay) and action.phase == "play"
         wanted = action.openness if isinstance(action, Replay) else None
         world.tick()

@@ -23,10 +23,10 @@ from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.main import OPERATIONS
-from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.gripper_id import GripperId
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase
-from litegripd.model.unit import Unit
 from litegripd.motor import codec
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer
@@ -56,19 +56,19 @@ class RealDisk(Disk):
         super().__init__()
         self._home = home
 
-    def do(self, errand: Errand) -> ErrandResult:
+    def do(self, task: HelperTask) -> TaskResult:
         with pytest.MonkeyPatch.context() as patch:
             patch.delenv("LITEGRIP_CALIB", raising=False)  # the script's, not the daemon's
             if self._home is not None:
                 patch.setenv("HOME", str(self._home))
-            return self._do(errand)
+            return self._do(task)
 
-    def _do(self, errand: Errand) -> ErrandResult:
+    def _do(self, task: HelperTask) -> TaskResult:
         try:
-            parameters = json.loads(json.dumps(errand.parameters))
-            return ErrandResult(json.loads(json.dumps(OPERATIONS[errand.operation](parameters))))
+            parameters = json.loads(json.dumps(task.parameters))
+            return TaskResult(json.loads(json.dumps(OPERATIONS[task.operation](parameters))))
         except (OSError, ValueError) as error:
-            return ErrandResult(error=f"{type(error).__name__}: {error}")
+            return TaskResult(error=f"{type(error).__name__}: {error}")
 
 
 class Daemon(World):
@@ -98,12 +98,12 @@ class Daemon(World):
             self.gripper = gripper
         self.mount = mount
         self.disk = RealDisk(home)
-        self.engine.unit = Unit(channel)
+        self.controller.gripper_id = GripperId(channel)
         settings = BusSettings("virtual", channel, 1_000_000)
         facts = DaemonFacts(Config(channel, settings), self.machine)
-        self.service = RpcService(self.engine, facts, PERIOD_S, links=links)
+        self.service = RpcService(self.controller, facts, PERIOD_S, links=links)
         if boots:
-            load_at_start(self.engine, lambda: None)
+            load_at_start(self.controller, lambda: None)
 
     @property
     def closing_torque_nm(self) -> float:
@@ -191,7 +191,7 @@ class Site:
     def add(self, daemon: Daemon) -> Daemon:
         """Let a daemon run on its channel, in place of any other; its motor has been found."""
         daemon.now_s = self.now_s
-        self._daemons[daemon.engine.unit.channel] = daemon
+        self._daemons[daemon.controller.gripper_id.channel] = daemon
         self.run_until(lambda: daemon.phase is MotorPhase.DISABLED, 2.0)
         return daemon
 
@@ -244,7 +244,7 @@ class Site:
         moments: list[Moment] = []
 
         def note() -> None:
-            feedback, gripper = daemon.engine.motor.feedback, daemon.gripper
+            feedback, gripper = daemon.controller.motor.feedback, daemon.gripper
             assert feedback is not None
             moments.append(
                 Moment(

@@ -37,7 +37,7 @@ NEVER = {
 """Words that a page can always do without."""
 
 SELDOM = {
-    "errand": r"errands?",
+    "task": r"tasks?",
     "fares": r"fares?",
     "order": r"orders?",
     "rest": r"rests?",

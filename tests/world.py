@@ -1,4 +1,4 @@
-"""The whole daemon but its sockets, in virtual time: engine, motor, RPC service, simulated gripper.
+"""The daemon without its sockets, in virtual time: controller, motor, RPC service, gripper.
 
 A scene moves time with `run` or `run_until`; nothing in it waits. The same scene gives the same
 result every time.
@@ -21,15 +21,15 @@ from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.files import load_operation, templates_operation
 from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
-from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
+from litegripd.model.gripper_id import GripperId
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.state import GripperState
-from litegripd.model.unit import Unit
 from litegripd.motor import codec
 from litegripd.recorder.reader import Recording, read
 from litegripd.recorder.recorder import memory_bytes, tick_slots
@@ -206,22 +206,22 @@ class Disk:
         """Have another helper process, whose users may have no more than this."""
         self._store = TrajectoryStore(self.trajectories, Unsynced(), lambda: 1e9, limits)
 
-    def do(self, errand: Errand) -> ErrandResult:
-        """Carry out one errand."""
-        operation, parameters = errand.operation, errand.parameters
+    def do(self, task: HelperTask) -> TaskResult:
+        """Carry out one helper task."""
+        operation, parameters = task.operation, task.parameters
         if self.error is not None:
-            return ErrandResult(error=self.error)
+            return TaskResult(error=self.error)
         if operation == "calibration.load":
-            return ErrandResult(load_operation(parameters) if self.found is None else self.found)
+            return TaskResult(load_operation(parameters) if self.found is None else self.found)
         if operation == "calibration.templates":
-            return ErrandResult(templates_operation(parameters))
+            return TaskResult(templates_operation(parameters))
         packed = json.dumps(parameters)  # as it goes to the helper
         if operation.startswith("trajectory."):
-            return ErrandResult(self.do_plainly(operation, **json.loads(packed)))
+            return TaskResult(self.do_plainly(operation, **json.loads(packed)))
         if operation == "recorder.dump":
-            return ErrandResult(self._dump())
+            return TaskResult(self._dump())
         self.saved[operation] = parameters
-        return ErrandResult({"path": f"/state/{operation}", "previous": None, "saved_s": 1.6e9})
+        return TaskResult({"path": f"/state/{operation}", "previous": None, "saved_s": 1.6e9})
 
     def _dump(self) -> dict[str, Any]:
         recording = read(bytes(self.memory))
@@ -262,11 +262,11 @@ class World:
         self.now_s = 1000.0
         self.gripper = self.make_gripper(parameters)
         self.machine = Machine(
-            Unit(motor_type=motor_type), master_id, config or MotionConfig(), period_s
+            GripperId(motor_type=motor_type), master_id, config or MotionConfig(), period_s
         )
-        self.engine = self.machine.engine
+        self.controller = self.machine.controller
         self.restart: OnRestart = no_restart
-        self.service = RpcService(self.engine, FixedFacts(), period_s, restart=self._restart)
+        self.service = RpcService(self.controller, FixedFacts(), period_s, restart=self._restart)
         self.sent: list[Sent] = []
         self.condition = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
@@ -274,11 +274,11 @@ class World:
         self._in_flight: list[CanFrame] = []
         self.disk = Disk(period_s)
         self.flight = self.make_flight()
-        self._finished: list[tuple[Errand, ErrandResult]] = []
+        self._finished: list[tuple[HelperTask, TaskResult]] = []
         self._last_pid = 100
         if calibrated:
             geometry = Geometry(closed_rad, open_rad, parameters.rad_to_mm)
-            self.engine.use_calibration(Calibration(geometry), None)
+            self.controller.use_calibration(Calibration(geometry), None)
 
     def _restart(self, on_restarted: OnRestarted) -> Refusal | None:
         return self.restart(on_restarted)
@@ -297,7 +297,7 @@ class World:
         self.advance()
         self.exchange()
         self.service.after_tick(self.now_s)
-        bus_is_up = self.engine.bus.is_usable
+        bus_is_up = self.controller.bus.is_usable
         self.flight.tick(self.now_s, late_s=0.0, lost_ticks=0, failed=False, bus_is_up=bus_is_up)
         self._run_errands()
         while self.service.pending:
@@ -329,12 +329,12 @@ class World:
 
     def _run_errands(self) -> None:
         """Do the slow work as the helper process would, with the result in the next tick."""
-        errands, self.engine.errands = self.engine.errands, []
+        tasks, self.controller.tasks = self.controller.tasks, []
         finished, self._finished = self._finished, []
-        for errand, result in finished:
-            errand.on_result(result)
+        for task, result in finished:
+            task.on_result(result)
         if not self.disk.silent:
-            self._finished = [(errand, self.disk.do(errand)) for errand in errands]
+            self._finished = [(task, self.disk.do(task)) for task in tasks]
 
     def inject(self, frame: CanFrame) -> None:
         """Let a frame arrive that the motor did not send."""

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatGuard
 from litegripd.io.can.bus import DIRECT_INTERFACES, FrameBus
 from litegripd.io.can.pumped import PumpedBus
@@ -27,8 +27,8 @@ from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
 from litegripd.io.sockets import Places, occupy, runtime_directory
 from litegripd.model.calibration import from_plain
-from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfigError
 from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
 from litegripd.rpc.service import RpcService
@@ -136,8 +136,8 @@ class Parts:
                 "resident_mb": round(page_bytes(1) / 1e6, 1),
             },
             "bus": {
-                "state": machine.engine.bus.state,
-                "error": machine.engine.bus.error,
+                "state": machine.controller.bus.state,
+                "error": machine.controller.bus.error,
                 "load": round(self.bus_load, 4),
                 "sent": counters.sent,
                 "received": counters.received,
@@ -148,7 +148,7 @@ class Parts:
                 "reopened": counters.reopened,
             },
             "motor": motor_figures(machine),
-            "heat": _heat(machine.engine.output.heat),
+            "heat": _heat(machine.controller.output.heat),
             "rpc": {
                 "clients": self.server.clients,
                 "requests": self.server.requests,
@@ -184,7 +184,7 @@ class Parts:
 
 def motor_figures(machine: Machine) -> MotorFigures:
     """Tell the motor's counters, and whether somebody else commands it just now."""
-    is_active = machine.engine.second_master.is_active
+    is_active = machine.controller.second_master.is_active
     own: ForeignActive = {"foreign_active": is_active}
     return MotorFigures({**dataclasses.asdict(machine.motor.counters), **own})
 
@@ -200,45 +200,49 @@ def _heat(heat: HeatGuard) -> HeatFigures:
     }
 
 
-def load_at_start(engine: Engine, on_calibration: Callable[[], None]) -> None:
+def load_at_start(controller: Controller, on_calibration: Callable[[], None]) -> None:
     """Ask for both; `on_calibration` is called when it is known what there is of them."""
-    unit = engine.unit
-    engine.calibrated.expect()
+    gripper_id = controller.gripper_id
+    controller.calibrated.expect()
 
-    def use_calibration(result: ErrandResult) -> None:
+    def use_calibration(result: TaskResult) -> None:
         on_calibration()
-        if engine.calibrated.is_coming:
-            _use_calibration(engine, result)
+        if controller.calibrated.is_coming:
+            _use_calibration(controller, result)
         else:
             _log.info(
                 "a client has loaded a calibration meanwhile; the one at the start is not used"
             )
 
-    wanted = {"channel": unit.channel, "mount": unit.mount, "configured": True}
-    engine.errands.append(
-        Errand("motion.load", {"channel": unit.channel}, lambda result: _use_config(engine, result))
+    wanted = {"channel": gripper_id.channel, "mount": gripper_id.mount, "configured": True}
+    controller.tasks.append(
+        HelperTask(
+            "motion.load",
+            {"channel": gripper_id.channel},
+            lambda result: _use_config(controller, result),
+        )
     )
-    engine.errands.append(Errand("calibration.load", wanted, use_calibration))
+    controller.tasks.append(HelperTask("calibration.load", wanted, use_calibration))
 
 
-def _use_calibration(engine: Engine, result: ErrandResult) -> None:
+def _use_calibration(controller: Controller, result: TaskResult) -> None:
     if result.error is not None or not isinstance(result.value, dict):
         refusal = Refusal("calibration_unreadable", f"no calibration: {result.error}")
         _log.error("%s", refusal.message)
-        engine.use_calibration(None, refusal)
+        controller.use_calibration(None, refusal)
         return
     for skipped in result.value["skipped"]:
         _log.warning("calibration passed over: %s", skipped)
     found = result.value["calibration"]
     if found is None:
-        channel = engine.unit.channel
+        channel = controller.gripper_id.channel
         _log.warning("no calibration for channel %s: motions are refused", channel)
-        engine.use_calibration(None)
+        controller.use_calibration(None)
         return
-    engine.use_calibration(from_plain(found), file=result.value["path"])
+    controller.use_calibration(from_plain(found), file=result.value["path"])
 
 
-def _use_config(engine: Engine, result: ErrandResult) -> None:
+def _use_config(controller: Controller, result: TaskResult) -> None:
     if result.error is not None or not isinstance(result.value, dict):
         _log.error("the kept motion configuration is not used: %s", result.error)
         return
@@ -246,10 +250,12 @@ def _use_config(engine: Engine, result: ErrandResult) -> None:
     if kept is None:
         return
     try:
-        engine.config = engine.config.changed(kept, engine.period_s, engine.unit.motor_type)
+        controller.config = controller.config.changed(
+            kept, controller.period_s, controller.gripper_id.motor_type
+        )
     except MotionConfigError as error:
         path = result.value["path"]
         _log.error("the kept motion configuration %s is not used: %s", path, error)
         return
-    engine.config_is_kept = True
+    controller.config_is_kept = True
     _log.info("motion configuration: %s", result.value["path"])

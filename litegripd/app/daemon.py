@@ -19,7 +19,7 @@ from litegripd.app.status import (
 )
 from litegripd.app.succession import Succession
 from litegripd.app.systemd import Supervision
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.handover.link import Link
 from litegripd.io.helper.child import Child
 from litegripd.io.helper.helper import Helper
@@ -28,10 +28,10 @@ from litegripd.io.loop import Reactor, Signals, Urgent
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import MAX_CONNECTIONS, Server
 from litegripd.io.stop_socket import StopListener, clients_within_limit
+from litegripd.model.gripper_id import GripperId
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor_types import MOTOR_TYPES
-from litegripd.model.unit import Unit
 from litegripd.rpc.service import RpcService
 from litegripd.teleop.links import TeleopLinks
 
@@ -45,19 +45,24 @@ class Retirement:
     """What a daemon still does for the successor at the other end of `link`."""
 
     def __init__(
-        self, link: Link, succession: Succession, engine: Engine, urgent: Urgent, ending: Ending
+        self,
+        link: Link,
+        succession: Succession,
+        controller: Controller,
+        urgent: Urgent,
+        ending: Ending,
     ) -> None:
         self._link = link
         self._succession = succession
-        self._engine = engine
+        self._controller = controller
         self._urgent = urgent
         self._ending = ending
-        self._passed_on = engine.stop_latch.generation
+        self._passed_on = controller.stop_latch.generation
         self._end_is_passed_on = False
 
     def part_with_clients(self, server: Server, stops: StopListener) -> None:
         """Answer what clients have sent before, and close: whoever comes now is the successor's."""
-        self._engine.shut_down()  # it has no motor any more: it only refuses
+        self._controller.shut_down()  # it has no motor any more: it only refuses
         server.let_in(False)
         stops.let_in_no_more()
         self.pass_on()
@@ -70,7 +75,7 @@ class Retirement:
     def pass_on(self) -> None:
         """Take the stops and signals that have come, and pass them on."""
         self._urgent.serve()
-        latch = self._engine.stop_latch
+        latch = self._controller.stop_latch
         if latch.generation != self._passed_on and latch.latched is not None:
             self._passed_on = latch.generation
             self._succession.tell_stop(self._link, latch.latched, latch.generation)
@@ -110,7 +115,7 @@ class Daemon:
         room = clients_within_limit(MAX_CONNECTIONS)
         self._config = config
         self._places = occupy_places(config) if legacy is None else legacy.places
-        unit = Unit(
+        gripper_id = GripperId(
             config.channel,
             config.bus.channel,
             config.motor.can_id,
@@ -118,14 +123,16 @@ class Daemon:
             config.gripper.mount,
             MOTOR_TYPES[config.motor.type],
         )
-        self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
-        self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
+        self._machine = Machine(gripper_id, config.motor.master_id, MotionConfig(), period_s)
+        self._machine.controller.second_master.is_tolerated = (
+            config.motor.second_master == "tolerate"
+        )
         epoch = None if legacy is None else legacy.epoch
         self._spawner = Spawner()
         self._links = TeleopLinks(config.teleop.zenoh_config, self._spawner.start)
         self._facts = DaemonFacts(config, self._machine, self._places.stop_path, epoch)
         self._service = RpcService(
-            self._machine.engine,
+            self._machine.controller,
             self._facts,
             period_s,
             role_of=config.access.role_of,
@@ -138,7 +145,7 @@ class Daemon:
         self._stop_listener = StopListener(self._urgent, self._places.stops, self._stop)
         self._server = Server(self._reactor, self._places.requests, self._service, room)
         self._server.let_in(False)
-        self._machine.engine.stop_latch.on_stop = self._server.note_stop
+        self._machine.controller.stop_latch.on_stop = self._server.note_stop
         self._reactor.backlog = self._server
         self._supervision = Supervision(
             self._machine,
@@ -180,16 +187,16 @@ class Daemon:
         self._previous_handlers = logging.getLogger().handlers
         self._parts: Parts | None = None
         self._ending = Ending(self._machine)
-        self._greeting = MotorGreeting(unit.motor_type)
+        self._greeting = MotorGreeting(gripper_id.motor_type)
         self._calibration_is_known = False
         self._began_s: float | None = None
         self._retirement: Retirement | None = None
 
     def run(self) -> bool:
         """Run until told to end, and disable the motor; False if it may be energised still."""
-        load_at_start(self._machine.engine, self._note_calibration)
+        load_at_start(self._machine.controller, self._note_calibration)
         self._begin()
-        warn_of_untried(self._machine.engine.unit.motor_type)
+        warn_of_untried(self._machine.controller.gripper_id.motor_type)
         self._began_s = time.monotonic()
         return self._loop()
 
@@ -269,13 +276,13 @@ class Daemon:
         successor = self._succession.step(now_s, self._reactor.next_tick_s)
         if successor is not None:
             self._retirement = Retirement(
-                successor, self._succession, self._machine.engine, self._urgent, self._ending
+                successor, self._succession, self._machine.controller, self._urgent, self._ending
             )
             self._reactor.stop()
             self._retire(self._retirement)
 
     def _record(self, now_s: float, failed: bool) -> None:
-        """Record the tick; errands and events leave even where it failed."""
+        """Record the tick; tasks and events leave even where it failed."""
         self._flight.tick(
             now_s,
             late_s=self._reactor.late_s,
@@ -311,11 +318,11 @@ class Daemon:
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop, in force with the next command; return the level that is latched, and the count."""
-        engine = self._machine.engine
-        engine.stop(level, by, why, time.monotonic())
+        controller = self._machine.controller
+        controller.stop(level, by, why, time.monotonic())
         self._service.reporter.refresh()
-        latched = engine.stop_latch.latched
-        return level if latched is None else latched.level, engine.stop_latch.generation
+        latched = controller.stop_latch.latched
+        return level if latched is None else latched.level, controller.stop_latch.generation
 
     def _stop_by_signal(self) -> None:
         self._stop("hold", Owner(0, os.getpid(), os.getuid(), "signal SIGUSR1"), None)
@@ -352,11 +359,14 @@ class Daemon:
 
     def _run_errands(self) -> None:
         """Hand the slow work that the pure rooms want done to the helper process."""
-        errands = self._machine.engine.errands
-        while errands:
-            errand = errands.pop(0)
+        tasks = self._machine.controller.tasks
+        while tasks:
+            task = tasks.pop(0)
             self._helper.request(
-                errand.operation, errand.parameters, errand.on_result, uid=errand.uid
+                task.operation,
+                task.parameters,
+                task.on_result,
+                uid=task.uid,
             )
 
     def _note_calibration(self) -> None:

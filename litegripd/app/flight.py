@@ -26,8 +26,8 @@ class Flight:
         self._dumps = dumps
         self._phase = machine.motor.phase
         self._phase_number: int = self._phase.value
-        self._can_id = machine.engine.unit.can_id
-        slots = tick_slots(machine.engine.period_s)
+        self._can_id = machine.controller.gripper_id.can_id
+        slots = tick_slots(machine.controller.period_s)
         self._recorder = Recorder(memory, slots, about)
 
     def tick(
@@ -52,7 +52,7 @@ class Flight:
                 sent = frame.data
         self._recorder.tick(
             now_s,
-            machine.engine,
+            machine.controller,
             late_s=late_s,
             lost_ticks=lost_ticks,
             failed=failed,
@@ -74,7 +74,7 @@ def make_flight(
     config: Config, machine: Machine, service: RpcService
 ) -> tuple[Flight, SharedMemory]:
     """Return the recorder of a daemon, and the memory that its helper process is to read."""
-    memory = SharedMemory(memory_bytes(tick_slots(machine.engine.period_s)))
+    memory = SharedMemory(memory_bytes(tick_slots(machine.controller.period_s)))
     about = {
         "channel": config.channel,
         "version": daemon_version(),

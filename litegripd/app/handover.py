@@ -22,7 +22,7 @@ _ENDS = Mapping[str, tuple[str, str | None]]
 
 def why_not_restartable(machine: Machine) -> Refusal | None:
     """Say why nothing can be handed over now, if so."""
-    return machine.engine.why_not_restartable() or motor.refusal(machine.motor)
+    return machine.controller.why_not_restartable() or motor.refusal(machine.motor)
 
 
 def export(machine: Machine, service: RpcService) -> dict[str, Any]:
@@ -30,7 +30,7 @@ def export(machine: Machine, service: RpcService) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "motor": motor.export(machine.motor),
-        "control": control.export(machine.engine),
+        "control": control.export(machine.controller),
         "numbers": plain_of(service.memory()),
     }
 
@@ -42,8 +42,8 @@ def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
         raise PlainError(f"the state has format {found}, this version takes over format {FORMAT}")
     if plain.keys() != {"format", "motor", "control", "numbers"}:
         raise PlainError("the state is not of this version")
-    motor.adopt(machine.motor, machine.engine.unit.can_id, plain["motor"])
-    control.adopt(machine.engine, machine.motor.view(), plain["control"])
+    motor.adopt(machine.motor, machine.controller.gripper_id.can_id, plain["motor"])
+    control.adopt(machine.controller, machine.motor.view(), plain["control"])
     service.restore(value_of(plain["numbers"], Numbers, "numbers"))
 
 
@@ -51,7 +51,7 @@ def export_history(machine: Machine, service: RpcService) -> dict[str, Any]:
     """Return the jobs that have ended, as clients may still ask for them."""
     service.reporter.keep_ends()
     return {
-        "jobs": control.export_jobs(machine.engine),
+        "jobs": control.export_jobs(machine.controller),
         "ends": service.reporter.memory(),
     }
 
@@ -61,5 +61,5 @@ def adopt_history(machine: Machine, service: RpcService, plain: Any) -> None:
     if not isinstance(plain, dict) or plain.keys() != {"jobs", "ends"}:
         raise PlainError("the history is not of this version")
     ends = value_of(plain["ends"], _ENDS, "ends")
-    control.adopt_jobs(machine.engine, plain["jobs"])
+    control.adopt_jobs(machine.controller, plain["jobs"])
     service.reporter.restore(ends)

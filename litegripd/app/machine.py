@@ -1,6 +1,6 @@
 """The gripper as one pure machine: frames in, frames out, time as an argument.
 
-Engine and motor know nothing of each other; this is where they meet, in real time and in tests.
+Controller and motor know nothing of each other; this is where they meet, in real time and in tests.
 
 `Ending` is the end of a daemon: it waits until the motor is disabled, but not for ever.
 """
@@ -9,12 +9,12 @@ import logging
 from collections.abc import Sequence
 from dataclasses import replace
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.model.bus import UP, BusCondition
 from litegripd.model.frame import CanFrame
+from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
-from litegripd.model.unit import Unit
 from litegripd.motor.motor import Motor
 from litegripd.motor.silence import SILENT_AFTER_POLLS
 
@@ -25,13 +25,13 @@ OFF = (MotorPhase.DISABLED, MotorPhase.FAULT)
 
 
 class Machine:
-    """One motor and the engine that drives it."""
+    """One motor and the controller that drives it."""
 
     def __init__(
-        self, unit: Unit, master_id: int | None, config: MotionConfig, period_s: float
+        self, gripper_id: GripperId, master_id: int | None, config: MotionConfig, period_s: float
     ) -> None:
-        self.motor = Motor(unit.can_id, master_id, period_s, unit.motor_type)
-        self.engine = Engine(config, period_s, unit)
+        self.motor = Motor(gripper_id.can_id, master_id, period_s, gripper_id.motor_type)
+        self.controller = Controller(config, period_s, gripper_id)
         self.may_be_energised: bool | None = None
         """Whether the motor was being enabled, or said that it is, and has not confirmed since that
         it is off; None until it has said either."""
@@ -56,17 +56,17 @@ class Machine:
         is_silent = view.phase is MotorPhase.SILENT and is_asked
         if is_silent and bus.is_usable and view.problem is not None:
             bus = BusCondition("motor_silent", view.problem.message)
-        refusal = bus.refusal(self.engine.unit.bus_channel)
+        refusal = bus.refusal(self.controller.gripper_id.bus_channel)
         if refusal is not None:
             view = replace(view, problem=refusal)
-        self.engine.note_bus(bus)
-        must_disable = self.engine.must_disable
+        self.controller.note_bus(bus)
+        must_disable = self.controller.must_disable
         try:
-            order = self.engine.step(now_s, view)
+            order = self.controller.step(now_s, view)
             self._sent = self.motor.step(now_s, order)
         except Exception as error:
-            self.engine.break_off(error)
-            self.engine.must_disable |= must_disable  # it may not have got that far
+            self.controller.break_off(error)
+            self.controller.must_disable |= must_disable  # it may not have got that far
             raise
         return self._sent
 
@@ -78,7 +78,7 @@ class Machine:
     @property
     def needs_commands(self) -> bool:
         """True while a motor may be energised that can be reached: it lets go without commands."""
-        return self.may_be_energised is True and self.engine.bus.is_usable
+        return self.may_be_energised is True and self.controller.bus.is_usable
 
     @property
     def is_disabled(self) -> bool:
@@ -115,7 +115,7 @@ class Ending:
         if self._since_s is None:
             _log.info("ending: the motor is being disabled")
             self._since_s = now_s
-            self._machine.engine.shut_down()
+            self._machine.controller.shut_down()
 
     def is_over(self, now_s: float) -> bool:
         """Whether the end has begun and nothing is to be waited for any more."""

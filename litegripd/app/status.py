@@ -173,16 +173,16 @@ class DaemonFacts:
     def info(self) -> Info:
         """Tell what does not change."""
         config, identity = self._config, self._machine.motor.view().identity
-        engine = self._machine.engine
+        controller = self._machine.controller
         return {
             **self.hello(),
             "registers": {} if identity is None else dict(identity.registers),
             "motor_warnings": []
             if identity is None
-            else warnings(identity, engine.unit.motor_type),
-            "calibration_file": engine.calibrated.file,
-            "calibration": _calibration(engine.calibrated),
-            "motion": MotionFields(engine.config.as_fields(engine.period_s)),
+            else warnings(identity, controller.gripper_id.motor_type),
+            "calibration_file": controller.calibrated.file,
+            "calibration": _calibration(controller.calibrated),
+            "motion": MotionFields(controller.config.as_fields(controller.period_s)),
             "configuration": config.as_info(),
         }
 
@@ -209,7 +209,7 @@ class DaemonFacts:
         elif view.phase in (MotorPhase.SILENT, MotorPhase.FAULT) or view.problem is not None:
             problem = view.fault or view.problem
             down.append("the motor is silent" if problem is None else problem.message)
-        other = self._machine.engine.second_master
+        other = self._machine.controller.second_master
         if other.is_active and not other.is_tolerated:
             down.append(f"another program commands the motor ({other.count} frames so far)")
         degraded = self._gripper_complaints(is_usable=not down)
@@ -218,15 +218,15 @@ class DaemonFacts:
 
     def _gripper_complaints(self, *, is_usable: bool) -> list[str]:
         """Return what is not as it should be of a gripper that can be used, or could be."""
-        engine = self._machine.engine
-        found, other, geometry = [], engine.second_master, engine.geometry
+        controller = self._machine.controller
+        found, other, geometry = [], controller.second_master, controller.geometry
         if other.is_active and other.is_tolerated:
             found.append(
                 f"another program commands the motor ({other.count} frames so far),"
                 ' which second_master = "tolerate" lets it do'
             )
         if geometry is None:
-            is_coming = engine.calibrated.is_coming
+            is_coming = controller.calibrated.is_coming
             what = (
                 "the calibration is still being read" if is_coming else "no calibration is loaded"
             )
@@ -234,7 +234,7 @@ class DaemonFacts:
         elif is_usable:
             misplaced = position_refusal(self._machine.motor.view(), geometry)
             found += [] if misplaced is None else [misplaced.message]
-        allowed_nm = engine.output.heat.allowance_nm
+        allowed_nm = controller.output.heat.allowance_nm
         if math.isfinite(allowed_nm):
             found.append(f"the coil is hot: holds are limited to {allowed_nm:.2f} N·m")
         return found
@@ -242,7 +242,7 @@ class DaemonFacts:
     def _teleop_complaints(self, parts: Parts) -> list[str]:
         """Return what is not as it should be between leader and follower."""
         found: list[str] = []
-        link, action = parts.links.status, self._machine.engine.action
+        link, action = parts.links.status, self._machine.controller.action
         if link is not None and link.state == "failed":
             found.append(f"the teleoperation link has failed: {link.error}")
         if isinstance(action, TeleopAction) and (complaint := action.complaint()) is not None:
@@ -259,8 +259,8 @@ class DaemonFacts:
         }
 
     def _gripper(self) -> GripperFacts:
-        engine = self._machine.engine
-        geometry = engine.geometry
+        controller = self._machine.controller
+        geometry = controller.geometry
         return {
             "calibrated": geometry is not None,
             "mount": None if geometry is None else geometry.mount,
@@ -269,8 +269,8 @@ class DaemonFacts:
             "open_rad": None if geometry is None else geometry.open_rad,
             "rad_to_mm": None if geometry is None else geometry.rad_to_mm,
             "stroke_mm": self._config.gripper.stroke_mm,
-            "kp": engine.gains.kp_nm_rad,
-            "kd": engine.gains.kd_nm_s_rad,
+            "kp": controller.gains.kp_nm_rad,
+            "kd": controller.gains.kd_nm_s_rad,
         }
 
 

@@ -169,7 +169,7 @@ class Succession:
     def _not_now(self, *, is_under_way: bool = False) -> Refusal | None:
         refusal = handover.why_not_restartable(self._machine)
         refusal = refusal or self._bus.condition.refusal(self._config.bus.channel)
-        has_work = self._helper.is_busy or self._machine.engine.errands
+        has_work = self._helper.is_busy or self._machine.controller.tasks
         if refusal is None and is_under_way and has_work:
             refusal = Refusal("busy", "the helper process is at work")
         return refusal
@@ -209,7 +209,7 @@ class Succession:
 
     def _has_history(self) -> bool:
         """Make the part that takes long in a tick before the one that hands over."""
-        newest = max((job.number for job in self._machine.engine.jobs), default=0)
+        newest = max((job.number for job in self._machine.controller.jobs), default=0)
         if self._history is not None and self._history[0] == newest:
             return True
         self._forget_history()

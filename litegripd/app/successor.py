@@ -85,7 +85,7 @@ class Successor(Daemon):
         now_s = time.monotonic()
         received = self._bus.receive(now_s)
         # A socket of our own hears the predecessor's commands; they are no stranger's.
-        own_id = self._machine.engine.unit.can_id
+        own_id = self._machine.controller.gripper_id.can_id
         received = [frame for frame in received if frame.can_id != own_id]
         frames = self._machine.tick(now_s, received, self._bus.condition)
         self._bus.send(frames, now_s)
@@ -116,9 +116,11 @@ class Successor(Daemon):
         packet = self._link.receive()
         if packet is not None and packet.kind == "stop":
             stop = value_of(packet.body["stop"], Stop, "stop")
-            engine = self._machine.engine
-            engine.stop(stop.level, stop.by, stop.why, time.monotonic())
-            latch = engine.stop_latch  # whoever was told of a generation is to find no older one
+            controller = self._machine.controller
+            controller.stop(stop.level, stop.by, stop.why, time.monotonic())
+            latch = (
+                controller.stop_latch
+            )  # whoever was told of a generation is to find no older one
             latch.generation = max(latch.generation, int(packet.body["generation"]))
             self._service.reporter.refresh()
         elif packet is not None and packet.kind == "end":
@@ -147,16 +149,16 @@ class Successor(Daemon):
 
     def _rehearse(self, state: Any) -> None:
         """Take a copy of the state over in vain, so that the real first tick finds all warm."""
-        engine, now_s = self._machine.engine, time.monotonic()
+        controller, now_s = self._machine.controller, time.monotonic()
         machine = Machine(
-            engine.unit, self._config.motor.master_id, MotionConfig(), engine.period_s
+            controller.gripper_id, self._config.motor.master_id, MotionConfig(), controller.period_s
         )
-        service = RpcService(machine.engine, self._facts, engine.period_s)
+        service = RpcService(machine.controller, self._facts, controller.period_s)
         handover.adopt(machine, service, state)
         peer = Peer(os.getpid(), os.getuid(), os.getgid(), "rehearsal")
         session = service.opened(peer, now_s)
         for number in range(2):  # with more of them unanswered, the motor would count as lost
-            machine.tick(now_s + number * engine.period_s, ())
+            machine.tick(now_s + number * controller.period_s, ())
             service.after_tick(now_s)
             service.handle(session, b'{"jsonrpc":"2.0","id":1,"method":"state.get"}', now_s)
 

@@ -119,7 +119,7 @@ class Supervision:
         view = self._machine.motor.view()
         if not worked:
             return "every tick fails"
-        if view.phase in _ANSWERS and self._machine.engine.bus.is_usable:
+        if view.phase in _ANSWERS and self._machine.controller.bus.is_usable:
             age_s = now_s - view.feedback.at_s if view.feedback is not None else None
             if age_s is None or age_s > FEEDBACK_WITHIN_S:
                 return "the motor is taken to answer, and does not"

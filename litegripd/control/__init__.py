@@ -1,1 +1,1 @@
-"""Actions, safety limits, arbitration and the engine: pure, driven by `step(now_s, ...)`."""
+"""Actions, safety limits, arbitration and the controller: pure, driven by `step(now_s, ...)`."""

@@ -1,4 +1,4 @@
-"""The engine's events, worded: what the log tells a person about motions, stops and power."""
+"""The controller's events, worded: what the log tells a person about motions, stops and power."""
 
 import math
 from collections.abc import Mapping

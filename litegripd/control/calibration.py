@@ -8,13 +8,13 @@ from litegripd.control.actions.base import Adopted, Step
 from litegripd.control.admission import CALIBRATION_COMING, NOT_CALIBRATED, ZERO_MOVED
 from litegripd.control.gains import DEFAULT_GAINS, Gains, gains_of
 from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, measured
-from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
+from litegripd.model.gripper_id import GripperId
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import damping_conflict
 from litegripd.model.motor import MotorView, ZeroView
 from litegripd.model.results import ZeroOutcome, ZeroResult
-from litegripd.model.unit import Unit
 
 
 class CalibrationInUse:
@@ -86,23 +86,23 @@ SAVE_WITHIN_S = 10.0
 class Saving:
     """Makes the calibration of two measured stops the gripper's own, saved unless `keep` is false.
 
-    `step` gives the errand once, and the outcome when it is done.
+    `step` gives the task once, and the outcome when it is done.
     """
 
     def __init__(
         self,
         before: Calibration | None,
-        unit: Unit,
+        gripper_id: GripperId,
         gains: Gains,
         *,
         keep: bool,
     ) -> None:
         self._before = before
-        self._unit = unit
+        self._gripper_id = gripper_id
         self._gains = gains
         self._keep = keep
         self._calibration: Calibration | None = None
-        self._saved: ErrandResult | None = None
+        self._saved: TaskResult | None = None
         self._began_s: float | None = None
         self._content: dict[str, Any] = {}
 
@@ -127,7 +127,7 @@ class Saving:
                 self._before,
                 closed_rad=closed_rad,
                 open_rad=open_rad,
-                stroke_mm=self._unit.stroke_mm,
+                stroke_mm=self._gripper_id.stroke_mm,
             )
         except CalibrationError as error:
             return failed("implausible_travel", str(error))
@@ -150,9 +150,9 @@ class Saving:
             return Step(outcome=failed("not_found", "no stops were measured"))
         if self._began_s is None:
             self._began_s = now_s
-            self._content = content_of(calibration, self._unit, self._gains, motor)
+            self._content = content_of(calibration, self._gripper_id, self._gains, motor)
             if self._keep:
-                return Step(errand=save_errand(self._unit, self._content, self._note))
+                return Step(task=save_errand(self._gripper_id, self._content, self._note))
         if not self._keep:
             return _adopt(calibration, self._content, None)
         if self._saved is None:
@@ -165,29 +165,31 @@ class Saving:
         stored = replace(calibration, saved_s=float(value["saved_s"]))
         return _adopt(stored, self._content, str(value["path"]))
 
-    def _note(self, result: ErrandResult) -> None:
+    def _note(self, result: TaskResult) -> None:
         self._saved = result
 
 
 def content_of(
-    calibration: Calibration, unit: Unit, gains: Gains, motor: MotorView
+    calibration: Calibration, gripper_id: GripperId, gains: Gains, motor: MotorView
 ) -> dict[str, Any]:
     """Return what the file of this gripper holds for a calibration."""
     return calibration.file_content(
-        channel=unit.channel,
-        can_id=unit.can_id,
+        channel=gripper_id.channel,
+        can_id=gripper_id.can_id,
         master_id=None if motor.identity is None else motor.identity.master_id,
-        motor_type=unit.motor_type.name,
+        motor_type=gripper_id.motor_type.name,
         kp_nm_rad=gains.kp_nm_rad,
         kd_nm_s_rad=gains.kd_nm_s_rad,
     )
 
 
 def save_errand(
-    unit: Unit, content: Mapping[str, Any], on_result: Callable[[ErrandResult], None]
-) -> Errand:
-    """Return the errand that writes the daemon's own calibration file."""
-    return Errand("calibration.save", {"channel": unit.channel, "content": content}, on_result)
+    gripper_id: GripperId, content: Mapping[str, Any], on_result: Callable[[TaskResult], None]
+) -> HelperTask:
+    """Return the helper task that writes the daemon's own calibration file."""
+    return HelperTask(
+        "calibration.save", {"channel": gripper_id.channel, "content": content}, on_result
+    )
 
 
 def failed(outcome: ZeroOutcome, message: str) -> ZeroResult:

@@ -31,7 +31,7 @@ class QueuedJob:
 class JobBook:
     """Numbers the jobs, knows the running one and those that wait, and keeps the last `KEPT_JOBS`.
 
-    A queued job is known by its number, too; the engine starts it.
+    A queued job is known by its number, too; the controller starts it.
     """
 
     def __init__(self) -> None:

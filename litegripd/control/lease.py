@@ -1,7 +1,7 @@
 """Who may move the gripper: one lease, granted first come, first served, lost in several ways.
 
-Knows no motion: the engine ends what a lost lease ran. Times are arguments; waiting requests are
-told by a callback.
+It knows no motion: the controller ends what a lost lease ran. Times are arguments; a callback
+answers waiting requests.
 """
 
 from collections import deque

@@ -1,4 +1,4 @@
-"""What clients may ask the gripper to do: each admitted or refused at once, then run by the engine.
+"""What clients may ask of the gripper: admitted or refused at once, then run by the controller.
 
 A motion's `config` is the caller's own; it counts for this motion only.
 """
@@ -19,7 +19,7 @@ from litegripd.control.admission import (
     position_refusal,
     target_refusal,
 )
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
@@ -38,39 +38,39 @@ SMALLEST_MOVE_RAD = 1e-4
 
 
 class Motions:
-    """Begins motions on one engine; a refusal says why not, and nothing has changed."""
+    """Begins motions on one controller; a refusal says why not, and nothing has changed."""
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
 
     def enable(self, owner: Owner, config: MotionConfig, detached: bool) -> Job | Refusal:
         """Begin to enable the motor."""
-        engine = self._engine
-        refusal = engine.why_busy() or engine.motor.problem
+        controller = self._controller
+        refusal = controller.why_busy() or controller.motor.problem
         if refusal is not None:
             return refusal
         request = EnableMotor(config.enable_retries, config.enable_retry_interval)
-        return engine.begin("enable", Enable(request), owner, detached)
+        return controller.begin("enable", Enable(request), owner, detached)
 
     def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
         """Begin to disable the motor; ends the owner's own motion, but not another's."""
-        engine = self._engine
-        running = engine.jobs.running
+        controller = self._controller
+        running = controller.jobs.running
         if running is not None and running.owner.client == owner.client:
-            engine.end(Refusal("cancelled", "ended by motor.disable of the same client"))
-        refusal = busy_refusal(engine.jobs.running)
+            controller.end(Refusal("cancelled", "ended by motor.disable of the same client"))
+        refusal = busy_refusal(controller.jobs.running)
         if refusal is not None:
             return refusal
-        return engine.begin("disable", Disable(), owner, detached)
+        return controller.begin("disable", Disable(), owner, detached)
 
     def clear_fault(self, owner: Owner, detached: bool) -> Job | Refusal:
         """Begin to clear what the motor has latched; it stays disabled."""
-        engine = self._engine
-        enabled = engine.motor.phase in (MotorPhase.ENABLED, MotorPhase.ENABLING)
-        refusal = busy_refusal(engine.jobs.running) or (FAULTLESS if enabled else None)
+        controller = self._controller
+        enabled = controller.motor.phase in (MotorPhase.ENABLED, MotorPhase.ENABLING)
+        refusal = busy_refusal(controller.jobs.running) or (FAULTLESS if enabled else None)
         if refusal is not None:
             return refusal
-        return engine.begin("clear_fault", ClearFault(), owner, detached)
+        return controller.begin("clear_fault", ClearFault(), owner, detached)
 
     def move_to_stop(
         self,
@@ -81,11 +81,11 @@ class Motions:
         detached: bool,
     ) -> Job | Refusal:
         """Begin to open or close at `speed_mm_s` (the configured speed by default)."""
-        engine, geometry = self._engine, self._ready()
+        controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
         speed = config.speed_mm_s if speed_mm_s is None else speed_mm_s
-        refusal = conflict_refusal(move_conflict(config, speed, geometry, engine.period_s))
+        refusal = conflict_refusal(move_conflict(config, speed, geometry, controller.period_s))
         if refusal is not None:
             return refusal
         action = MoveToStop(
@@ -93,26 +93,26 @@ class Motions:
             speed,
             geometry=geometry,
             config=config,
-            gains=engine.gains,
-            period_s=engine.period_s,
+            gains=controller.gains,
+            period_s=controller.period_s,
         )
         held = self._held()
         if held is not None and direction == "close":
-            return engine.settle("close", held, owner, self._blocked(action.target_rad))
-        return engine.begin(direction, action, owner, detached)
+            return controller.settle("close", held, owner, self._blocked(action.target_rad))
+        return controller.begin(direction, action, owner, detached)
 
     def grasp(
         self, request: GraspRequest, owner: Owner, config: MotionConfig, detached: bool
     ) -> Job | Refusal:
         """Begin to close until something is gripped; what is held already is held on."""
-        engine, geometry = self._engine, self._ready()
+        controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
         conflict = slow_conflict(config, request.speed_mm_s, geometry, "grasp_speed_mm_s")
         if conflict is None and request.hold_by == "gains":
             conflict = damping_conflict(config.hold_kp, config.hold_kd, "hold_")
         held = self._held()
-        hot = None if held else heat_refusal(engine.output.heat.allowance_nm, BUDGET_NM)
+        hot = None if held else heat_refusal(controller.output.heat.allowance_nm, BUDGET_NM)
         refusal = conflict_refusal(conflict) or hot
         if refusal is not None:
             return refusal
@@ -120,12 +120,12 @@ class Motions:
             request,
             geometry=geometry,
             config=config,
-            gains=engine.gains,
-            period_s=engine.period_s,
-            motor_type=engine.unit.motor_type,
+            gains=controller.gains,
+            period_s=controller.period_s,
+            motor_type=controller.gripper_id.motor_type,
             held=held,
         )
-        return engine.begin("grasp", action, owner, detached)
+        return controller.begin("grasp", action, owner, detached)
 
     def move_to(
         self,
@@ -138,8 +138,8 @@ class Motions:
         detached: bool,
     ) -> Job | Refusal:
         """Begin to move to a position, at a speed (the configured one by default) or in a time."""
-        engine, geometry = self._engine, self._ready()
-        feedback = engine.motor.feedback
+        controller, geometry = self._controller, self._ready()
+        feedback = controller.motor.feedback
         if isinstance(geometry, Refusal) or feedback is None:
             return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
         refusal = target_refusal(target, geometry)
@@ -150,7 +150,7 @@ class Motions:
         distance_mm = abs(target_rad - feedback.position_rad) * geometry.rad_to_mm
         if duration_s is not None and distance_mm > geometry.rad_to_mm * SMALLEST_MOVE_RAD:
             speed = distance_mm / duration_s
-        conflict = fast_conflict(config, speed, engine.period_s)
+        conflict = fast_conflict(config, speed, controller.period_s)
         refusal = conflict_refusal(conflict)
         if conflict is not None and duration_s is not None:
             refusal = duration_refusal(duration_s, distance_mm / conflict.limit, distance_mm)
@@ -159,29 +159,29 @@ class Motions:
         held = self._held()
         closes = (target_rad - feedback.position_rad) * geometry.close_sign > 0.0
         if held is not None and closes:
-            return engine.settle("move", held, owner, self._blocked(target_rad))
+            return controller.settle("move", held, owner, self._blocked(target_rad))
         action = MoveTo(
             target_rad,
             geometry.to_rad(speed),
             geometry=geometry,
             config=config,
-            gains=engine.gains,
-            period_s=engine.period_s,
+            gains=controller.gains,
+            period_s=controller.period_s,
         )
-        return engine.begin("move", action, owner, detached)
+        return controller.begin("move", action, owner, detached)
 
     def hold(self, owner: Owner) -> Job | Refusal:
         """Hold from now on: what is held already, else the measured position."""
-        engine, feedback = self._engine, self._powered()
+        controller, feedback = self._controller, self._powered()
         if isinstance(feedback, Refusal):
             return feedback
-        rest = engine.rest
+        rest = controller.rest
         if isinstance(rest, Slack):  # holding anew would lose the force of a hold
-            rest = Hold(feedback.position_rad, engine.gains)
+            rest = Hold(feedback.position_rad, controller.gains)
         elif isinstance(rest, Grip):
             rest.stay()
         position_rad = rest.position_rad if isinstance(rest, Hold) else feedback.position_rad
-        return engine.settle("hold", rest, owner, HoldResult(position_rad))
+        return controller.settle("hold", rest, owner, HoldResult(position_rad))
 
     def zero_gravity(self, owner: Owner) -> Job | Refusal:
         """Let the jaws go: enabled, but without stiffness, damping and torque."""
@@ -189,19 +189,23 @@ class Motions:
         if isinstance(feedback, Refusal):
             return feedback
         result = SlackResult(feedback.position_rad)
-        return self._engine.settle("zero_gravity", Slack(), owner, result)
+        return self._controller.settle("zero_gravity", Slack(), owner, result)
 
     def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
         """Squeeze by `force_n` from now on: what is gripped, else from where the jaws are.
 
         The owner's running grasp goes on with it; anybody else's is not touched.
         """
-        engine, grip, running = self._engine, self._engine.grip, self._engine.jobs.running
+        controller, grip, running = (
+            self._controller,
+            self._controller.grip,
+            self._controller.jobs.running,
+        )
         if grip is not None and running is not None and running.owner.client == owner.client:
             grip.squeeze(force_n)
             return running
         geometry = self._ready()
-        feedback = engine.motor.feedback
+        feedback = controller.motor.feedback
         if isinstance(geometry, Refusal) or feedback is None:
             return geometry if isinstance(geometry, Refusal) else NO_FEEDBACK
         if grip is None:
@@ -209,10 +213,10 @@ class Motions:
             in_flight_nm = min(
                 geometry.close_sign * feedback.torque_nm, force_n / FORCE_PER_TORQUE_N_NM
             )
-            motor_type = engine.unit.motor_type
+            motor_type = controller.gripper_id.motor_type
             grip = Grip(settings, force_n, in_flight_nm, motor_type, watched=False)
         grip.squeeze(force_n)
-        return engine.settle("set_force", grip, owner, ForceResult(force_n))
+        return controller.settle("set_force", grip, owner, ForceResult(force_n))
 
     def stream(
         self,
@@ -224,19 +228,21 @@ class Motions:
         torque_nm: float,
     ) -> Job | Refusal:
         """Take a set-point that counts until a time of CLOCK_MONOTONIC; the first one begins it."""
-        engine = self._engine
-        running, action = engine.jobs.running, engine.action
+        controller = self._controller
+        running, action = controller.jobs.running, controller.action
         goes_on = running is not None and running.owner.client == owner.client
         if not (goes_on and isinstance(action, Stream)):
-            running, action = None, Stream(engine.gains, engine.period_s)
+            running, action = None, Stream(controller.gains, controller.period_s)
         geometry = (
-            self._ready() if running is None else engine.geometry or engine.calibrated.problem
+            self._ready()
+            if running is None
+            else controller.geometry or controller.calibrated.problem
         )
         if isinstance(geometry, Refusal):
             return geometry
-        speed = engine.config.speed_mm_s if speed_mm_s is None else speed_mm_s
+        speed = controller.config.speed_mm_s if speed_mm_s is None else speed_mm_s
         refusal = target_refusal(target, geometry) or conflict_refusal(
-            fast_conflict(engine.config, speed, engine.period_s)
+            fast_conflict(controller.config, speed, controller.period_s)
         )
         if refusal is not None:
             return refusal
@@ -244,11 +250,11 @@ class Motions:
             target.position_rad(geometry), valid_until_s, geometry.to_rad(speed), torque_nm
         )
         action.set(point)
-        return running or engine.begin("stream", action, owner, detached=False)
+        return running or controller.begin("stream", action, owner, detached=False)
 
     def _held(self) -> Grip | None:
         """Return the hold of an object, None without one."""
-        grip = self._engine.grip
+        grip = self._controller.grip
         return grip if grip is not None and grip.is_holding else None
 
     def _blocked(self, target_rad: float) -> MoveResult:
@@ -256,7 +262,7 @@ class Motions:
 
         It would crush the object, and then let go of it.
         """
-        geometry, feedback = self._engine.geometry, self._engine.motor.feedback
+        geometry, feedback = self._controller.geometry, self._controller.motor.feedback
         limit_rad = target_rad if geometry is None else geometry.closed_rad
         return MoveResult(
             ok=False,
@@ -272,17 +278,17 @@ class Motions:
 
     def _powered(self) -> Feedback | Refusal:
         """Return the present feedback where the motor is free and enabled, else why not."""
-        refusal = self._engine.why_busy() or motor_refusal(self._engine.motor)
-        return refusal or self._engine.motor.feedback or NO_FEEDBACK
+        refusal = self._controller.why_busy() or motor_refusal(self._controller.motor)
+        return refusal or self._controller.motor.feedback or NO_FEEDBACK
 
     def _ready(self) -> Geometry | Refusal:
         """Return the travel where a motion in it may begin, else say why not."""
-        engine = self._engine
-        refusal = engine.why_busy()
+        controller = self._controller
+        refusal = controller.why_busy()
         if refusal is not None:
             return refusal
-        geometry = engine.geometry
+        geometry = controller.geometry
         if geometry is None:
-            return engine.calibrated.problem
-        refusal = motor_refusal(engine.motor) or position_refusal(engine.motor, geometry)
+            return controller.calibrated.problem
+        refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)
         return refusal or geometry

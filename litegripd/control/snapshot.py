@@ -1,8 +1,8 @@
-"""The state that every client sees, made from the engine's and the motor's."""
+"""The state that every client sees, made from the controller's and the motor's."""
 
 from typing import Literal
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Slack
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job
@@ -23,21 +23,21 @@ _MODES: dict[MotorPhase, Mode] = {
 }
 
 
-def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
+def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperState:
     """Return the state at `now_s`; what is not known is None, what is too old is marked stale."""
-    motor, bus = engine.motor, engine.bus
-    feedback, geometry = motor.feedback, engine.geometry
+    motor, bus = controller.motor, controller.bus
+    feedback, geometry = motor.feedback, controller.geometry
     enabled = motor.phase is MotorPhase.ENABLED
     out_of_reach = motor.phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
     age_s = None if feedback is None else now_s - feedback.at_s
     stale_after_s = STALE_AFTER_PERIODS * period_s if enabled else STALE_AFTER_POLL_S
-    command, requested = engine.output.command, engine.output.requested
-    grip = engine.grip
+    command, requested = controller.output.command, controller.output.requested
+    grip = controller.grip
     held = grip if grip is not None and grip.is_holding and enabled else None
     detected_from_n = _loss_detected_from_n(held, geometry, feedback)
     keeps_force = motor.phase in (MotorPhase.ENABLED, MotorPhase.SILENT)
     return GripperState(
-        seq=engine.ticks,
+        seq=controller.ticks,
         monotonic_s=now_s,
         feedback_s=None if feedback is None else feedback.at_s,
         age_s=age_s,
@@ -47,7 +47,9 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         error_code=None if feedback is None else feedback.status,
         status=None if feedback is None else status_name(feedback.status),
         enabled=_enabled(motor),
-        mode=mode_of(motor.phase, engine.jobs.running is not None, isinstance(engine.rest, Slack)),
+        mode=mode_of(
+            motor.phase, controller.jobs.running is not None, isinstance(controller.rest, Slack)
+        ),
         position_rad=None if feedback is None else feedback.position_rad,
         velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
         torque_nm=None if feedback is None else feedback.torque_nm,
@@ -60,7 +62,7 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         command_torque_nm=None if command is None else command.torque_nm,
         requested_rad=None if requested is None else requested.position_rad,
         requested_torque_nm=None if requested is None else requested.torque_nm,
-        limited=engine.output.limited,
+        limited=controller.output.limited,
         force_set_n=None if grip is None or not keeps_force else grip.force_n,
         is_grasped=held is not None,
         clamp_n=None if held is None else held.clamp_n,
@@ -72,9 +74,9 @@ def snapshot(engine: Engine, now_s: float, period_s: float) -> GripperState:
         loss_detection_from_n=detected_from_n,
         calibrated=geometry is not None,
         mount=None if geometry is None else geometry.mount,
-        job=_job(engine, engine.jobs.running),
-        stop=_stop(engine),
-        stop_generation=engine.stop_latch.generation,
+        job=_job(controller, controller.jobs.running),
+        stop=_stop(controller),
+        stop_generation=controller.stop_latch.generation,
     )
 
 
@@ -121,17 +123,17 @@ def _geometric(
     return geometry.openness(feedback.position_rad)
 
 
-def _job(engine: Engine, job: Job | None) -> JobSummary | None:
+def _job(controller: Controller, job: Job | None) -> JobSummary | None:
     if job is None:
         return None
-    progress = engine.progress()
+    progress = controller.progress()
     phase = None if progress is None else progress.phase
     return JobSummary(job.number, job.kind, phase, job.owner.program, job.owner.pid)
 
 
-def _stop(engine: Engine) -> StopSummary | None:
-    stop = engine.stop_latch.latched
+def _stop(controller: Controller) -> StopSummary | None:
+    stop = controller.stop_latch.latched
     if stop is None:
         return None
     by = None if stop.by is None else stop.by.program
-    return StopSummary(stop.level, by, stop.since_s, stop.why, engine.stop_latch.repeats)
+    return StopSummary(stop.level, by, stop.since_s, stop.why, controller.stop_latch.repeats)

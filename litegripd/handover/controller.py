@@ -1,4 +1,4 @@
-"""What a successor process must know of the engine, so that the jaws notice nothing of a restart.
+"""What a successor must know of the controller, so that the jaws notice nothing of a restart.
 
 Carried are pose and force, stop and calibration, heat and limits, and the numbers that clients
 know. Left is what belongs to connections, which end: waiting requests, queues. The lease lapses,
@@ -10,8 +10,8 @@ from dataclasses import replace
 from typing import Any
 
 from litegripd.control.calibration import CalibrationInUse
+from litegripd.control.controller import Controller
 from litegripd.control.detectors import Lasting, SpeedWindow
-from litegripd.control.engine import Engine
 from litegripd.control.gains import Gains
 from litegripd.control.grip_watch import GripWatch, WatchLimits, WatchState
 from litegripd.control.heat import HeatGuard, HeatModel, Readings
@@ -81,12 +81,12 @@ _OUTPUT = Carried(
 _LEASE = Carried(
     Lease, left=("holder", "_waiting", "_expires_s", "_losses"), _last=int, _lapsed=Grant | None
 )
-_ENGINE = Carried(
-    Engine,
+_CONTROLLER = Carried(
+    Controller,
     left=(
         "action",
         "capture",  # what could only be lost refuses: `why_not_restartable`
-        "errands",
+        "tasks",
         "events",
         "has_stepped",
         "inquiries",
@@ -94,7 +94,7 @@ _ENGINE = Carried(
         "must_disable",
         "period_s",
         "rest",
-        "unit",
+        "gripper_id",
         "_is_ending",
         "_owed",
         "_replaced",
@@ -181,37 +181,37 @@ _GRIP = Carried(
 _JOBS = Carried(JobBook, left=("running", "queue", "_ended", "_last"), _jobs=OrderedDict[int, Job])
 
 
-def export(engine: Engine) -> dict[str, Any]:
-    """Return the engine's state; the caller has asked whether it is `why_not_restartable`."""
-    plain = _ENGINE.memory(engine)
-    if engine.lease.holder is not None:
-        plain["lease"]["_lapsed"] = plain_of(engine.lease.holder)
-    rest = engine.rest
+def export(controller: Controller) -> dict[str, Any]:
+    """Return the controller's state; the caller has asked whether it is `why_not_restartable`."""
+    plain = _CONTROLLER.memory(controller)
+    if controller.lease.holder is not None:
+        plain["lease"]["_lapsed"] = plain_of(controller.lease.holder)
+    rest = controller.rest
     plain_rest = _GRIP.memory(rest) if isinstance(rest, Grip) else plain_of(rest)
-    return {"engine": plain, "rest": plain_rest, "phase": plain_of(engine.motor.phase)}
+    return {"controller": plain, "rest": plain_rest, "phase": plain_of(controller.motor.phase)}
 
 
-def adopt(engine: Engine, motor: MotorView, plain: Any) -> None:
+def adopt(controller: Controller, motor: MotorView, plain: Any) -> None:
     """Go on where the predecessor was, with a motor that is handed over already.
 
     Raises `PlainError` for a state that cannot be used.
     """
-    if not isinstance(plain, dict) or plain.keys() != {"engine", "rest", "phase"}:
-        raise PlainError("the engine's state is not of this version")
-    _ENGINE.restore(engine, plain["engine"])
-    engine.rest = _rest_of(plain["rest"], engine.unit.motor_type)
+    if not isinstance(plain, dict) or plain.keys() != {"controller", "rest", "phase"}:
+        raise PlainError("the controller's state is not of this version")
+    _CONTROLLER.restore(controller, plain["controller"])
+    controller.rest = _rest_of(plain["rest"], controller.gripper_id.motor_type)
     # The phase of the predecessor's last tick: a change since then is still to be noticed.
-    engine.motor = replace(motor, phase=value_of(plain["phase"], MotorPhase, "phase"))
+    controller.motor = replace(motor, phase=value_of(plain["phase"], MotorPhase, "phase"))
 
 
-def export_jobs(engine: Engine) -> dict[str, Any]:
+def export_jobs(controller: Controller) -> dict[str, Any]:
     """Return the jobs that are kept. There may be many, so they are not part of `export`."""
-    return _JOBS.memory(engine.jobs)
+    return _JOBS.memory(controller.jobs)
 
 
-def adopt_jobs(engine: Engine, plain: Any) -> None:
+def adopt_jobs(controller: Controller, plain: Any) -> None:
     """Keep the predecessor's jobs. Raises `PlainError` for what cannot be used."""
-    _JOBS.restore(engine.jobs, plain)
+    _JOBS.restore(controller.jobs, plain)
 
 
 def _rest_of(plain: Any, motor_type: MotorType) -> Rest:

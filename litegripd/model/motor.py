@@ -150,7 +150,7 @@ class ZeroView:
 
 @dataclass(frozen=True, slots=True)
 class MotorView:
-    """The motor as the engine sees it in one tick.
+    """The motor as the controller sees it in one tick.
 
     `feedback` is the latest, whatever its age; `enable_tries` counts the attempts of the present
     or latest enable; `problem` says why the motor cannot be enabled now, if so; `failure` why
@@ -209,7 +209,7 @@ MotorRequest: TypeAlias = EnableMotor | DisableMotor | SetZero | ClearFault
 
 @dataclass(frozen=True, slots=True)
 class MotorOrder:
-    """What the engine wants of the motor in one tick.
+    """What the controller wants of the motor in one tick.
 
     `is_motion` tells that `command` leads the jaws on; it must not go on without feedback. A
     `request` is given once. A `register` is given in every tick until it is answered; one that is

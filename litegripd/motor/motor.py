@@ -1,6 +1,6 @@
 """One motor: takes frames, keeps its phase, and gives the frames to send in each tick.
 
-Pure: time is an argument, frames are values. What the engine wants comes in as a `MotorOrder`;
+Pure: time is an argument, frames are values. What the controller wants comes in as a `MotorOrder`;
 what is known goes out as a `MotorView`. Nothing in here decides to energise the motor.
 """
 
@@ -151,7 +151,7 @@ class Motor:
         self._silence.note_bus(self._phase, is_usable=is_usable)
 
     def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
-        """Do what the engine wants and return the frames to send, in their order."""
+        """Do what the controller wants and return the frames to send, in their order."""
         if order.request is not None:
             self._begin(order.request, now_s)
         frames = self._step(now_s, order)

@@ -1,16 +1,16 @@
 """When the flight recorder is written to disk: asked for by a client, or by itself for a `Cause`.
 
-Only says so, by an errand; the helper process does it. Nothing is asked for twice at a time, and
+Only says so, by a task; the helper process does it. Nothing is asked for twice at a time, and
 by itself at most once in `APART_S`: what happens meanwhile is in the next dump.
 """
 
 from collections.abc import Callable
 from typing import Literal, TypeAlias
 
-from litegripd.control.engine import Engine
-from litegripd.model.errands import Errand, ErrandResult
+from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motor import MotorPhase
 from litegripd.recorder.recorder import KEPT_S
 
@@ -42,8 +42,8 @@ _POWERED = (MotorPhase.ENABLING, MotorPhase.ENABLED, MotorPhase.DISABLING)
 class Dumps:
     """Asks for dumps; `step` is called once per tick with what could be a reason for one."""
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
         self._is_busy = False
         self._causes: list[Cause] = []
         self._due_s = 0.0
@@ -54,25 +54,25 @@ class Dumps:
         self._bus_was_up = True
         self._seen_s: dict[Cause, float] = {}
 
-    def ask(self, cause: Cause, note: str, then: Callable[[ErrandResult], None]) -> Refusal | None:
+    def ask(self, cause: Cause, note: str, then: Callable[[TaskResult], None]) -> Refusal | None:
         """Have the recorder written; `then` is called with what became of it, unless refused."""
         if self._is_busy:
             text = "a dump of the recorder is being written already: ask again when it is done"
             return Refusal("too_many_requests", text, {"limit": 1})
         self._is_busy = True
 
-        def done(result: ErrandResult) -> None:
+        def done(result: TaskResult) -> None:
             self._is_busy = False
-            self._engine.events.append(_told(cause, result))
+            self._controller.events.append(_told(cause, result))
             then(result)
 
         parameters = {"cause": cause, "note": note}
-        self._engine.errands.append(Errand("recorder.dump", parameters, done))
+        self._controller.tasks.append(HelperTask("recorder.dump", parameters, done))
         return None
 
     def step(self, now_s: float, *, failed: bool, bus_is_up: bool) -> None:
         """Look for a reason to dump; `failed` tells that this tick did, by a defect."""
-        before, phase = self._phase, self._engine.motor.phase
+        before, phase = self._phase, self._controller.motor.phase
         if phase is not before:
             self._phase = phase
             self._note_phase(before, phase, now_s, bus_is_up=bus_is_up)
@@ -80,7 +80,7 @@ class Dumps:
             self._bus_was_up = bus_is_up
             if not bus_is_up and self._is_powered:
                 self._note("bus_lost", now_s)
-        other = self._engine.second_master
+        other = self._controller.second_master
         if other.is_active and not other.is_tolerated:
             self._note_once("second_master", now_s)
         if failed:
@@ -97,7 +97,7 @@ class Dumps:
         self, before: MotorPhase, phase: MotorPhase, now_s: float, *, bus_is_up: bool
     ) -> None:
         """Tell what begins from what was found, or what the motor cannot get rid of."""
-        has_jumped = self._engine.motor.has_jumped
+        has_jumped = self._controller.motor.has_jumped
         if phase in _POWERED:
             self._is_powered = True
         elif phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
@@ -132,7 +132,7 @@ class Dumps:
         self.ask(causes[0], ", then ".join(causes), lambda _result: None)
 
 
-def _told(cause: Cause, result: ErrandResult) -> Event:
+def _told(cause: Cause, result: TaskResult) -> Event:
     """Tell where the dump is, or why there is none."""
     if isinstance(result.value, dict):
         value = result.value

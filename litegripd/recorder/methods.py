@@ -1,8 +1,8 @@
 """The method on the flight recorder: have it written to disk, and tell where it is."""
 
 from litegripd.model.calibration import Dumped
-from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
+from litegripd.model.helper_tasks import TaskResult
 from litegripd.recorder.causes import Dumps
 from litegripd.rpc.method import Answer, Call, Deferred, Method
 from litegripd.rpc.schema import Param
@@ -27,7 +27,7 @@ class RecorderMethods:
     def _dump(self, call: Call) -> Answer:
         deferred = Deferred()
 
-        def done(result: ErrandResult) -> None:
+        def done(result: TaskResult) -> None:
             if isinstance(result.value, dict):
                 deferred.resolve(result.value)
             else:

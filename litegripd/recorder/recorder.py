@@ -9,7 +9,7 @@ import struct
 from collections.abc import Mapping
 from typing import get_args
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.holds import Slack
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
@@ -105,7 +105,7 @@ class Recorder:
     def tick(
         self,
         now_s: float,
-        engine: Engine,
+        controller: Controller,
         *,
         late_s: float,
         lost_ticks: int,
@@ -123,13 +123,13 @@ class Recorder:
         without one, `frames` how many it was given in all, `send_failures` how many it has lost
         since the start; `phase` is the finer phase of the motor as a number.
         """
-        motor = engine.motor
-        feedback, requested = motor.feedback or _NO_FEEDBACK, engine.output.requested
-        identity, job = motor.identity, engine.jobs.running
-        ranges = engine.unit.motor_type.ranges if identity is None else identity.ranges
-        self._note_changes(now_s, engine)
+        motor = controller.motor
+        feedback, requested = motor.feedback or _NO_FEEDBACK, controller.output.requested
+        identity, job = motor.identity, controller.jobs.running
+        ranges = controller.gripper_id.motor_type.ranges if identity is None else identity.ranges
+        self._note_changes(now_s, controller)
         owner = self._owner
-        flags = self._flags(engine)
+        flags = self._flags(controller)
         if bus_is_up:
             flags |= BUS_UP
         if failed:
@@ -171,9 +171,13 @@ class Recorder:
             )
         )
 
-    def _note_changes(self, now_s: float, engine: Engine) -> None:
+    def _note_changes(self, now_s: float, controller: Controller) -> None:
         """Work out anew what follows from owner, calibration and phase, where they are others."""
-        job, holder, phase = engine.jobs.running, engine.lease.holder, engine.motor.phase
+        job, holder, phase = (
+            controller.jobs.running,
+            controller.lease.holder,
+            controller.motor.phase,
+        )
         owner = _NOBODY
         if job is not None:
             owner = job.owner
@@ -181,8 +185,8 @@ class Recorder:
             owner = holder.owner
         if owner is not self._owner:
             self._note_owner(now_s, owner)
-        if engine.geometry is not self._geometry:
-            self._note_geometry(engine.geometry)
+        if controller.geometry is not self._geometry:
+            self._note_geometry(controller.geometry)
         if phase is not self._phase:
             self._phase, self._phase_number = phase, _PHASE_NUMBERS[phase]
 
@@ -192,15 +196,15 @@ class Recorder:
         head = {"kind": event.kind, "message": event.message}
         _put_text(ring, now_s, head, event.data)
 
-    def _flags(self, engine: Engine) -> int:
+    def _flags(self, controller: Controller) -> int:
         flags = self._geometry_flag
-        if engine.motor.feedback is not None:
+        if controller.motor.feedback is not None:
             flags |= HAS_FEEDBACK
-        if engine.output.requested is not None:
+        if controller.output.requested is not None:
             flags |= HAS_REQUEST
-        if type(engine.rest) is Slack:
+        if type(controller.rest) is Slack:
             flags |= IS_SLACK
-        if engine.stop_latch.latched is not None:
+        if controller.stop_latch.latched is not None:
             flags |= IS_STOPPED
         return flags
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, NewType, TypedDict
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.jobs import KEPT_JOBS
 from litegripd.control.snapshot import snapshot
 from litegripd.model.errors import Refusal
@@ -196,8 +196,8 @@ class Reporter:
     A request may change the state between two ticks: `refresh` is called after each that can.
     """
 
-    def __init__(self, engine: Engine, period_s: float) -> None:
-        self._engine = engine
+    def __init__(self, controller: Controller, period_s: float) -> None:
+        self._controller = controller
         self._period_s = period_s
         self._now_s = 0.0
         self._state: GripperState | None = None
@@ -222,7 +222,7 @@ class Reporter:
     def state(self) -> GripperState:
         """Return the present state."""
         if self._state is None:
-            self._state = snapshot(self._engine, self._now_s, self._period_s)
+            self._state = snapshot(self._controller, self._now_s, self._period_s)
         return self._state
 
     def state_view(self) -> StateView:
@@ -238,7 +238,7 @@ class Reporter:
     def job(self, job: Job) -> bytes:
         """Return a job as JSON; one that has ended with the state in which it ended."""
         if job.is_running:
-            progress = self._engine.progress() if job is self._engine.jobs.running else None
+            progress = self._controller.progress() if job is self._controller.jobs.running else None
             return encode_job(job, None if progress is None else progress.phase, None)
         return self._end_of(job).job
 
@@ -248,10 +248,10 @@ class Reporter:
 
     def keep_ends(self) -> None:
         """Encode every job that has ended in this period, and forget those no longer kept."""
-        for job in self._engine.jobs.take_ended():
+        for job in self._controller.jobs.take_ended():
             self._end_of(job)
         if len(self._ends) > 2 * KEPT_JOBS:
-            kept = {job.number for job in self._engine.jobs}
+            kept = {job.number for job in self._controller.jobs}
             self._ends = {number: end for number, end in self._ends.items() if number in kept}
 
     def memory(self) -> dict[str, list[str | None]]:
@@ -300,8 +300,8 @@ class Waiters:
     A defect in one answer leaves the others.
     """
 
-    def __init__(self, engine: Engine, reporter: Reporter) -> None:
-        self._engine = engine
+    def __init__(self, controller: Controller, reporter: Reporter) -> None:
+        self._controller = controller
         self._reporter = reporter
         self._waiters: dict[int, list[Waiter]] = {}
         self._next_progress_s = 0.0
@@ -339,7 +339,7 @@ class Waiters:
 
         Nobody is told who has not read the last.
         """
-        job, progress = self._engine.jobs.running, self._engine.progress()
+        job, progress = self._controller.jobs.running, self._controller.progress()
         if job is None or progress is None:
             return
         if job.number not in self._waiters or now_s < self._next_progress_s:

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import get_args
 
 from litegripd.control.admission import ENDING
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, Owner
 from litegripd.rpc.jsonrpc import Request
@@ -28,9 +28,9 @@ _KINDS: Mapping[str, JobKind] = {kind: kind for kind in get_args(JobKind)}
 class Requests:
     """Admits requests, and passes those that may be to their functions."""
 
-    def __init__(self, engine: Engine, tokens: Tokens, groups: Iterable[object]) -> None:
+    def __init__(self, controller: Controller, tokens: Tokens, groups: Iterable[object]) -> None:
         """Take the objects whose functions carry out the methods, all of them."""
-        self._engine = engine
+        self._controller = controller
         self._tokens = tokens
         self._functions = {
             name: function for group in groups for name, function in functions_of(group).items()
@@ -48,7 +48,7 @@ class Requests:
         received_s: float,
     ) -> Call | Refusal:
         """Return a request as its function takes it, or why it is not to be carried out."""
-        self._engine.lease.renew(session.identity, now_s)
+        self._controller.lease.renew(session.identity, now_s)
         refusal = _malformed(session, request, method)
         if refusal is None and method.stop_voids:
             refusal = self._void(session, request, received_s)
@@ -65,7 +65,7 @@ class Requests:
         key = call.params.get("key")
         if key is None:
             return self._carried_out(method, call) if not call.params else self._begin(method, call)
-        known = self._engine.jobs.find(call.owner, key)
+        known = self._controller.jobs.find(call.owner, key)
         if known is not None:
             return _repeated(known, _kind_of(method), str(key))
         answer = self._begin(method, call)
@@ -75,16 +75,16 @@ class Requests:
 
     def _begin(self, method: Method, call: Call) -> Answer:
         """Carry it out at once, in place of the caller's own motion, or after the one that runs."""
-        if_busy, running = call.params.get("if_busy"), self._engine.jobs.running
+        if_busy, running = call.params.get("if_busy"), self._controller.jobs.running
         if if_busy is None or running is None:
             return self._carried_out(method, call)
         kind = _kind_of(method)
         if if_busy == "replace" and _is_own(running, call.owner):
             reason = Refusal("replaced", f"{method.name} of the same client replaced it")
-            return self._engine.replace(reason, lambda: self._carried_out(method, call))
+            return self._controller.replace(reason, lambda: self._carried_out(method, call))
         if if_busy == "queue" and kind is not None:
             begin = lambda: _job_of(self._carried_out(method, call))  # noqa: E731
-            return later(self._engine.queue(kind, call.owner, call.detached, begin))
+            return later(self._controller.queue(kind, call.owner, call.detached, begin))
         return self._carried_out(method, call)
 
     def _carried_out(self, method: Method, call: Call) -> Answer:
@@ -96,14 +96,14 @@ class Requests:
     def _void(self, session: Session, request: Request, received_s: float) -> Refusal | None:
         """Return a refusal if a request was sent, or received, before the latest stop."""
         params = request.params
-        latch = self._engine.stop_latch
+        latch = self._controller.stop_latch
         return latch.refusal_of_sent(
             params.get("stop_generation"), params.get("sent_s"), received_s, session.identity
         )
 
     def _forbidden(self, session: Session, method: Method, owner: Owner) -> Refusal | None:
         """Say what the daemon's end, the sender's role or somebody's lease forbids."""
-        if self._engine.is_ending and method.role != "observer":
+        if self._controller.is_ending and method.role != "observer":
             return ENDING  # whatever it changed would be lost; a stop and reads are for all
         if session.is_orphaned and method.role != "observer":
             return _orphaned(session)
@@ -112,14 +112,14 @@ class Requests:
         if _RANKS[session.role] < _RANKS[method.role]:
             text = f"{method.name} needs the role {method.role}; uid {owner.uid} is {session.role}"
             return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})
-        refusal = self._engine.lease.refusal(owner) if method.needs_lease else None
+        refusal = self._controller.lease.refusal(owner) if method.needs_lease else None
         if refusal is not None and method.lifts_stop:
             is_admin = session.role == "admin"
-            return None if is_admin else self._engine.stop_latch.clearing_refusal(refusal)
+            return None if is_admin else self._controller.stop_latch.clearing_refusal(refusal)
         return refusal
 
     def _has_stopped(self, session: Session) -> bool:
-        latch, is_observer = self._engine.stop_latch, session.role == "observer"
+        latch, is_observer = self._controller.stop_latch, session.role == "observer"
         return latch.may_be_cleared_by(session.peer.uid, alone=is_observer)
 
 

@@ -1,4 +1,4 @@
-"""The requests of all clients: checked, carried out on the engine, answered.
+"""The requests of all clients: checked, carried out on the controller, answered.
 
 Pure: lines come in through `handle`, lines go out through the sessions, time is an argument.
 Whatever a line holds, `handle` answers it and does not raise.
@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from secrets import token_urlsafe
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.handover.methods import OnRestart, RestartMethods, no_restart
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
@@ -55,7 +55,7 @@ class Numbers:
 
 
 class RpcService:
-    """Implements `Service` on one engine.
+    """Implements `Service` on one controller.
 
     Teleoperation goes over `links`; without any, it stays inside the process. `new_token` makes
     the secrets by which leases are shown; nobody may be able to guess one.
@@ -63,7 +63,7 @@ class RpcService:
 
     def __init__(
         self,
-        engine: Engine,
+        controller: Controller,
         facts: Facts,
         period_s: float,
         *,
@@ -76,36 +76,36 @@ class RpcService:
         self.refused = 0
         self.on_event: Callable[[Event, float], None] = lambda _event, _now_s: None
         """Called with every event and its time."""
-        self.dumps = Dumps(engine)
+        self.dumps = Dumps(controller)
         self._role_of = role_of
-        self._engine = engine
-        self.reporter = Reporter(engine, period_s)
+        self._controller = controller
+        self.reporter = Reporter(controller, period_s)
         self._clients = Clients()
         self._subscriptions = Subscriptions()
-        self._waiters = Waiters(engine, self.reporter)
+        self._waiters = Waiters(controller, self.reporter)
         self._tokens = Tokens(new_token)
-        motor_type = engine.unit.motor_type
-        files = TrajectoryFileMethods(engine)
-        self._trajectories = TrajectoryMethods(engine, files)
+        motor_type = controller.gripper_id.motor_type
+        files = TrajectoryFileMethods(controller)
+        self._trajectories = TrajectoryMethods(controller, files)
         groups = (
             ReadingMethods(
-                engine,
+                controller,
                 facts,
                 self._clients,
                 self.reporter,
                 self._subscriptions,
                 document=encoded_document(motor_type),  # made here: it takes longer than a tick
             ),
-            LeaseMethods(engine, self._tokens, self.reporter),
-            MotionMethods(engine, self.reporter),
-            SettingsMethods(engine),
+            LeaseMethods(controller, self._tokens, self.reporter),
+            MotionMethods(controller, self.reporter),
+            SettingsMethods(controller),
             RecorderMethods(self.dumps),
             RestartMethods(restart),
             files,
             self._trajectories,
-            TeleopMethods(engine, links or InProcessLinks(), self.reporter, epoch),
+            TeleopMethods(controller, links or InProcessLinks(), self.reporter, epoch),
         )
-        self._requests = Requests(engine, self._tokens, groups)
+        self._requests = Requests(controller, self._tokens, groups)
         self._methods = {row.name: row.with_motor(motor_type) for row in METHODS}
         self._last_session = 0
         self._event_log = EventLog()
@@ -128,14 +128,14 @@ class RpcService:
         self._subscriptions.remove_all(session)
         self._waiters.remove_all(session)
         self._trajectories.session_ended(session)
-        self._engine.client_lost(session.identity)
+        self._controller.client_lost(session.identity)
         self._collect_events(now_s)
 
     def process_ended(self, session: Session, now_s: float) -> None:
         """End what a process owned that is gone, though a forked child has its connection."""
         session.is_orphaned = True
         self._trajectories.session_ended(session)
-        self._engine.client_lost(session.identity, "process")
+        self._controller.client_lost(session.identity, "process")
         self._collect_events(now_s)
 
     def is_idle(self, session: Session) -> bool:
@@ -266,7 +266,7 @@ class RpcService:
         if asked is None:
             return refusal
         why = asked.why or "a stop request that was not understood"
-        self._engine.stop(asked.level, session.owner, why, now_s)
+        self._controller.stop(asked.level, session.owner, why, now_s)
         self.reporter.refresh()
         text = f"{refusal.message}; stopped ({asked.level}) all the same"
         return replace(refusal, message=text)
@@ -303,8 +303,8 @@ class RpcService:
     def _collect_events(self, now_s: float) -> None:
         """Take what happened to the gripper since the last call."""
         self._now_s = now_s
-        if self._engine.events:
-            for event in self._engine.take_events():
+        if self._controller.events:
+            for event in self._controller.take_events():
                 self._note(event, now_s)
 
     def _note(self, event: Event, now_s: float) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any, TypeAlias
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.teleop import (
     DEFAULT_DQ_MAX_RAD_S,
@@ -142,13 +142,15 @@ _HOW = (
 
 
 class TeleopMethods:
-    """Methods on the engine's teleoperation."""
+    """Methods on the controller's teleoperation."""
 
-    def __init__(self, engine: Engine, links: Links, reporter: Reporter, epoch: str) -> None:
+    def __init__(
+        self, controller: Controller, links: Links, reporter: Reporter, epoch: str
+    ) -> None:
         """Take what others make; `epoch`, 16 hexadecimal digits, is the daemon's alone."""
-        self._engine = engine
+        self._controller = controller
         self._reporter = reporter
-        self._teleoperation = Teleoperation(engine, links, int(epoch, 16))
+        self._teleoperation = Teleoperation(controller, links, int(epoch, 16))
 
     @Method(
         "teleop.start",
@@ -161,8 +163,10 @@ class TeleopMethods:
         stop_voids=True,
     )
     def _start(self, call: Call) -> Answer:
-        engine, params = self._engine, call.params
-        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
+        controller, params = self._controller, call.params
+        config = call.config(
+            controller.config, controller.period_s, controller.gripper_id.motor_type
+        )
         wish = _wish(params)
         job = self._teleoperation.start(
             wish,

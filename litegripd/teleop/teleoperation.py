@@ -14,7 +14,7 @@ from litegripd.control.admission import (
     position_refusal,
     trajectory_or_teleop_refusal,
 )
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.gains import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
@@ -79,11 +79,11 @@ _RATE_ROUNDING = 1.001
 
 
 class Teleoperation:
-    """Begins and ends teleoperation on one engine, over links that somebody else makes."""
+    """Begins and ends teleoperation on one controller, over links that somebody else makes."""
 
-    def __init__(self, engine: Engine, links: Links, sender: int = 0) -> None:
+    def __init__(self, controller: Controller, links: Links, sender: int = 0) -> None:
         """Take what others make; `sender` tells this daemon's force frames from any other's."""
-        self._engine = engine
+        self._controller = controller
         self._links = links
         self._sender = sender
         self._action: TeleopAction | None = None
@@ -100,15 +100,15 @@ class Teleoperation:
         detached: bool,
     ) -> Job | Refusal:
         """Begin to lead or to follow; whatever speaks against it is said before anything moves."""
-        engine, geometry = self._engine, self._ready()
+        controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
-        rate_hz = 1.0 / engine.period_s if settings.rate_hz is None else settings.rate_hz
+        rate_hz = 1.0 / controller.period_s if settings.rate_hz is None else settings.rate_hz
         gains, conflict = self._gains(settings), None
         if wish.mode == "slave":
             conflict = damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad)
         refusal = self._rate_refusal(rate_hz) or conflict_refusal(
-            conflict or fast_conflict(config, config.speed_mm_s, engine.period_s)
+            conflict or fast_conflict(config, config.speed_mm_s, controller.period_s)
         )
         if refusal is not None:
             return refusal
@@ -121,23 +121,23 @@ class Teleoperation:
                 link, wish, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
             )
         else:
-            course = Course(geometry, config, gains, settings, engine.period_s, self._sender)
+            course = Course(geometry, config, gains, settings, controller.period_s, self._sender)
             action = TeleopFollower(link, wish, self._tell, course)
         action.is_warned = warning is not None
         self._action = action
-        self._job = engine.begin("teleop", action, owner, detached)
+        self._job = controller.begin("teleop", action, owner, detached)
         return self._job
 
     def stop(self) -> None:
         """End it, if it runs: the jaws hold where they are, or stay free after a trip."""
         action = self._action
         if action is not None and self.is_active:
-            self._engine.end(action.finish())
+            self._controller.end(action.finish())
 
     @property
     def is_active(self) -> bool:
         """Whether it runs."""
-        return self._action is not None and self._engine.action is self._action
+        return self._action is not None and self._controller.action is self._action
 
     def status(self, now_s: float) -> TeleopStatus:
         """Return how it goes, or how the last one went."""
@@ -150,27 +150,27 @@ class Teleoperation:
         return status
 
     def _gains(self, settings: TeleopSettings) -> Gains:
-        own, kp, kd = self._engine.gains, settings.kp_nm_rad, settings.kd_nm_s_rad
+        own, kp, kd = self._controller.gains, settings.kp_nm_rad, settings.kd_nm_s_rad
         return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
 
     def _ready(self) -> Geometry | Refusal:
         """Return the travel where teleoperation may begin, else say why not."""
-        engine = self._engine
-        refusal = engine.why_busy() or engine.recording_refusal()
+        controller = self._controller
+        refusal = controller.why_busy() or controller.recording_refusal()
         if refusal is not None and refusal.reason == "busy":
-            refusal = trajectory_or_teleop_refusal(engine.in_the_way) or refusal
+            refusal = trajectory_or_teleop_refusal(controller.in_the_way) or refusal
         if refusal is not None:
             return refusal
-        geometry = engine.geometry
+        geometry = controller.geometry
         if geometry is None:
-            return _not_ready(engine.calibrated.problem)
-        refusal = motor_refusal(engine.motor)
+            return _not_ready(controller.calibrated.problem)
+        refusal = motor_refusal(controller.motor)
         if refusal is not None:
             return _not_ready(refusal) if refusal.reason == "not_enabled" else refusal
-        return position_refusal(engine.motor, geometry) or geometry
+        return position_refusal(controller.motor, geometry) or geometry
 
     def _rate_refusal(self, rate_hz: float) -> Refusal | None:
-        most_hz = 1.0 / self._engine.period_s
+        most_hz = 1.0 / self._controller.period_s
         if rate_hz <= most_hz * _RATE_ROUNDING:
             return None
         return Refusal(
@@ -181,7 +181,7 @@ class Teleoperation:
         )
 
     def _tell(self, event: Event) -> None:
-        self._engine.events.append(event)
+        self._controller.events.append(event)
 
 
 def _not_ready(why: Refusal) -> Refusal:

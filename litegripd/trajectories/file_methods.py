@@ -7,10 +7,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, TypedDict
 
-from litegripd.control.engine import Engine
-from litegripd.model.errands import Errand, ErrandResult
+from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.rpc.method import (
     Answer,
     Call,
@@ -234,8 +234,8 @@ _OFFSET = Param("offset", "integer", "Where the piece begins.", minimum=0, maxim
 class TrajectoryFileMethods:
     """Methods on the trajectories that are kept, by name or for a connection."""
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
         self._uploads = Uploads()
 
     def session_ended(self, session: Session) -> None:
@@ -260,7 +260,7 @@ class TrajectoryFileMethods:
     )
     def _list(self, call: Call) -> Answer:
         wanted = {"after": call.params.get("after"), "uid": call.owner.uid}
-        return self._errand(call, "trajectory.list", wanted)
+        return self._task(call, "trajectory.list", wanted)
 
     @Method(
         "trajectory.get",
@@ -297,7 +297,7 @@ class TrajectoryFileMethods:
             "length": params.get("length", MAX_PIECE_BYTES),
             "format": params.get("format", "lgt"),
         }
-        return self._errand(call, "trajectory.read", wanted)
+        return self._task(call, "trajectory.read", wanted)
 
     @Method(
         "trajectory.put",
@@ -362,7 +362,7 @@ class TrajectoryFileMethods:
         }
         deferred = Deferred()
 
-        def done(result: ErrandResult) -> None:
+        def done(result: TaskResult) -> None:
             deferred.resolve(self._note_piece(upload, outcome_of(result, "not_saved")))
 
         self._do(call, "trajectory.put", wanted, done)
@@ -394,13 +394,13 @@ class TrajectoryFileMethods:
     def _delete(self, call: Call) -> Answer:
         source = self.source("trajectory.delete", call)
         if "name" in source:
-            return self._errand(call, "trajectory.delete", source, failed="not_saved")
+            return self._task(call, "trajectory.delete", source, failed="not_saved")
         upload = self._uploads.get(call.session.identity, call.params["upload"])
         if upload is not None:
             self._uploads.drop(upload)
         dropped: Deleted = {"deleted": True}
         keys = {"keys": [source["kept"]]}
-        return self._errand(call, "trajectory.drop", keys, lambda _value: dropped)
+        return self._task(call, "trajectory.drop", keys, lambda _value: dropped)
 
     def source(self, method: str, call: Call) -> dict[str, Any]:
         """Find which trajectory is meant: exactly one of name, upload and recording."""
@@ -427,12 +427,12 @@ class TrajectoryFileMethods:
         call: Call | None,
         operation: str,
         parameters: Mapping[str, Any],
-        on_result: Callable[[ErrandResult], None],
+        on_result: Callable[[TaskResult], None],
     ) -> None:
         uid = None if call is None else call.owner.uid
-        self._engine.errands.append(Errand(operation, parameters, on_result, uid))
+        self._controller.tasks.append(HelperTask(operation, parameters, on_result, uid))
 
-    def _errand(
+    def _task(
         self,
         call: Call,
         operation: str,
@@ -443,7 +443,7 @@ class TrajectoryFileMethods:
         """Have something done by the helper process, and answer with what it answers."""
         deferred = Deferred()
 
-        def done(result: ErrandResult) -> None:
+        def done(result: TaskResult) -> None:
             answer = outcome_of(result, failed)
             if isinstance(answer, Refusal) or then is None:
                 deferred.resolve(answer)

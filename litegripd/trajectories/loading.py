@@ -4,8 +4,8 @@ import base64
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.trajectories.grips import TaughtGrip
 from litegripd.trajectories.values import PIECE_BYTES, SAMPLE, Path
 
@@ -15,8 +15,8 @@ LOAD_WITHIN_S = 10.0
 _MOST_UNANSWERED = 3
 
 
-def outcome_of(result: ErrandResult, failed: str) -> Mapping[str, Any] | Refusal:
-    """Return what an errand brought; a failure that nobody expected has the reason `failed`."""
+def outcome_of(result: TaskResult, failed: str) -> Mapping[str, Any] | Refusal:
+    """Return what a task brought; a failure that nobody expected has the reason `failed`."""
     if result.error is not None or not isinstance(result.value, Mapping):
         return Refusal(result.reason or failed, str(result.error))
     refused = result.value.get("refused")
@@ -26,7 +26,7 @@ def outcome_of(result: ErrandResult, failed: str) -> Mapping[str, Any] | Refusal
 
 
 class Loading:
-    """One trajectory on its way here; `step` gives the errands, one a tick.
+    """One trajectory on its way here; `step` gives the tasks, one a tick.
 
     In the end there is a `path`, or `failure` says why not. One without samples has no path. The
     times of its `grips` count from the first sample; `grip_problem` says why they cannot be used.
@@ -47,7 +47,7 @@ class Loading:
         self._heard = 0
         self._heard_before = -1
 
-    def step(self, now_s: float) -> Errand | None:
+    def step(self, now_s: float) -> HelperTask | None:
         """Return what is to be asked for now, if anything is."""
         if self._heard != self._heard_before:
             self._heard_before, self._heard_s = self._heard, now_s
@@ -56,7 +56,7 @@ class Loading:
             self.failure = Refusal("trajectory_unreadable", text)
         if not self._is_asked:
             self._is_asked = True
-            return Errand("trajectory.open", {"source": self._source}, self._opened)
+            return HelperTask("trajectory.open", {"source": self._source}, self._opened)
         unanswered = self._asked - len(self._pieces)
         if self._facts is None or unanswered >= _MOST_UNANSWERED or self._asked >= self._count:
             return None
@@ -67,14 +67,14 @@ class Loading:
             "sha256": self._facts["sha256"],
             "offset": offset,
         }
-        return Errand("trajectory.samples", parameters, self._taker(self._asked - 1))
+        return HelperTask("trajectory.samples", parameters, self._taker(self._asked - 1))
 
     @property
     def _count(self) -> int:
         samples = 0 if self._facts is None else int(self._facts["samples"])
         return -(-samples * SAMPLE.size // PIECE_BYTES)
 
-    def _opened(self, result: ErrandResult) -> None:
+    def _opened(self, result: TaskResult) -> None:
         self._heard += 1
         facts = outcome_of(result, "trajectory_unreadable")
         if isinstance(facts, Refusal):
@@ -87,13 +87,13 @@ class Loading:
             self.grip_problem = facts["grip_problem"]
             self._facts = facts
 
-    def _taker(self, number: int) -> Callable[[ErrandResult], None]:
-        def take(result: ErrandResult) -> None:
+    def _taker(self, number: int) -> Callable[[TaskResult], None]:
+        def take(result: TaskResult) -> None:
             self._take(number, result)
 
         return take
 
-    def _take(self, number: int, result: ErrandResult) -> None:
+    def _take(self, number: int, result: TaskResult) -> None:
         self._heard += 1
         answer = outcome_of(result, "trajectory_unreadable")
         if isinstance(answer, Refusal):

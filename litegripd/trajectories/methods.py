@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypedDict
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.results import ReplayResult
 from litegripd.rpc.method import (
@@ -105,9 +105,9 @@ _SPEED = Param(
 class TrajectoryMethods:
     """Methods on recordings and replays."""
 
-    def __init__(self, engine: Engine, files: TrajectoryFileMethods) -> None:
-        self._engine = engine
-        self._trajectories = Trajectories(engine)
+    def __init__(self, controller: Controller, files: TrajectoryFileMethods) -> None:
+        self._controller = controller
+        self._trajectories = Trajectories(controller)
         self._files = files
 
     def session_ended(self, session: Session) -> None:
@@ -150,7 +150,7 @@ class TrajectoryMethods:
     )
     def _record(self, call: Call) -> Answer:
         params, slack = call.params, call.params.get("zero_gravity", True)
-        refusal = self._engine.lease.refusal(call.owner) if slack else None
+        refusal = self._controller.lease.refusal(call.owner) if slack else None
         answer = refusal or self._trajectories.record(
             call.owner,
             rate_hz=params.get("rate_hz", DEFAULT_RATE_HZ),
@@ -260,8 +260,10 @@ class TrajectoryMethods:
     )
     def _play(self, call: Call) -> Answer:
         params = call.params
-        engine = self._engine
-        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
+        controller = self._controller
+        config = call.config(
+            controller.config, controller.period_s, controller.gripper_id.motor_type
+        )
         source = self._files.source("trajectory.play", call)
         if "repeat" in params and params.get("loop"):
             text = "trajectory.play takes loop or repeat, not both"

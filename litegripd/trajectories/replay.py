@@ -389,11 +389,11 @@ class Replay(PlainAction):
 
     def _load(self, now_s: float, feedback: Feedback) -> Step:
         loading = self._loading
-        errand = loading.step(now_s)
+        task = loading.step(now_s)
         if loading.failure is not None:
             return Step(outcome=loading.failure)
         if loading.path is None:
-            return Step(errand=errand)
+            return Step(task=task)
         refusal = check_fits(
             self._request, loading.path, self._geometry, self._config, feedback.position_rad
         )

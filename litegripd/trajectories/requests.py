@@ -18,11 +18,11 @@ from litegripd.control.admission import (
     position_refusal,
     trajectory_or_teleop_refusal,
 )
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.gains import Gains
-from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_conflict
 from litegripd.trajectories.capture import Capture, Teach, result_of
@@ -46,7 +46,7 @@ class Keeping:
 
     def __init__(
         self,
-        engine: Engine,
+        controller: Controller,
         capture: Capture,
         number: int,
         on_kept: Callable[[Mapping[str, Any] | Refusal], None],
@@ -54,7 +54,7 @@ class Keeping:
         name: str | None,
         uid: int,
     ) -> None:
-        self._engine = engine
+        self._controller = controller
         self._capture = capture
         self._number = number
         self._name = name
@@ -66,7 +66,7 @@ class Keeping:
     def begin(self) -> None:
         """Send the first piece."""
         before = {"keys": [recording_key(self._number - 1)]}
-        self._engine.errands.append(Errand("trajectory.drop", before, lambda _result: None))
+        self._controller.tasks.append(HelperTask("trajectory.drop", before, lambda _result: None))
         self._send()
 
     def _send(self) -> None:
@@ -86,12 +86,12 @@ class Keeping:
             "data": base64.b64encode(data).decode("ascii"),
             "name": self._name,
             "uid": self._uid,
-            "header": capture.header(self._engine.unit.can_id),
+            "header": capture.header(self._controller.gripper_id.can_id),
         }
         self._sent += len(data)
-        self._engine.errands.append(Errand("trajectory.put", parameters, self._answered))
+        self._controller.tasks.append(HelperTask("trajectory.put", parameters, self._answered))
 
-    def _answered(self, result: ErrandResult) -> None:
+    def _answered(self, result: TaskResult) -> None:
         answer = outcome_of(result, "not_saved")
         if isinstance(answer, Refusal):
             self._on_kept(answer)
@@ -114,23 +114,25 @@ OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 
 
 class Trajectories:
-    """Begins and ends recordings and replays on one engine."""
+    """Begins and ends recordings and replays on one controller."""
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, controller: Controller) -> None:
         self.replay: Replay | None = None
         self.replay_job: Job | None = None
-        self._engine = engine
+        self._controller = controller
         self._keeping: Keeping | None = None
 
     @property
     def capture(self) -> Capture | None:
         """The latest recording, be it under way, over, or taken to the helper process."""
-        return self._engine.capture
+        return self._controller.capture
 
     def refusal(self) -> Refusal | None:
         """Say that a recording, a replay or teleoperation is under way, if so."""
-        engine = self._engine
-        refusal = trajectory_or_teleop_refusal(engine.in_the_way) or engine.recording_refusal()
+        controller = self._controller
+        refusal = (
+            trajectory_or_teleop_refusal(controller.in_the_way) or controller.recording_refusal()
+        )
         if refusal is not None:
             return refusal
         if self._keeping is not None:
@@ -144,24 +146,26 @@ class Trajectories:
         self, owner: Owner, *, rate_hz: float, slack: bool, max_samples: int, detached: bool
     ) -> Job | Capture | Refusal:
         """Begin to record; `slack` makes the jaws slack meanwhile, as a job, else others drive."""
-        engine = self._engine
+        controller = self._controller
         geometry = self._ready()
         refusal = self.refusal() or (geometry if isinstance(geometry, Refusal) else None)
-        refusal = refusal or self._rate_refusal(rate_hz) or (engine.why_busy() if slack else None)
+        refusal = (
+            refusal or self._rate_refusal(rate_hz) or (controller.why_busy() if slack else None)
+        )
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or NO_FEEDBACK
         capture = Capture(
             geometry,
             rate_hz,
             min(max_samples, MAX_SAMPLES),
-            engine.period_s,
+            controller.period_s,
             owner.client,
-            engine.now_s,
+            controller.now_s,
             detached,
         )
         if slack:
-            capture.job = engine.begin("record", Teach(capture), owner, detached)
-        engine.capture = capture
+            capture.job = controller.begin("record", Teach(capture), owner, detached)
+        controller.capture = capture
         return capture.job or capture
 
     def stop_recording(
@@ -178,7 +182,7 @@ class Trajectories:
         Under a name it is the user's `uid`. `on_kept` gets what is known of it then. A recording
         that is refused or could not be kept stays until the next one begins.
         """
-        engine, capture = self._engine, self.capture
+        controller, capture = self._controller, self.capture
         if self._keeping is not None:
             return self.refusal()
         if capture is None or capture.is_taken:
@@ -186,12 +190,12 @@ class Trajectories:
             return Refusal("recording_failed", text)
         self._note_job(capture)
         capture.finish()
-        if capture.job is not None and capture.job is engine.jobs.running:
-            engine.end(result_of(capture, "stopped"))
+        if capture.job is not None and capture.job is controller.jobs.running:
+            controller.end(result_of(capture, "stopped"))
         refusal = _unusable(capture, allow_empty=allow_empty, allow_partial=allow_partial)
         if refusal is not None:
             return refusal
-        engine.recordings += 1
+        controller.recordings += 1
 
         def kept(answer: Mapping[str, Any] | Refusal) -> None:
             self._keeping = None
@@ -201,7 +205,9 @@ class Trajectories:
                 capture.let_go()
                 on_kept(answer)
 
-        self._keeping = Keeping(engine, capture, engine.recordings, kept, name=name, uid=uid)
+        self._keeping = Keeping(
+            controller, capture, controller.recordings, kept, name=name, uid=uid
+        )
         self._keeping.begin()
         return None
 
@@ -220,7 +226,7 @@ class Trajectories:
             capture.fail("it ended" if job.error is None else job.error.message)
 
     def _rate_refusal(self, rate_hz: float) -> Refusal | None:
-        most_hz = 1.0 / self._engine.period_s
+        most_hz = 1.0 / self._controller.period_s
         if rate_hz <= most_hz + 1e-6:
             return None
         text = f"rate_hz is {rate_hz:g}, at most the control rate of {most_hz:g} is measured"
@@ -240,12 +246,12 @@ class Trajectories:
         detached: bool,
     ) -> Job | Refusal:
         """Begin to load and replay a trajectory; the gains are the calibration's by default."""
-        engine = self._engine
-        refusal, geometry = self.refusal() or engine.why_busy(), self._ready()
+        controller = self._controller
+        refusal, geometry = self.refusal() or controller.why_busy(), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
-        kp = engine.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad
-        kd = engine.gains.kd_nm_s_rad if kd_nm_s_rad is None else kd_nm_s_rad
+        kp = controller.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad
+        kd = controller.gains.kd_nm_s_rad if kd_nm_s_rad is None else kd_nm_s_rad
         conflict = damping_conflict(kp, kd)
         if conflict is None and request.force == "replay":
             speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
@@ -258,17 +264,17 @@ class Trajectories:
             geometry=geometry,
             config=config,
             gains=Gains(kp, kd),
-            period_s=engine.period_s,
-            motor_type=engine.unit.motor_type,
-            resting=lambda: engine.rest,
+            period_s=controller.period_s,
+            motor_type=controller.gripper_id.motor_type,
+            resting=lambda: controller.rest,
         )
-        self.replay_job = engine.begin("play", action, owner, detached)
+        self.replay_job = controller.begin("play", action, owner, detached)
         self.replay = action
         return self.replay_job
 
     def playing(self, job: int | None, owner: Owner) -> Replay | Refusal:
         """Return the replay that runs, if it is this job's, and this owner's or a detached one."""
-        running, action = self._engine.jobs.running, self._engine.action
+        running, action = self._controller.jobs.running, self._controller.action
         if running is None or not isinstance(action, Replay):
             return Refusal("unknown_job", "no replay is running")
         if job is not None and running.number != job:
@@ -280,11 +286,11 @@ class Trajectories:
 
     def _ready(self) -> Geometry | Refusal:
         """Return the travel, where the motor is enabled and a calibration says what it means."""
-        engine = self._engine
-        geometry = engine.geometry
+        controller = self._controller
+        geometry = controller.geometry
         if geometry is None:
-            return engine.calibrated.problem
-        refusal = motor_refusal(engine.motor) or position_refusal(engine.motor, geometry)
+            return controller.calibrated.problem
+        refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)
         return refusal or geometry
 
 

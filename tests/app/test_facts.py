@@ -152,7 +152,7 @@ def test_a_measured_calibration_has_the_date_of_its_file() -> None:
 def test_a_found_file_keeps_its_date() -> None:
     world = World()
     client = world.start().client()
-    calibration = world.machine.engine.calibrated.calibration
+    calibration = world.machine.controller.calibrated.calibration
     assert calibration is not None
     plain = {**to_plain(calibration), "saved_s": 1.5e9}
     found = {"path": "/x.json", "skipped": [], "factory": False, "calibration": plain}
@@ -165,7 +165,7 @@ def test_a_found_file_keeps_its_date() -> None:
 @pytest.mark.parametrize("is_tolerated", [False, True])
 def test_a_second_master_that_is_tolerated_only_degrades(is_tolerated: bool) -> None:
     world = World()
-    world.engine.second_master.is_tolerated = is_tolerated
+    world.controller.second_master.is_tolerated = is_tolerated
     client = world.enabled()
     assert verdict(world) == ("ok", [])
     world.inject(CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF")))

@@ -59,7 +59,7 @@ def test_a_job_whose_action_fails_ends_at_once_and_the_jaws_hold(
     client = world.enabled()
     motion = client.send("motion.open")
     world.run(0.5)
-    kind: Any = type(world.engine.action)
+    kind: Any = type(world.controller.action)
     step: Any = kind.step
     calls: list[Any] = []
 
@@ -93,7 +93,7 @@ def test_a_disabling_that_fails_disables_all_the_same(monkeypatch: pytest.Monkey
     def broken(*_arguments: Any) -> Any:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setattr(type(world.engine.action), "step", broken)
+    monkeypatch.setattr(type(world.controller.action), "step", broken)
     with pytest.raises(ZeroDivisionError):
         world.tick()
     world.run_until(lambda: world.machine.is_disabled, 1.0)
@@ -114,14 +114,14 @@ def test_a_queued_motion_that_fails_to_begin_ends_and_the_next_one_is_another(
         raise ZeroDivisionError("a defect")
 
     with monkeypatch.context() as patch:
-        patch.setattr(world.engine, "begin", broken)
+        patch.setattr(world.controller, "begin", broken)
         with pytest.raises(ZeroDivisionError):
             world.run(20.0)
     world.run(0.1)
     assert client.has_answer(motion)
     assert client.has_answer(queued)
     assert client.answers[queued]["error"]["data"]["reason"] == "internal_error"
-    jobs = {job.number: job.state for job in world.engine.jobs}
+    jobs = {job.number: job.state for job in world.controller.jobs}
     other = world.client().result("motion.close", wait=False)["job"]
     assert other not in jobs
 

@@ -113,7 +113,7 @@ def test_an_entry_that_names_nobody_is_refused(entry: str | int, told: str) -> N
 
 def test_a_session_has_its_peers_role_and_hello_tells_it() -> None:
     world = World()
-    service = RpcService(world.engine, FixedFacts(), PERIOD_S, role_of=ACCESS.role_of)
+    service = RpcService(world.controller, FixedFacts(), PERIOD_S, role_of=ACCESS.role_of)
     world.service = service
     for identity, role in ((peer(ALICE), "operator"), (peer(BOB, LAB), "admin")):
         session = service.opened(identity, world.now_s)

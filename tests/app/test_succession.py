@@ -261,7 +261,7 @@ def test_a_motion_that_begins_meanwhile_is_waited_for(rig: Rig) -> None:
     for _ in range(5):
         assert rig.step() is None
         rig.world.tick()
-    rig.world.run_until(lambda: rig.world.engine.jobs.running is None)
+    rig.world.run_until(lambda: rig.world.controller.jobs.running is None)
     rig.step()
     thread = answering(link, lambda _packet: link.send("running", gap_s=0.005))
     line = rig.step()
@@ -275,11 +275,11 @@ def test_what_is_about_to_be_saved_is_waited_for(rig: Rig) -> None:
     rig.ready()
     assert rig.step() is None
     rig.client.send("config.set", config={"speed_mm_s": 33.0}, keep=True)
-    assert [errand.operation for errand in rig.world.engine.errands] == ["motion.save"]
+    assert [task.operation for task in rig.world.controller.tasks] == ["motion.save"]
     assert rig.step() is None, "its result would be lost"
     assert rig.told == []
     rig.world.run(0.1)
-    assert not rig.world.engine.errands
+    assert not rig.world.controller.tasks
     assert rig.client.has_answer(rig.client.last_id)
 
 

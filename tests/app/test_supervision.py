@@ -135,7 +135,7 @@ def test_feedback_that_is_old_unnoticed_is_one(
     assert "WATCHDOG=1" not in parts.told()
     complaints = [r for r in caplog.records if "the watchdog is not fed" in r.message]
     assert len(complaints) == 1, "it is said once"
-    parts.world.machine.engine.note_bus(BusCondition("down", "unplugged"))
+    parts.world.machine.controller.note_bus(BusCondition("down", "unplugged"))
     supervision.tick(now_s + 10.0, failed=False)
     assert "WATCHDOG=1" in parts.told(), "a bus that is known to be lost is no reason"
 

@@ -1,4 +1,4 @@
-"""An engine and its RPC service without a motor: whatever it is told of one is made up.
+"""An controller and its RPC service without a motor: whatever it is told of one is made up.
 
 In every period it is asked what clients may ask, told what a motor may tell, and watched.
 """
@@ -8,9 +8,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.model.calibration import CalibrationError, read_content
-from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,
@@ -57,14 +57,14 @@ class Course:
 
 
 class Bench:
-    """One engine with two clients."""
+    """One controller with two clients."""
 
     def __init__(self, fields: dict[str, Any], content: dict[str, Any] | None, spans: Ranges):
-        self.engine = Engine(MotionConfig().changed(fields, PERIOD_S), PERIOD_S)
-        self._service = RpcService(self.engine, FixedFacts(), PERIOD_S)
-        self._watch = LimitWatch(self.engine)
+        self.controller = Controller(MotionConfig().changed(fields, PERIOD_S), PERIOD_S)
+        self._service = RpcService(self.controller, FixedFacts(), PERIOD_S)
+        self._watch = LimitWatch(self.controller)
         self._disk = Disk()
-        self._finished: list[tuple[Errand, ErrandResult]] = []
+        self._finished: list[tuple[HelperTask, TaskResult]] = []
         self._now_s = 1000.0
         self._phase = MotorPhase.ENABLED
         self._zero = ZeroView()
@@ -74,7 +74,7 @@ class Bench:
         self._sessions = [self._connect(), self._connect()]
         if content is not None:
             with suppress(CalibrationError):
-                self.engine.use_calibration(read_content(content))
+                self.controller.use_calibration(read_content(content))
         self._tick()
 
     def run(self, course: Course) -> None:
@@ -110,7 +110,7 @@ class Bench:
         )
 
     def _follow(self, share: float) -> None:
-        command, here_rad = self.engine.output.command, self._feedback.position_rad
+        command, here_rad = self.controller.output.command, self._feedback.position_rad
         if command is None or share == 0.0:
             self._measure()
             return
@@ -139,12 +139,12 @@ class Bench:
         session.outgoing.clear()
 
     def _tick(self) -> None:
-        engine = self.engine
+        controller = self.controller
         identity = MotorIdentity(0x08, 0x18, self._spans, 0.1, 1)
         view = MotorView(self._phase, self._feedback, identity, zero=self._zero)
-        running, latched = engine.jobs.running, engine.stop_latch.latched
+        running, latched = controller.jobs.running, controller.stop_latch.latched
         self._watch.begin()
-        order = engine.step(self._now_s, view)
+        order = controller.step(self._now_s, view)
         if isinstance(order.request, EnableMotor):
             assert running is not None
             assert (running.kind, latched) == ("enable", None)
@@ -176,11 +176,11 @@ class Bench:
             self._zero = ZeroView("done", 0.5, 0.001)
 
     def _run_errands(self) -> None:
-        errands, self.engine.errands = self.engine.errands, []
+        tasks, self.controller.tasks = self.controller.tasks, []
         finished, self._finished = self._finished, []
-        for errand, result in finished:
-            errand.on_result(result)
-        self._finished = [(errand, self._disk.do(errand)) for errand in errands]
+        for task, result in finished:
+            task.on_result(result)
+        self._finished = [(task, self._disk.do(task)) for task in tasks]
 
 
 def _within(value: float, limit: float) -> float:

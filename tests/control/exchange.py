@@ -26,10 +26,10 @@ def exchange(world: World) -> dict[str, Any]:
     """Exchange the machine between two ticks; return what was handed over."""
     assert handover.why_not_restartable(world.machine) is None
     plain = exported(world)
-    machine = Machine(world.engine.unit, None, MotionConfig(), PERIOD_S)
-    service = RpcService(machine.engine, FixedFacts(), PERIOD_S)
+    machine = Machine(world.controller.gripper_id, None, MotionConfig(), PERIOD_S)
+    service = RpcService(machine.controller, FixedFacts(), PERIOD_S)
     handover.adopt(machine, service, plain["state"])
     handover.adopt_history(machine, service, plain["history"])
-    world.machine, world.engine, world.service = machine, machine.engine, service
+    world.machine, world.controller, world.service = machine, machine.controller, service
     world.flight = world.make_flight()
     return plain

@@ -23,7 +23,7 @@ def gripper(mount: str = "normal", opening_mm: float = 100.0) -> tuple[World, Cl
 
 def squeeze_n(world: World) -> float:
     """Return the motor's true torque in the closing direction, as a force."""
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     return geometry.force_n(world.gripper.motor_torque_nm)
 
@@ -69,13 +69,13 @@ def both(client: Client, **source: Any) -> tuple[bytes, int]:
 
 
 def replaying(world: World) -> Replay:
-    action = world.engine.action
+    action = world.controller.action
     assert isinstance(action, Replay)
     return action
 
 
 def in_phase(world: World, phase: str) -> bool:
-    action = world.engine.action
+    action = world.controller.action
     return isinstance(action, Replay) and action.phase == phase
 
 

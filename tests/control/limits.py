@@ -10,7 +10,7 @@ from itertools import combinations
 
 from litegripd.control.actions.by_hand import CalibrateByHand
 from litegripd.control.actions.zero import Calibrate
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Hold, Rest, Slack
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobState
@@ -40,10 +40,10 @@ def slack_nm(command: MitCommand, feedback: Feedback, ranges: Ranges) -> float:
 
 
 class LimitWatch:
-    """Watches one engine; `begin` just before a tick, `check` just after it."""
+    """Watches one controller; `begin` just before a tick, `check` just after it."""
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
         self._impulse_nm_s = 0.0
         self._last: tuple[float, float] | None = None
         self._probe: Calibrate | CalibrateByHand | None = None
@@ -52,17 +52,17 @@ class LimitWatch:
         self._was_stopped = False
         self._before: tuple[MotorPhase, Rest, MitCommand | None] = (
             MotorPhase.UNKNOWN,
-            engine.rest,
+            controller.rest,
             None,
         )
 
     def begin(self) -> None:
-        engine = self._engine
-        action, running = engine.action, engine.jobs.running
-        self._geometry = engine.geometry
+        controller = self._controller
+        action, running = controller.action, controller.jobs.running
+        self._geometry = controller.geometry
         self._probe = action if isinstance(action, Calibrate | CalibrateByHand) else None
         self._was_stopped = self._stopped
-        self._stopped = engine.stop_latch.latched is not None
+        self._stopped = controller.stop_latch.latched is not None
         if self._stopped:
             assert running is None or running.kind in ("disable", "clear_fault")
 
@@ -82,12 +82,12 @@ class LimitWatch:
         While answers fail a motor is sent a motion's last command again, and each without its
         velocity: what damping that leaves can only brake, and is not counted.
         """
-        assert sum(job.state is JobState.RUNNING for job in self._engine.jobs) <= 1
+        assert sum(job.state is JobState.RUNNING for job in self._controller.jobs) <= 1
         self._check_stopped(feedback)
         if command is None:
             self._charge(now_s, 0.0)
             return
-        assert self._engine.motor.phase is MotorPhase.ENABLED
+        assert self._controller.motor.phase is MotorPhase.ENABLED
         assert feedback is not None
         self._check_fields(command, ranges)
         slack = slack_nm(command, feedback, ranges) if in_codes else TINY
@@ -102,8 +102,8 @@ class LimitWatch:
 
     def note(self) -> None:
         """Remember what is wanted, for the next tick to be compared with."""
-        engine = self._engine
-        self._before = (engine.motor.phase, engine.rest, engine.output.requested)
+        controller = self._controller
+        self._before = (controller.motor.phase, controller.rest, controller.output.requested)
 
     def _check_bounds(
         self,
@@ -118,17 +118,17 @@ class LimitWatch:
 
         A calibration that has waited for its turn may have begun in this very tick.
         """
-        engine, probe = self._engine, self._probe if is_motion else None
-        if isinstance(engine.action, Calibrate) and engine.jobs.running is not None:
-            probe = probe or (engine.action if engine.has_stepped else None)
-        config = probe._config if isinstance(probe, Calibrate) else engine.config
+        controller, probe = self._controller, self._probe if is_motion else None
+        if isinstance(controller.action, Calibrate) and controller.jobs.running is not None:
+            probe = probe or (controller.action if controller.has_stepped else None)
+        config = probe._config if isinstance(probe, Calibrate) else controller.config
         lead_rad = abs(command.position_rad - feedback.position_rad) - code_rad
         fits = lead_rad <= config.calib_step_rad and torque_nm <= config.calib_tau_limit
         if probe is None:  # a calibration may have been taken in this very tick
-            known = [g for g in (self._geometry, engine.geometry) if g is not None]
+            known = [g for g in (self._geometry, controller.geometry) if g is not None]
             fits = fits and len(known) < 2
             fits = fits or any(self._is_inside(g, command, feedback, code_rad) for g in known)
-        assert fits, (command, feedback, config, self._geometry, engine.geometry)
+        assert fits, (command, feedback, config, self._geometry, controller.geometry)
         if isinstance(probe, CalibrateByHand):
             assert command.kp_nm_rad == command.kd_nm_s_rad == 0.0
 
@@ -147,7 +147,7 @@ class LimitWatch:
         self, geometry: Geometry, command: MitCommand, feedback: Feedback, code_rad: float
     ) -> bool:
         """Whether a command lies in the widened travel, or between there and the jaws."""
-        beyond_rad = self._engine.config.press_overshoot * geometry.travel_rad + code_rad
+        beyond_rad = self._controller.config.press_overshoot * geometry.travel_rad + code_rad
         low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad))
         low_rad = min(low_rad - beyond_rad, feedback.position_rad - code_rad)
         high_rad = max(high_rad + beyond_rad, feedback.position_rad + code_rad)
@@ -166,27 +166,29 @@ class LimitWatch:
 
     def _check_stopped(self, feedback: Feedback | None) -> None:
         """While a stop is latched what is wanted stands still, lets go, or squeezes less."""
-        engine, before = self._engine, self._before
+        controller, before = self._controller, self._before
         self.note()
-        requested = engine.output.requested
+        requested = controller.output.requested
         if not self._stopped or requested is None or feedback is None:
             return
         phase, rest, was = before
-        if isinstance(engine.rest, Slack):
+        if isinstance(controller.rest, Slack):
             assert requested.kp_nm_rad == requested.kd_nm_s_rad == requested.torque_nm == 0.0
             return
-        if isinstance(engine.rest, Hold):
-            assert requested == engine.rest.gains.at(engine.rest.position_rad)
+        if isinstance(controller.rest, Hold):
+            assert requested == controller.rest.gains.at(controller.rest.position_rad)
         if phase is not MotorPhase.ENABLED or was is None or not self._was_stopped:
             return
-        if isinstance(engine.rest, Grip):
-            assert engine.rest is rest
+        if isinstance(controller.rest, Grip):
+            assert controller.rest is rest
             assert abs(requested.torque_nm) <= abs(was.torque_nm) + TINY
             assert requested.torque_nm * was.torque_nm >= 0.0
         elif isinstance(rest, Grip):
             assert requested.position_rad == feedback.position_rad  # what it held is lost
-        elif engine.rest is not rest:  # a hold beyond a stop comes back with the jaws, no further
-            assert isinstance(engine.rest, Hold)
+        elif (
+            controller.rest is not rest
+        ):  # a hold beyond a stop comes back with the jaws, no further
+            assert isinstance(controller.rest, Hold)
             assert isinstance(rest, Hold)
-            assert engine.geometry is not None
-            assert engine.rest == rest.eased(feedback.position_rad, engine.geometry)
+            assert controller.geometry is not None
+            assert controller.rest == rest.eased(feedback.position_rad, controller.geometry)

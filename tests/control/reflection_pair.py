@@ -80,7 +80,7 @@ class Pair:
     @property
     def commanded_nm(self) -> float:
         """The torque that the leader's motor is told, opening positive."""
-        wanted = self.leader.engine.output.requested
+        wanted = self.leader.controller.output.requested
         assert wanted is not None
         return -self.leader.gripper.parameters.close_sign * wanted.torque_nm
 
@@ -102,7 +102,7 @@ def pair(
     """Return a pair that has aligned, 60 mm open."""
     leader, follower = (TeleopWorld(mount, 60.0) for mount in mounts)
     follower.service = RpcService(
-        follower.engine, FixedFacts(), PERIOD_S, epoch="00ff", links=follower.wires
+        follower.controller, FixedFacts(), PERIOD_S, epoch="00ff", links=follower.wires
     )
     if object_mm is not None:
         follower.gripper.put_object(width_mm=object_mm)

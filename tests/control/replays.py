@@ -17,7 +17,7 @@ def ready(mount: str = "normal", **world: Any) -> tuple[World, Client]:
 
 
 def playing(world: World) -> Replay:
-    action = world.engine.action
+    action = world.controller.action
     assert isinstance(action, Replay)
     return action
 
@@ -31,7 +31,7 @@ def started(world: World, client: Client, points: list[Point], **params: Any) ->
 
 def openness(world: World) -> float:
     """The true openness, by the calibration in use."""
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     return geometry.opening_mm(world.gripper.position_rad) / geometry.travel_mm
 
@@ -40,7 +40,7 @@ def followed(world: World, client: Client, number: int) -> list[float]:
     """Let a replay go on to its end; return how far the jaws were off, share of the travel."""
     errors = []
     while not client.has_answer(number):
-        action = world.engine.action
+        action = world.controller.action
         on_path = isinstance(action, Replay) and action.phase == "play"
         wanted = action.openness if isinstance(action, Replay) else None
         world.tick()  # what was commanded takes until now

@@ -81,7 +81,7 @@ class TeleopWorld(World):
         )
         super().__init__(mount, parameters=parameters, **more)
         self.wires = Wires()
-        self.service = RpcService(self.engine, FixedFacts(), PERIOD_S, links=self.wires)
+        self.service = RpcService(self.controller, FixedFacts(), PERIOD_S, links=self.wires)
 
     @property
     def wire(self) -> Wire:
@@ -138,7 +138,7 @@ class Follower:
     @property
     def lead_mm(self) -> float:
         """By how much the command leads what the daemon measured."""
-        feedback = self.world.engine.motor.feedback
+        feedback = self.world.controller.motor.feedback
         assert feedback is not None
         return abs(float(self.command().position_rad) - feedback.position_rad) * MM_RAD
 

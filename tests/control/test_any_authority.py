@@ -39,21 +39,21 @@ class AnyAuthority(RuleBasedStateMachine):
 
     def tick(self) -> None:
         """Let one period pass, and check what must hold in every one."""
-        world, engine = self.world, self.world.engine
+        world, controller = self.world, self.world.controller
         was_enabled = world.phase is MotorPhase.ENABLED
         world.tick()
         own = [s for s in world.sent if s.at_s == world.now_s and s.frame.can_id == CAN_ID]
         world.sent.clear()
         if was_enabled and world.phase is MotorPhase.ENABLED:
             assert len(own) == 1, "the motor is told something in every period"
-        running, holder = engine.jobs.running, engine.lease.holder
-        assert sum(job is running for job in engine.jobs) <= 1
+        running, holder = controller.jobs.running, controller.lease.holder
+        assert sum(job is running for job in controller.jobs) <= 1
         if running is not None and not running.detached and running.grant is not None:
             assert holder is not None
             assert running.grant == holder.number
-        if engine.stop_latch.latched is not None:
+        if controller.stop_latch.latched is not None:
             assert running is None or running.kind == "disable"
-            assert not [job for job in engine.jobs if job.state.value == "queued"]
+            assert not [job for job in controller.jobs if job.state.value == "queued"]
 
     def ticks(self, count: int) -> None:
         for _ in range(count):
@@ -66,8 +66,8 @@ class AnyAuthority(RuleBasedStateMachine):
 
     def ask(self, client: Client, method: str, **params: Any) -> None:
         """Send a request; whoever has no right to a motion must not have begun one."""
-        engine = self.world.engine
-        holder, before = engine.lease.holder, self.newest()
+        controller = self.world.controller
+        holder, before = controller.lease.holder, self.newest()
         client.send(method, **params)
         newest = self.newest()
         if newest is not None and newest is not before and holder is not None:
@@ -75,7 +75,7 @@ class AnyAuthority(RuleBasedStateMachine):
             assert by_holder or "lease" in params, "only the holder's motions begin"
 
     def newest(self) -> Job | None:
-        jobs = list(self.world.engine.jobs)
+        jobs = list(self.world.controller.jobs)
         return jobs[-1] if jobs else None
 
     @rule()
@@ -88,10 +88,10 @@ class AnyAuthority(RuleBasedStateMachine):
     def leave(self, number: int) -> None:
         gone = self.clients.pop(number % len(self.clients))
         gone.leave()
-        running = self.world.engine.jobs.running
+        running = self.world.controller.jobs.running
         if running is not None and running.kind != "disable":
             assert running.detached or running.owner.client != gone.session.identity
-        holder = self.world.engine.lease.holder
+        holder = self.world.controller.lease.holder
         assert holder is None or holder.owner.client != gone.session.identity
 
     @rule(

@@ -24,26 +24,26 @@ class AnyCourse(RuleBasedStateMachine):
         super().__init__()
         self.world = World().start()
         self.clients: list[Client] = []
-        self.geometry = self.world.engine.geometry
+        self.geometry = self.world.controller.geometry
         self.lossy_ticks = 0
         self.held_rad: float | None = None
         self.squeezed_nm = 0.0
 
     def tick(self) -> None:
         """Let one period pass, and check what must hold in every one."""
-        world, engine = self.world, self.world.engine
+        world, controller = self.world, self.world.controller
         if self.lossy_ticks:
             self.lossy_ticks -= 1
         else:
             world.lose_to_motor = world.lose_from_motor = lambda _frame: False
-        running = engine.jobs.running
-        latched = engine.stop_latch.latched
+        running = controller.jobs.running
+        latched = controller.stop_latch.latched
         phase = world.phase
         world.tick()
         sent = [s.frame.data for s in world.sent if s.at_s == world.now_s]
         own = [s.frame for s in world.sent if s.at_s == world.now_s and s.frame.can_id == CAN_ID]
         world.sent.clear()
-        assert sum(job.is_running for job in engine.jobs) <= 1
+        assert sum(job.is_running for job in controller.jobs) <= 1
         if codec.ENABLE in sent:
             assert running is not None
             assert running.kind == "enable"
@@ -68,7 +68,7 @@ class AnyCourse(RuleBasedStateMachine):
             self.held_rad = None
             return
         command = commands[-1]
-        if isinstance(self.world.engine.rest, Grip):
+        if isinstance(self.world.controller.rest, Grip):
             self.held_rad = None
             assert self.squeezed_nm <= before_nm + CODE_NM
             assert abs(command.velocity_rad_s) <= FREE_RAD_S
@@ -172,7 +172,7 @@ class AnyCourse(RuleBasedStateMachine):
 
     @rule(number=which)
     def cancel(self, number: int) -> None:
-        running = self.world.engine.jobs.running
+        running = self.world.controller.jobs.running
         if running is not None:
             self.client(number).send("job.cancel", job=running.number)
 
@@ -216,7 +216,7 @@ class AnyCourse(RuleBasedStateMachine):
 
     @invariant()
     def ended_jobs_tell_how(self) -> None:
-        for job in self.world.engine.jobs:
+        for job in self.world.controller.jobs:
             assert job.is_running or (job.result is None) != (job.error is None)
 
     def teardown(self) -> None:
@@ -232,7 +232,7 @@ class AnyCourse(RuleBasedStateMachine):
         client = world.client()
         client.result("stop.clear")
         assert client.result("motor.enable")["ok"]
-        if world.engine.geometry != self.geometry:
+        if world.controller.geometry != self.geometry:
             self.calibrate_anew(client)
         assert client.result("motion.open")["outcome"] == "pressed_home"
         assert client.result("motor.disable")["ok"]
@@ -249,7 +249,9 @@ class AnyCourse(RuleBasedStateMachine):
         self.world.lose_to_motor = self.world.lose_from_motor = lambda _frame: False
         lasting = (MotorPhase.DISABLED, MotorPhase.ENABLED, MotorPhase.FAULT)
         settled = self.world.machine.motor.view().zero.state != "pending"
-        return settled and self.world.engine.jobs.running is None and self.world.phase in lasting
+        return (
+            settled and self.world.controller.jobs.running is None and self.world.phase in lasting
+        )
 
 
 TestAnyCourse = AnyCourse.TestCase

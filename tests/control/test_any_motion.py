@@ -1,7 +1,7 @@
 """Whatever is asked for and whatever is measured: every command stays inside the limits.
 
-Twice: on the whole daemon with a simulated gripper, by the frames that it sends; and on the engine
-alone, where a measurement may be what no gripper does.
+Twice: on the whole daemon with a simulated gripper, by the frames that it sends; and on the
+controller alone, where a measurement may be what no gripper does.
 """
 
 import struct
@@ -50,7 +50,7 @@ def test_fields_in_their_ranges_make_a_configuration_if_they_go_together(fields:
             MotionConfig().changed(fields, PERIOD_S)
 
 
-# The engine alone
+# The controller alone
 
 configs: st.SearchStrategy[Values] = st.just({}) | good_fields
 requests = st.tuples(st.integers(0, 1), calls | trajectories, st.booleans())
@@ -150,11 +150,11 @@ class AnyMotion(RuleBasedStateMachine):
         self.world = World(mount, calibrated=content == "the mount's", config=config)
         if isinstance(content, dict):
             with suppress(CalibrationError):
-                self.world.engine.use_calibration(read_content(content))
+                self.world.controller.use_calibration(read_content(content))
         for number, value in zip((21, 22, 23), ranges or (), strict=False):
             assert self.world.gripper.motor.registers.write(number, struct.pack("<f", value))
         self.clients = [self.world.client(), self.world.client()]
-        self.watch = LimitWatch(self.world.engine)
+        self.watch = LimitWatch(self.world.controller)
         self.lossy_ticks = 0
         self.world.start()
         assert self.clients[0].result("motor.enable")["ok"]
@@ -165,12 +165,12 @@ class AnyMotion(RuleBasedStateMachine):
             self.tick()
 
     def tick(self) -> None:
-        world, engine = self.world, self.world.engine
+        world, controller = self.world, self.world.controller
         self.lossy_ticks = max(self.lossy_ticks - 1, 0)
         if not self.lossy_ticks:
             world.lose_to_motor = world.lose_from_motor = lambda _frame: False
-        running, latched = engine.jobs.running, engine.stop_latch.latched
-        action = engine.action
+        running, latched = controller.jobs.running, controller.stop_latch.latched
+        action = controller.action
         self.watch.begin()
         world.tick()
         own = [s.frame for s in world.sent if s.frame.can_id == CAN_ID]
@@ -179,12 +179,12 @@ class AnyMotion(RuleBasedStateMachine):
             assert running is not None
             assert (running.kind, latched) == ("enable", None)
         assert len(own) == 1 or world.phase is not MotorPhase.ENABLED
-        self.check(own, is_motion=action is not None and engine.action is action)
+        self.check(own, is_motion=action is not None and controller.action is action)
         for client in self.clients:
             self.read(client)
 
     def check(self, own: list[CanFrame], *, is_motion: bool) -> None:
-        world, motor = self.world, self.world.engine.motor
+        world, motor = self.world, self.world.controller.motor
         commands = [codec.decode_command(f.data, world.ranges) for f in own if is_command(f)]
         if world.machine.motor._plausibility.in_a_row and commands:
             assert commands[-1].kp_nm_rad == 0.0  # it only brakes, no harder than its command did
@@ -219,7 +219,7 @@ class AnyMotion(RuleBasedStateMachine):
     @rule(number=which, call=calls, count=some_ticks)
     def ask(self, number: int, call: tuple[str, Values], count: int) -> None:
         method, params = call
-        running = self.world.engine.jobs.running
+        running = self.world.controller.jobs.running
         if method == "job.cancel" and running is not None:
             params = {"job": running.number}
         self.clients[number].send(method, **params)

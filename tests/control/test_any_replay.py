@@ -13,9 +13,9 @@ from litegripd.control.actions.grasp import BUDGET_NM
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.holds import Slack
 from litegripd.control.limiter import torque_bound_nm
-from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
+from litegripd.model.helper_tasks import TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
 from litegripd.model.motor_types import DM4310, FASTEST_MM_S
@@ -83,9 +83,9 @@ class Jaws:
         )
         step = self.replay.step(self.now_s, MotorView(MotorPhase.ENABLED, feedback))
         self.outcome = step.outcome
-        if step.errand is not None:
-            answer = self.store.operations()[step.errand.operation](step.errand.parameters)
-            step.errand.on_result(ErrandResult(json.loads(json.dumps(answer))))
+        if step.task is not None:
+            answer = self.store.operations()[step.task.operation](step.task.parameters)
+            step.task.on_result(TaskResult(json.loads(json.dumps(answer))))
         if step.command is not None:
             command, here_rad = step.command, self.position_rad
             self.torque_nm = command.kp_nm_rad * (command.position_rad - here_rad)

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from litegripd.model.bus import NOT_OPENED, UP, BusCondition, BusState, remedy
+from litegripd.model.gripper_id import GripperId
 from litegripd.model.motor import MotorPhase
-from litegripd.model.unit import Unit
 from litegripd.motor import codec
 from tests.world import CAN_ID, Client, World
 
@@ -76,7 +76,7 @@ def test_errors_that_change_while_the_state_does_not_are_told_once() -> None:
         world.condition = BusCondition("adapter_gone", f"error {number}")
         world.tick()
     assert len(bus_events(client)) == 1
-    assert "error 99" in str(world.engine.bus.error)
+    assert "error 99" in str(world.controller.bus.error)
 
 
 def test_a_bus_that_cannot_be_opened_from_the_start_is_told_once() -> None:
@@ -208,7 +208,7 @@ def test_the_commands_that_are_told_name_the_interface_and_suit_any_driver(
 ) -> None:
     """Those without a restart after bus-off refuse `restart-ms`, and one by hand as well."""
     world = World()
-    world.engine.unit = Unit("arm", "left")
+    world.controller.gripper_id = GripperId("arm", "left")
     client = world.start().client()
     client.result("events.subscribe")
     cut(world, state)

@@ -18,8 +18,8 @@ def begun(mount: str = "normal", *, calibrated: bool = True) -> tuple[World, Cli
     world = World(mount, calibrated=calibrated)
     client = world.enabled()
     result = client.result("calibration.manual", step="begin")
-    assert world.engine.jobs.running is not None
-    assert world.engine.jobs.running.number == result["job"]
+    assert world.controller.jobs.running is not None
+    assert world.controller.jobs.running.number == result["job"]
     world.run(0.05)
     return world, client
 
@@ -44,7 +44,7 @@ def refusal(client: Client, step: str) -> str:
 
 
 def in_use(world: World) -> tuple[Calibration | None, str | None]:
-    return world.engine.calibrated.calibration, world.engine.calibrated.file
+    return world.controller.calibrated.calibration, world.controller.calibrated.file
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -150,7 +150,7 @@ def test_it_is_not_finished_before_both_stops_are_marked(marked: tuple[str, ...]
     assert answer["error"]["data"]["reason"] == "out_of_limits"
     assert "not marked yet" in answer["error"]["message"]
     assert in_use(world) == before
-    assert world.engine.jobs.running is not None  # the missing mark may be made
+    assert world.controller.jobs.running is not None  # the missing mark may be made
     for side in {"closed", "open"}.difference(marked):
         mark(client, side)
     assert client.result("calibration.manual", step="finish")["ok"]
@@ -197,7 +197,7 @@ def test_given_up_it_changes_nothing(end: str, marks: int) -> None:
     for side in ("closed", "open")[:marks]:
         mark(client, side)
     world.gripper.push(0.0)
-    job = world.engine.jobs.running
+    job = world.controller.jobs.running
     assert job is not None
     if end == "cancel":
         assert client.result("calibration.manual", step="cancel") == {}
@@ -231,7 +231,7 @@ def test_a_file_that_cannot_be_written_changes_nothing() -> None:
     assert (result["ok"], result["outcome"]) == (False, "not_saved")
     assert "no space left" in result["message"]
     assert in_use(world) == before
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 @pytest.mark.parametrize(
@@ -245,12 +245,12 @@ def test_it_needs_power_and_a_free_gripper(state: str, reason: str) -> None:
 
 def test_progress_tells_how_many_stops_are_marked() -> None:
     world, client = begun()
-    running = world.engine.jobs.running
+    running = world.controller.jobs.running
     assert running is not None
     seen = []
     for side in ("closed", "open"):
         mark(client, side)
-        progress = world.engine.progress()
+        progress = world.controller.progress()
         assert progress is not None
         seen.append((progress.phase, progress.step, progress.total_steps))
     assert seen == [("by_hand", 1, 2), ("by_hand", 2, 2)]

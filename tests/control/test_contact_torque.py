@@ -18,9 +18,9 @@ def peak_nm(
     world: World, kp: float, method: str, speed_mm_s: float, width_mm: float | None, k: float
 ) -> float:
     """Return the strongest torque towards the end of the move, looked at every 0.5 ms."""
-    calibration = world.engine.calibrated.calibration
+    calibration = world.controller.calibrated.calibration
     assert calibration is not None
-    world.engine.use_calibration(replace(calibration, kp_nm_rad=kp, kd_nm_s_rad=2.0), None)
+    world.controller.use_calibration(replace(calibration, kp_nm_rad=kp, kd_nm_s_rad=2.0), None)
     client = world.enabled()
     if width_mm is not None:
         world.gripper.put_object(width_mm=width_mm, stiffness_nm_rad=k)

@@ -111,7 +111,7 @@ def test_a_second_master_is_dumped_when_it_begins() -> None:
 def test_a_second_master_that_is_tolerated_is_not() -> None:
     world = World()
     world.enabled()
-    world.engine.second_master.is_tolerated = True
+    world.controller.second_master.is_tolerated = True
     world.inject(FOREIGN)
     world.run(2.0)
     assert world.disk.dumps == []

@@ -97,7 +97,7 @@ def test_a_lost_bus_is_not_told_once_more_as_a_silent_motor() -> None:
     world.run_until(lambda: world.in_phase(MotorPhase.SILENT), 1.0)
     world.run(0.5)
     world.service.dumps.finish(world.now_s)
-    assert [errand.parameters["note"] for errand in world.engine.errands] == ["bus_lost"]
+    assert [task.parameters["note"] for task in world.controller.tasks] == ["bus_lost"]
 
 
 def test_a_bus_that_is_lost_while_the_motor_is_off_is_not() -> None:
@@ -171,11 +171,11 @@ def test_what_is_still_due_is_asked_for_at_the_end() -> None:
     world = World()
     world.enabled()
     world.service.dumps.finish(world.now_s)
-    assert world.engine.errands == []
+    assert world.controller.tasks == []
     fault(world)
     world.service.dumps.finish(world.now_s)
-    (errand,) = world.engine.errands
-    assert errand.parameters == {"cause": "motor_fault", "note": "motor_fault"}
+    (task,) = world.controller.tasks
+    assert task.parameters == {"cause": "motor_fault", "note": "motor_fault"}
 
 
 def test_an_observer_may_not_ask_for_a_dump() -> None:

@@ -19,10 +19,10 @@ SLAVE = {"mode": "slave", "fake_leader": True}
 def shaken_mm_s(gains: Gains) -> float:
     """Return how fast the jaws still are a second after a blow, on a motor that is no simulator."""
     world = PlantWorld(PlantParameters(), "normal", 200, opening_mm=60.0)
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     kp, kd = gains.kp_nm_rad, gains.kd_nm_s_rad
-    world.engine.use_calibration(Calibration(geometry, kp_nm_rad=kp, kd_nm_s_rad=kd))
+    world.controller.use_calibration(Calibration(geometry, kp_nm_rad=kp, kd_nm_s_rad=kd))
     world.enabled()
     world.mechanics.rotor_rad_s += 3.0
     world.run(1.0)
@@ -44,12 +44,12 @@ def test_the_bound_is_where_jaws_swing_by_themselves(kp_nm_rad: float) -> None:
 def test_a_calibration_without_damping_is_refused_and_the_present_one_stays() -> None:
     world = World()
     client = world.enabled()
-    before = world.engine.calibrated.calibration
+    before = world.controller.calibrated.calibration
     content = client.result("calibration.get")["content"]
     answer = client.call("calibration.load", content={**content, "kp": 500, "kd": 0})
     assert "kd is 0, with kp 500 it must be at least 1" in answer["error"]["message"]
-    assert world.engine.calibrated.calibration is before
-    assert world.engine.gains == DEFAULT_GAINS
+    assert world.controller.calibrated.calibration is before
+    assert world.controller.gains == DEFAULT_GAINS
 
 
 def test_a_file_with_one_gain_does_not_get_the_other_of_a_stiffer_one() -> None:
@@ -66,7 +66,7 @@ def test_a_file_with_one_gain_does_not_get_the_other_of_a_stiffer_one() -> None:
         given = {name: gain for name, gain in {"kp": kp, "kd": kd}.items() if gain is not None}
         bare = {name: value for name, value in content.items() if name not in ("kp", "kd")}
         client.result("calibration.load", content={**bare, **given})
-        assert world.engine.gains == expected
+        assert world.controller.gains == expected
 
 
 @pytest.mark.parametrize(
@@ -84,7 +84,7 @@ def test_what_a_motion_gives_is_judged_with_what_it_leaves_out(
     error = client.call(method, **plays, **gains)["error"]
     assert error["data"]["reason"] == "out_of_limits"
     assert (error["data"]["field"], error["data"]["limit"]) == ("kd", pytest.approx(least))
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 def test_a_hold_by_gains_damps_enough_or_is_refused() -> None:

@@ -28,7 +28,7 @@ def world_with(
 
 def squeeze_nm(world: World) -> float:
     """Return the motor's true torque in the closing direction."""
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     return geometry.close_sign * world.gripper.motor_torque_nm
 
@@ -105,7 +105,7 @@ def test_a_hold_for_ever_lasts_until_it_is_cancelled_and_then_goes_on() -> None:
     number = client.send("motion.grasp", force_n=10)
     world.run(10.0)
     assert not client.has_answer(number)
-    job = world.engine.jobs.running
+    job = world.controller.jobs.running
     assert job is not None
     other = world.client()
     other.result("job.cancel", job=job.number)
@@ -300,11 +300,11 @@ def test_a_grasp_is_refused_while_heat_leaves_too_little_torque_to_feel_anything
     """It would take its own standing still, short of the end, for an object."""
     world = World()
     client = world.enabled()
-    world.engine.output.heat.allowance_nm = 0.3
+    world.controller.output.heat.allowance_nm = 0.3
     refused = client.call("motion.grasp", force_n=20)["error"]
     assert refused["data"]["reason"] == "motor_hot"
     assert "0.30 N·m" in refused["message"]
     assert refused["data"]["retryable"]
-    world.engine.output.heat.allowance_nm = 2.0
+    world.controller.output.heat.allowance_nm = 2.0
     world.gripper.put_object(width_mm=40.0)
     assert client.result("motion.grasp", force_n=10, until="verdict")["outcome"] == "object_held"

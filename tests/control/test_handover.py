@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from litegripd.app import handover
 from litegripd.app.machine import Machine
 from litegripd.control.holds import Grip, Slack
+from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
 from litegripd.model.plain import PlainError
-from litegripd.model.unit import Unit
 from litegripd.rpc.service import RpcService
 from litegripd.sim.parameters import SimulatorParameters
 from tests.control.exchange import exchange, exported
@@ -74,7 +74,7 @@ def lowered_force(mount: str) -> World:
 
 def is_searching(world: World) -> bool:
     """Whether the jaws are on their way to an object that gave way: it may feel nothing."""
-    return world.engine.grip is not None and world.engine.grip.clamp_n[0] == 0.0
+    return world.controller.grip is not None and world.controller.grip.clamp_n[0] == 0.0
 
 
 def searching(mount: str) -> World:
@@ -148,7 +148,7 @@ def calibrated(mount: str) -> World:
 def hot(mount: str) -> World:
     world, client = gripping(mount)
     client.result("motion.set_force", force_n=30)
-    guard = world.engine.output.heat
+    guard = world.controller.output.heat
     world.run(3.0)
     guard.allowance_nm = 2.0
     return world
@@ -204,7 +204,7 @@ def test_no_period_passes_without_a_command_and_the_motor_stays_enabled() -> Non
         exchange(world)
         world.tick()
         assert world.phase is MotorPhase.ENABLED
-        assert isinstance(world.engine.rest, Grip)
+        assert isinstance(world.controller.rest, Grip)
     commands = world.commands_since(since_s + PERIOD_S / 2)
     assert len(commands) == 20
     assert {command.torque_nm for _, command in commands} == {commands[0][1].torque_nm}
@@ -216,7 +216,7 @@ def test_an_object_that_is_lost_after_the_restart_is_noticed() -> None:
     exchange(world)
     world.run(0.1)
     world.gripper.remove_object()
-    world.run_until(lambda: not isinstance(world.engine.rest, Grip))
+    world.run_until(lambda: not isinstance(world.controller.rest, Grip))
     assert world.state.mode == "holding"
 
 
@@ -240,12 +240,12 @@ def test_slack_jaws_stay_slack() -> None:
     world = slack("normal")
     exchange(world)
     world.run(0.1)
-    assert isinstance(world.engine.rest, Slack)
+    assert isinstance(world.controller.rest, Slack)
 
 
 def test_a_stop_stays_latched_and_what_was_sent_before_it_stays_void() -> None:
     world = stopped("normal")
-    generation = world.engine.stop_latch.generation
+    generation = world.controller.stop_latch.generation
     exchange(world)
     client = world.client()
     assert client.refusal("motion.open") == "stopped"
@@ -330,8 +330,8 @@ def paths(plain: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def successor_of(plain: Any) -> None:
-    machine = Machine(Unit(), None, MotionConfig(), PERIOD_S)
-    service = RpcService(machine.engine, FixedFacts(), PERIOD_S)
+    machine = Machine(GripperId(), None, MotionConfig(), PERIOD_S)
+    service = RpcService(machine.controller, FixedFacts(), PERIOD_S)
     handover.adopt(machine, service, plain["state"])
     handover.adopt_history(machine, service, plain["history"])
 
@@ -406,7 +406,7 @@ def test_no_recording_gets_the_number_of_one_before() -> None:
 
 def test_an_attribute_that_nobody_has_thought_of_is_a_defect_that_is_told() -> None:
     world = disabled("normal")
-    world.engine.output.new_thing = 1  # type: ignore[attr-defined]
+    world.controller.output.new_thing = 1  # type: ignore[attr-defined]
     with pytest.raises(PlainError, match="new_thing"):
         exported(world)
 

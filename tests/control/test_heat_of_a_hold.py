@@ -21,7 +21,7 @@ def holding(force_n: float) -> tuple[World, Client]:
 
 def test_a_hold_that_would_pass_the_limit_is_reduced_step_by_step_and_told() -> None:
     world, client = holding(30.0)
-    heat = world.engine.output.heat
+    heat = world.controller.output.heat
     world.run(1.0)
     assert world.state.limited == ()
     first_s = heat.model.time_to_limit_s()

@@ -43,7 +43,7 @@ class TestLostHolder:
         here_rad = world.gripper.position_rad
         client.leave()
         check_left(world, on_lost)
-        jobs = list(world.engine.jobs)
+        jobs = list(world.controller.jobs)
         assert jobs[-1].state is JobState.CANCELLED
         assert jobs[-1].error is not None
         assert jobs[-1].error.reason == "client_lost"
@@ -56,8 +56,8 @@ class TestLostHolder:
         client.leave()
         world.run(0.4)
         assert world.state.mode == "moving"
-        world.run_until(lambda: world.engine.jobs.running is None)
-        job = list(world.engine.jobs)[-1]
+        world.run_until(lambda: world.controller.jobs.running is None)
+        job = list(world.controller.jobs)[-1]
         assert job.state is JobState.DONE
         check_left(world, on_lost)
 
@@ -77,7 +77,7 @@ class TestLostHolder:
         other = world.client()
         other.result("lease.take", why="it is my turn")
         client.leave()
-        job = list(world.engine.jobs)[-1]
+        job = list(world.controller.jobs)[-1]
         other.result("job.cancel", job=job.number)
         other.result("motion.move", opening_mm=20)
         check_left(world, "hold")
@@ -87,9 +87,9 @@ class TestLostHolder:
         client.send("motion.open", wait=False)
         client.send("motion.close", if_busy="queue")
         client.leave()
-        world.run_until(lambda: world.engine.jobs.running is None)
+        world.run_until(lambda: world.controller.jobs.running is None)
         check_left(world, on_lost)
-        queued = list(world.engine.jobs)[-1]
+        queued = list(world.controller.jobs)[-1]
         assert (queued.kind, queued.state) == ("close", JobState.CANCELLED)
 
     def test_one_that_gave_the_lease_back_leaves_everything_as_it_is(self, on_lost: str) -> None:

@@ -201,11 +201,11 @@ def about_vanishing(rig: Grasping, scene: Scene) -> list[str]:
     """An object that vanishes lets the jaws go no faster than bounded, and is reported."""
     force_nm, speed_mm_s = scene.request.force_n / 10.0, scene.request.speed_mm_s
     in_dead_band = rig.gripper.opening_mm < DEAD_BAND_MM
-    rig.engine.take_events()
+    rig.controller.take_events()
     rig.gripper.remove_object()
     rig.looks, rig.peak_mm_s = 10, 0.0
     rig.run(REPORT_S)
-    reported = any(event.kind == "object_lost" for event in rig.engine.take_events())
+    reported = any(event.kind == "object_lost" for event in rig.controller.take_events())
     wrong = []
     if force_nm >= (REPORTED_IN_DEAD_BAND_NM if in_dead_band else REPORTED_NM) and (
         rig.is_grasped or not reported

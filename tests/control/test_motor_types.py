@@ -130,13 +130,13 @@ def test_no_command_asks_for_more_than_the_peak_and_that_only_for_a_moment(
     world = World(motor_type=motor_type)
     client = world.enabled()
     world.gripper.jam()
-    world.engine.calibrated.gains = replace(world.engine.gains, kp_nm_rad=500.0)
+    world.controller.calibrated.gains = replace(world.controller.gains, kp_nm_rad=500.0)
     client.send("motion.move", opening_mm=20.0, config={"max_lead_mm": 6.0})
     since_s, impulse_nm_s, asked = world.now_s, 0.0, []
     most_nm_s = motor_type.peak_impulse_nm_s + 2.0 * world.period_s * motor_type.peak_nm
     while world.now_s < since_s + 4.0:
         world.tick()
-        feedback, command = world.engine.motor.feedback, world.engine.output.command
+        feedback, command = world.controller.motor.feedback, world.controller.output.command
         assert feedback is not None
         asked.append(0.0 if command is None else torque_bound_nm(command, feedback))
         above_nm_s = (asked[-1] - motor_type.rated_nm) * world.period_s

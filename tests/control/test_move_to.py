@@ -48,7 +48,7 @@ def arrival_s(world: World, client: Client, opening_mm: float, **params: object)
 )
 def test_it_goes_where_it_is_told_to_by_any_quantity(mount: str, target: dict[str, float]) -> None:
     world, client = at_opening(60.0, mount)
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     result = client.result("motion.move", **target)
     assert (result["ok"], result["outcome"]) == (True, "reached")
@@ -166,18 +166,18 @@ def test_a_slow_move_presses_on_an_object_little_more_than_friction_needs() -> N
 def test_the_commands_lead_is_bounded_in_two_tiers(opening_mm: float) -> None:
     world, client = at_opening(100.0 if opening_mm < 70.0 else 10.0)
     number = client.send("motion.move", opening_mm=opening_mm, speed_mm_s=120.0)
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     while not client.has_answer(number):
         world.tick()
-        feedback = world.engine.motor.feedback
+        feedback = world.controller.motor.feedback
         assert feedback is not None
         command = world.commands_since(world.now_s)[-1][1]
         here_mm = geometry.opening_mm(feedback.position_rad)
         short_mm = here_mm if opening_mm < 70.0 else geometry.travel_mm - here_mm
         allowed_rad = 0.7 / MM_RAD if short_mm <= 2.0 else LEAD_RAD
         lead_rad = abs(command.position_rad - feedback.position_rad)
-        if world.engine.jobs.running is not None:
+        if world.controller.jobs.running is not None:
             assert lead_rad <= allowed_rad + CODE_RAD
 
 
@@ -198,7 +198,7 @@ def test_what_cannot_be_is_refused_with_the_limit(params: dict[str, float], fiel
     assert error["requested"] == params[field]
     limits = error["limit"] if isinstance(error["limit"], list) else [error["limit"]]
     assert all(math.isfinite(limit) for limit in limits)
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 @pytest.mark.parametrize(
@@ -212,7 +212,7 @@ def test_what_cannot_be_is_refused_with_the_limit(params: dict[str, float], fiel
 def test_it_takes_one_target_and_a_speed_or_a_time(params: dict[str, float]) -> None:
     world, client = at_opening(60.0)
     assert client.refusal("motion.move", **params) == "invalid_params"
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 def test_progress_tells_phase_and_steps() -> None:

@@ -21,7 +21,7 @@ def calibrate(world: World, closed_by: float = 0.0, open_by: float = 0.0) -> Non
     closed_rad, open_rad = limits_of_mount("normal")
     travel_rad = closed_rad - open_rad
     geometry = Geometry(closed_rad + closed_by * travel_rad, open_rad - open_by * travel_rad, 74.8)
-    world.engine.use_calibration(Calibration(geometry), None)
+    world.controller.use_calibration(Calibration(geometry), None)
 
 
 def record(
@@ -33,8 +33,8 @@ def record(
     while not client.has_answer(number):
         world.tick()
         commands = world.commands_since(world.now_s)
-        measured = world.engine.motor.feedback
-        if commands and measured is not None and world.engine.jobs.running is not None:
+        measured = world.controller.motor.feedback
+        if commands and measured is not None and world.controller.jobs.running is not None:
             seen.append((measured.position_rad, commands[-1][1].position_rad))
     return seen
 
@@ -71,7 +71,7 @@ def test_the_commands_lead_stays_within_two_tiers_in_every_phase(
     client = world.enabled()
     client.result("motion.open" if method == "motion.close" else "motion.close")
     seen = record(world, client, method, speed_mm_s=speed)
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     limit_rad = geometry.closed_rad if method == "motion.close" else geometry.open_rad
     towards = math.copysign(1.0, limit_rad - seen[0][0])
@@ -197,9 +197,9 @@ def test_no_calibration_no_motion() -> None:
 
 def test_a_calibration_file_of_a_gripper_that_never_was_calibrated_does_not_count() -> None:
     world = World()
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
-    world.engine.use_calibration(Calibration(geometry, calibrated=False), None)
+    world.controller.use_calibration(Calibration(geometry, calibrated=False), None)
     assert world.enabled().refusal("motion.open") == "not_calibrated"
 
 
@@ -226,7 +226,7 @@ def test_a_target_further_past_the_stop_is_not_mistaken_for_one(press_overshoot:
     world = World(
         parameters=SimulatorParameters(closed_rad=0.514, open_rad=-1.491), calibrated=False
     )
-    world.engine.use_calibration(Calibration(Geometry(0.114, -1.491, 74.8)), None)
+    world.controller.use_calibration(Calibration(Geometry(0.114, -1.491, 74.8)), None)
     client = world.enabled()
     closed = client.result("motion.close", config={"press_overshoot": press_overshoot})
     assert (closed["ok"], closed["outcome"]) == (False, "no_stop")

@@ -48,7 +48,7 @@ def test_a_motion_that_a_hand_teaches_is_recorded_as_it_was(mount: str) -> None:
     assert len(samples) == pytest.approx(120, abs=2)
     by_time = {round(at_s / PERIOD_S): position_rad for at_s, position_rad in truth}
     first = min(by_time, key=lambda tick: abs(by_time[tick] - samples[0][2]))
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     offsets = range(first - 3, first + 4)  # at which tick the first one was measured
 
@@ -70,7 +70,7 @@ def test_the_file_says_what_it_was_taught_on() -> None:
     assert answer["recording"] is None
     assert answer["path"].endswith("/trajectories/pick.lgt")
     header, _ = read(memoryview(fetched(client, name="pick")))
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     assert (header.sample_hz, header.mount, header.can_id) == (50.0, "reverse", 8)
     limits = (header.closed_rad, header.open_rad, header.rad_to_mm)
@@ -209,7 +209,7 @@ def test_others_drive_while_it_watches() -> None:
 def test_an_empty_one_must_be_wanted() -> None:
     world, client = recording()
     assert client.refusal("trajectory.record_stop") == "recording_failed"
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
     assert client.result("trajectory.record_stop", allow_empty=True)["samples"] == 0
 
 
@@ -231,7 +231,7 @@ def test_progress_and_state_tell_of_it() -> None:
     world.run(0.5)
     assert world.state.job is not None
     assert (world.state.job.kind, world.state.job.phase) == ("record", "record")
-    progress = world.engine.progress()
+    progress = world.controller.progress()
     assert progress is not None
     assert progress.total_steps == 1000
     assert progress.step == client.result("trajectory.status")["samples"]

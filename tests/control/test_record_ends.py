@@ -19,7 +19,7 @@ def test_broken_off_by_hand_it_is_no_good_recording(end: str) -> None:
     world, client = recording()
     world.run(0.5)
     watcher = world.client()
-    job = world.engine.jobs.running
+    job = world.controller.jobs.running
     assert job is not None
     if end == "cancel":
         client.result("job.cancel", job=job.number)
@@ -46,7 +46,7 @@ def test_stopping_in_the_tick_of_its_end_does_not_make_it_good() -> None:
     """The job has ended, but no tick has passed in which the recording could notice."""
     world, client = recording()
     world.run(0.5)
-    job = world.engine.jobs.running
+    job = world.controller.jobs.running
     assert job is not None
     client.send("job.cancel", job=job.number)
     number = client.send("trajectory.record_stop")
@@ -104,7 +104,7 @@ def test_it_needs_a_calibration() -> None:
     client = world.enabled()
     for slack in (True, False):
         assert client.refusal("trajectory.record_start", zero_gravity=slack) == "not_calibrated"
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 def test_it_needs_the_lease_only_where_the_jaws_go_slack() -> None:
@@ -226,8 +226,8 @@ def test_what_a_restart_would_lose_refuses_it() -> None:
         refusal = handover.why_not_restartable(world.machine)
         assert refusal is not None
         assert refusal.reason == "trajectory_busy"
-        assert world.engine.capture is not None
-        world.engine.capture.finish()
+        assert world.controller.capture is not None
+        world.controller.capture.finish()
     client.result("trajectory.record_stop", name="pick")
     assert handover.why_not_restartable(world.machine) is None
     client.result("trajectory.record_start", zero_gravity=False)
@@ -242,10 +242,10 @@ def test_the_results_of_recordings_and_replays_are_carried_over_a_restart() -> N
     world.run(0.3)
     client.result("trajectory.record_stop", name="pick")
     client.result("trajectory.play", name="pick")
-    plain = json.loads(json.dumps(export_jobs(world.engine)))
-    successor = World().engine
+    plain = json.loads(json.dumps(export_jobs(world.controller)))
+    successor = World().controller
     adopt_jobs(successor, plain)
     assert [(job.kind, job.result) for job in successor.jobs] == [
-        (job.kind, job.result) for job in world.engine.jobs
+        (job.kind, job.result) for job in world.controller.jobs
     ]
     assert [job.kind for job in successor.jobs] == ["enable", "record", "play"]

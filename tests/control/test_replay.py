@@ -46,7 +46,7 @@ def test_the_openness_follows_by_another_calibration(content: dict[str, float]) 
     client.result("motion.move", openness=0.5)
     number = started(world, client, SLOW)
     assert max(followed(world, client, number)) < TOLERANCE
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     assert geometry.open_rad == content["max_position_rad"]
 
@@ -89,7 +89,7 @@ def test_nothing_jumps_from_the_first_command_on() -> None:
     world.run(0.5)
     commands = world.commands_since(since_s + PERIOD_S)
     assert commands[0][1].position_rad == pytest.approx(here_rad, abs=0.01)
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     fastest_rad_s = geometry.to_rad(1.2 * 120 * 0.3 * 6.28 / 4.0) + 0.2
     for (_, one), (_, other) in pairwise(commands):
@@ -124,7 +124,7 @@ def test_without_align_it_begins_only_where_it_begins() -> None:
 def test_the_hold_at_its_end_lasts() -> None:
     world, client = ready()
     started(world, client, SLOW)
-    world.run_until(lambda: world.engine.jobs.running is None)
+    world.run_until(lambda: world.controller.jobs.running is None)
     since_s = world.now_s
     world.run(5.0)
     assert world.state.mode == "holding"
@@ -339,7 +339,7 @@ def test_an_open_path_goes_back_to_its_start_between_the_passes() -> None:
     phases = []
     while not client.has_answer(number):
         world.tick()
-        if world.engine.action is not None:
+        if world.controller.action is not None:
             phases.append(playing(world).phase)
     changes = [one for one, other in pairwise([*phases, "end"]) if one != other]
     assert changes[:3] == ["play", "align", "play"]

@@ -105,7 +105,7 @@ def test_a_stop_ends_it_by_the_next_tick(level: str, phase: str) -> None:
     here_mm, before_nm = world.gripper.opening_mm, abs(world.gripper.motor_torque_nm)
     world.client().send("stop", level=level)
     world.tick()
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
     world.run(0.5)
     assert reason_of(client, number) == "stopped"
     expected = {"hold": "holding", "relax": "relaxed", "disable": "disabled"}
@@ -123,10 +123,10 @@ def test_a_lost_client_ends_it_unless_it_is_detached(detach: bool) -> None:
     world.run(0.5)
     client.leave()
     world.run(0.2)
-    assert (world.engine.jobs.running is not None) is detach
+    assert (world.controller.jobs.running is not None) is detach
     assert world.state.mode == ("moving" if detach else "holding")
     if detach:  # though its upload went with its connection
-        world.run_until(lambda: world.engine.jobs.running is None)
+        world.run_until(lambda: world.controller.jobs.running is None)
         assert openness(world) == pytest.approx(SLOW[-1][1], abs=0.02)
 
 
@@ -177,7 +177,7 @@ def test_it_needs_a_calibration() -> None:
     world, client = ready(calibrated=False)
     upload = uploaded(client, SLOW)
     assert client.refusal("trajectory.play", upload=upload) == "not_calibrated"
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 def test_replay_excludes_replay_and_recording() -> None:

@@ -60,7 +60,7 @@ def test_a_lost_client_ends_it_as_its_lease_says(phase: str) -> None:
     started(world, client, phase, detach=False)
     client.leave()
     world.run(0.1)
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
     assert world.state.mode == "relaxed"
 
 

@@ -65,7 +65,7 @@ def test_a_motor_can_be_disabled_meanwhile() -> None:
 
 def test_where_it_is_tolerated_it_is_only_told() -> None:
     world = World()
-    world.engine.second_master.is_tolerated = True
+    world.controller.second_master.is_tolerated = True
     client = listening(world)
     world.inject(FOREIGN)
     assert client.result("motion.open")["ok"]

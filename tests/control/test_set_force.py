@@ -26,7 +26,7 @@ def with_object(width_mm: float | None = 50.0, mount: str = "normal") -> tuple[W
 
 def squeeze_nm(world: World) -> float:
     """Return the motor's true torque in the closing direction."""
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     return geometry.close_sign * world.gripper.motor_torque_nm
 
@@ -37,7 +37,7 @@ def holding(client: Client, **params: Any) -> int:
     client.send("motion.grasp", force_n=10, **params)
     world.run_until(lambda: world.state.is_grasped)
     world.run(1.0)
-    job = world.engine.jobs.running
+    job = world.controller.jobs.running
     assert job is not None
     return job.number
 
@@ -62,16 +62,16 @@ def test_a_motor_that_is_off_has_no_set_force() -> None:
 def test_a_running_grasp_goes_on_with_the_new_force(mount: str) -> None:
     world, client = with_object(mount=mount)
     number = holding(client)
-    jobs = len(list(world.engine.jobs))
+    jobs = len(list(world.controller.jobs))
     for force_n in (25.0, 3.0):
         result = client.result("motion.set_force", force_n=force_n)
         assert (result["job"], result["force_n"]) == (number, force_n)
         assert result["state"]["force_set_n"] == force_n
         world.run(2.0)
         assert squeeze_nm(world) == pytest.approx(force_n / 10, abs=FORCE_CODE_NM)
-    assert len(list(world.engine.jobs)) == jobs
-    assert world.engine.jobs.running is not None
-    assert world.engine.jobs.running.number == number
+    assert len(list(world.controller.jobs)) == jobs
+    assert world.controller.jobs.running is not None
+    assert world.controller.jobs.running.number == number
     assert world.state.is_grasped
 
 

@@ -21,7 +21,7 @@ from tests.world import World
 def test_a_stop_is_in_force_with_the_next_tick_and_latched(state: str, level: str) -> None:
     world, client = in_state(state)
     before_rad = world.gripper.position_rad
-    generation = world.engine.stop_latch.generation
+    generation = world.controller.stop_latch.generation
     other = world.client()
     other.send("stop", level=level, why="test")
     world.tick()
@@ -33,7 +33,7 @@ def test_a_stop_is_in_force_with_the_next_tick_and_latched(state: str, level: st
             assert abs(command.position_rad - world.gripper.position_rad) < 0.011
             assert abs(command.velocity_rad_s) < 0.01
     world.run(0.5)
-    assert world.engine.jobs.running is None or world.engine.jobs.running.kind == "disable"
+    assert world.controller.jobs.running is None or world.controller.jobs.running.kind == "disable"
     assert world.state.stop is not None
     assert world.state.stop.level == level
     assert world.state.stop_generation == generation + 1
@@ -138,7 +138,7 @@ def test_a_clear_that_was_sent_before_a_stop_does_not_clear_it(mark: str) -> Non
     client = world.enabled()
     before = {"stop_generation": client.result("stop")["generation"], "sent_s": world.now_s}
     world.tick()
-    world.engine.stop("disable", None, "a hand in the jaws", world.now_s)
+    world.controller.stop("disable", None, "a hand in the jaws", world.now_s)
     error = client.call("stop.clear", **{mark: before[mark]})["error"]
     generation = world.state.stop_generation
     told = {"reason": "sent_before_stop", "retryable": False, "stop_generation": generation}
@@ -199,7 +199,7 @@ def test_a_repeated_stop_freezes_what_holds_by_force_again() -> None:
     client.result("motion.close")
     client.result("motion.set_force", force_n=5)
     client.result("stop")
-    rest = world.engine.rest
+    rest = world.controller.rest
     assert isinstance(rest, Grip)
     rest.force_n = 50.0  # as if something had raised it behind the latch
     client.result("stop")
@@ -212,7 +212,7 @@ def test_a_repeated_stop_goes_by_the_level_that_is_latched(again: str) -> None:
     client = world.enabled()
     client.result("stop", level="relax")
     world.tick()
-    world.engine.rest = Hold(world.gripper.position_rad, world.engine.gains)
+    world.controller.rest = Hold(world.gripper.position_rad, world.controller.gains)
     world.tick()
     assert not is_slack(world)
     client.result("stop", level=again)

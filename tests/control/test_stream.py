@@ -52,14 +52,14 @@ def test_the_jaws_follow_the_latest_set_point(mount: str) -> None:
     world.run(0.05)
     follow(world, client, 1.5, opening_mm=90.0)
     assert world.gripper.opening_mm == pytest.approx(90.0, abs=0.5)
-    assert [job.kind for job in world.engine.jobs].count("stream") == 1
+    assert [job.kind for job in world.controller.jobs].count("stream") == 1
     assert refusals(client) == []
 
 
 @pytest.mark.parametrize("name", ["opening_mm", "openness", "position_rad"])
 def test_a_set_point_is_given_in_any_quantity(name: str) -> None:
     world, client = at_opening()
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     value = {"opening_mm": 75.0, "openness": 75.0 / geometry.travel_mm}.get(
         name, geometry.closed_rad - geometry.to_rad(75.0)
@@ -74,8 +74,8 @@ def test_with_an_id_it_is_answered_by_the_streams_job() -> None:
     world.run(0.1)
     second = client.result("stream.set", opening_mm=55.0)
     assert first == second
-    assert world.engine.jobs.running is not None
-    assert world.engine.jobs.running.number == first["job"]
+    assert world.controller.jobs.running is not None
+    assert world.controller.jobs.running.number == first["job"]
     answer = client.call("job.wait", **first)["result"]
     assert (answer["kind"], answer["state"]) == ("stream", "done")
     assert answer["result"]["set_points"] == 2
@@ -88,7 +88,7 @@ def test_it_expires_into_a_hold_without_a_jump(valid_s: float) -> None:
     began_s = world.now_s
     world.tick()
     commands = []
-    while world.engine.jobs.running is not None:
+    while world.controller.jobs.running is not None:
         world.tick()
         commands.append(world.commands_since(world.now_s)[-1][1])
     assert world.now_s - began_s == pytest.approx(valid_s, abs=2 * PERIOD_S)
@@ -113,7 +113,7 @@ def test_a_stream_begins_anew_after_it_has_expired() -> None:
     world.run(0.5)
     follow(world, client, 1.2, opening_mm=30.0)
     assert world.gripper.opening_mm == pytest.approx(30.0, abs=1.0)
-    assert [job.kind for job in world.engine.jobs].count("stream") == 2
+    assert [job.kind for job in world.controller.jobs].count("stream") == 2
 
 
 @pytest.mark.parametrize("speed", [5.0, 50.0, 130.0])
@@ -195,7 +195,7 @@ def test_with_an_id_every_refusal_is_an_answer() -> None:
     assert client.refusal("stream.set", opening_mm=50.0, valid_s=0.01) == "invalid_params"
     assert client.refusal("stream.set", opening_mm=50.0, openness=0.5) == "invalid_params"
     assert refusals(client) == []
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 def test_a_bad_set_point_does_not_end_the_stream() -> None:
@@ -248,7 +248,7 @@ def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str)
     world.client().send("stop", level=level)
     world.run(0.1)
     here_mm = world.gripper.opening_mm
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
     for _ in range(5):
         put(client, opening_mm=110.0)
         world.run(0.02)
@@ -261,7 +261,7 @@ def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str)
         put(client, opening_mm=110.0, stop_generation=0)
         world.run(0.02)
     assert refusals(client) == ["stopped", "sent_before_stop"]
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
     assert world.gripper.opening_mm == pytest.approx(here_mm, abs=0.5)
     put(client, opening_mm=110.0, sent_s=world.now_s)
     world.run(0.1)
@@ -272,7 +272,7 @@ def test_a_stop_ends_a_stream_and_what_was_sent_before_it_never_runs(level: str)
 def test_a_stream_without_its_client_ends_in_a_hold(end: str) -> None:
     world, client = at_opening()
     follow(world, client, 0.2, opening_mm=110.0, valid_s=2.0)
-    running = world.engine.jobs.running
+    running = world.controller.jobs.running
     assert running is not None
     if end == "leave":
         client.leave()

@@ -54,8 +54,8 @@ def damped(given: dict[str, Any]) -> dict[str, Any]:
 
 def check(follower: Follower, given: dict[str, Any]) -> None:
     """Look at what was wanted and sent in this tick, and at what is told."""
-    engine = follower.world.engine
-    wanted, feedback = engine.output.requested, engine.motor.feedback
+    controller = follower.world.controller
+    wanted, feedback = controller.output.requested, controller.motor.feedback
     assert wanted is not None
     assert feedback is not None
     lead_rad = abs(wanted.position_rad - feedback.position_rad)
@@ -64,7 +64,7 @@ def check(follower: Follower, given: dict[str, Any]) -> None:
     assert wanted.kp_nm_rad * lead_rad <= most_nm + 1e-9
     assert abs(wanted.velocity_rad_s) <= given.get("dq_max", 10.0) + 1e-9
     assert wanted.torque_nm == 0.0
-    geometry = engine.geometry
+    geometry = controller.geometry
     assert geometry is not None
     low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad, feedback.position_rad))[::2]
     assert low_rad - CODE_RAD <= wanted.position_rad <= high_rad + CODE_RAD

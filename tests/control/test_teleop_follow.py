@@ -150,7 +150,7 @@ def test_a_target_stays_in_the_own_travel(openness: float, end: float) -> None:
     follower = following()
     follower.stay(openness, 4.0)
     assert follower.world.openness == pytest.approx(end, abs=0.012)
-    geometry = follower.world.engine.geometry
+    geometry = follower.world.controller.geometry
     assert geometry is not None
     low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad))
     assert low_rad - CODE_RAD <= follower.command().position_rad <= high_rad + CODE_RAD
@@ -180,8 +180,8 @@ def test_stiffer_gains_push_no_harder(gains: dict[str, Any]) -> None:
     pushes: list[float] = []
 
     def note() -> None:
-        engine = follower.world.engine
-        wanted, feedback = engine.output.requested, engine.motor.feedback
+        controller = follower.world.controller
+        wanted, feedback = controller.output.requested, controller.motor.feedback
         assert wanted is not None
         assert feedback is not None
         pushes.append(wanted.kp_nm_rad * abs(wanted.position_rad - feedback.position_rad))
@@ -309,4 +309,4 @@ def test_parameters_that_do_not_go_together_are_refused(
     assert error["data"]["reason"] == "invalid_params"
     assert error["data"]["parameter"] == parameter
     assert world.wires.made == []
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None

@@ -41,7 +41,7 @@ def test_it_trips_after_60_ms_and_not_before() -> None:
     over: list[bool] = []
 
     def note() -> None:
-        feedback = follower.world.engine.motor.feedback
+        feedback = follower.world.controller.motor.feedback
         assert feedback is not None
         over.append(abs(feedback.torque_nm) >= 1.0)
 
@@ -143,7 +143,7 @@ def stop_by(world: TeleopWorld, follower: Follower, how: str) -> dict[str, Any] 
     if how == "stop":
         client.result("stop")
     elif how == "cancel":
-        job = world.engine.jobs.running
+        job = world.controller.jobs.running
         assert job is not None
         client.result("job.cancel", job=job.number)
     else:
@@ -161,7 +161,7 @@ def test_what_was_let_go_stays_free_after_a_stop(how: str) -> None:
     assert follower.status()["over_torque"]
     stop_by(follower.world, follower, how)
     follower.world.run(0.5)
-    assert follower.world.engine.jobs.running is None
+    assert follower.world.controller.jobs.running is None
     assert is_slack(follower.world)
     assert follower.world.state.mode == "relaxed"
 

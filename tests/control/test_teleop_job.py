@@ -129,7 +129,7 @@ def test_it_is_refused_before_anything_moves(wish: dict[str, Any], why: str) -> 
     elif why == "moving":
         client.send("motion.open")
     elif why == "ending":
-        world.engine.shut_down()
+        world.controller.shut_down()
     assert client.refusal("teleop.start", **wish) == expected
     assert world.wires.made == []
     assert not client.result("teleop.status")["active"]
@@ -222,13 +222,13 @@ def test_no_successor_takes_over_meanwhile(wish: dict[str, Any]) -> None:
     """Who restarts the daemon ends teleoperation first: a link cannot be handed over."""
     world = TeleopWorld()
     client = world.enabled()
-    assert world.engine.why_not_restartable() is None
+    assert world.controller.why_not_restartable() is None
     client.result("teleop.start", **wish)
-    refusal = world.engine.why_not_restartable()
+    refusal = world.controller.why_not_restartable()
     assert refusal is not None
     assert refusal.reason == "teleop_busy"
     client.result("teleop.stop")
-    assert world.engine.why_not_restartable() is None
+    assert world.controller.why_not_restartable() is None
 
 
 def test_its_job_has_a_result() -> None:

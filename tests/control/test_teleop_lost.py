@@ -271,7 +271,7 @@ def test_however_frames_jump_the_command_steps_by_no_more_than_the_leads_cap() -
     for tick in range(200):
         follower.say(0.9 if tick // 3 % 2 else 0.1)
         follower.world.tick()
-        requested = follower.world.engine.output.requested
+        requested = follower.world.controller.output.requested
         assert requested is not None
         wanted.append(requested.position_rad * MM_RAD)
         assert follower.lead_mm <= 4.0 + 0.03
@@ -280,7 +280,7 @@ def test_however_frames_jump_the_command_steps_by_no_more_than_the_leads_cap() -
 
 
 def complaint(follower: Follower) -> str | None:
-    action = follower.world.engine.action
+    action = follower.world.controller.action
     assert isinstance(action, TeleopAction)
     return action.complaint()
 
@@ -304,5 +304,5 @@ def test_a_leader_itself_does_not_complain() -> None:
     world = TeleopWorld()
     world.enabled().result("teleop.start", mode="master")
     world.run(5.0)
-    assert isinstance(world.engine.action, TeleopAction)
-    assert world.engine.action.complaint() is None
+    assert isinstance(world.controller.action, TeleopAction)
+    assert world.controller.action.complaint() is None

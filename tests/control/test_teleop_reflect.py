@@ -245,7 +245,7 @@ def test_no_frames_push_a_hand_beyond_the_bounds(
             world.gripper.push(push_nm)
         for _ in range(ticks):
             world.tick()
-            wanted, measured = world.engine.output.requested, world.engine.motor.feedback
+            wanted, measured = world.controller.output.requested, world.controller.motor.feedback
             assert wanted is not None
             assert measured is not None
             assert (wanted.kp_nm_rad, wanted.velocity_rad_s) == (0.0, 0.0)

@@ -46,13 +46,13 @@ def gripper(
 
 def watched(world: World, client: Client, *, most: float = 1.0, **params: Any) -> dict[str, Any]:
     """Calibrate, with an eye on every command; return the result."""
-    watch, strongest_nm = LimitWatch(world.engine), 0.0
+    watch, strongest_nm = LimitWatch(world.controller), 0.0
     number = client.send("calibration.zero", **params)
-    action = world.engine.action
+    action = world.controller.action
     while not client.has_answer(number):
         watch.begin()
         world.tick()
-        feedback, is_on = world.engine.motor.feedback, world.engine.action is action
+        feedback, is_on = world.controller.motor.feedback, world.controller.action is action
         frames = [s.frame for s in world.sent if s.at_s == world.now_s]
         commands = [f.data for f in frames if f.can_id == CAN_ID and is_command(f)]
         command = codec.decode_command(commands[-1], world.ranges)
@@ -77,7 +77,7 @@ def test_it_measures_the_travel(mount: str, opening_mm: float) -> None:
     assert result["closed_rad"] == pytest.approx(closed_rad, abs=0.01)
     assert result["open_rad"] == pytest.approx(open_rad, abs=0.01)
     assert result["state"]["mount"] == mount
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     assert (geometry.closed_rad, geometry.open_rad) == (result["closed_rad"], result["open_rad"])
 
@@ -126,7 +126,7 @@ def test_the_file_has_the_keys_of_the_vendors_sdk() -> None:
     saved = world.disk.saved["calibration.save"]
     content = saved["content"]
     assert result["path"] == "/state/calibration.save"
-    assert (saved["channel"], content) == (world.engine.unit.channel, result["content"])
+    assert (saved["channel"], content) == (world.controller.gripper_id.channel, result["content"])
     assert content.keys() == KEYS
     assert json.loads(json.dumps(content)) == content
     assert content["zero_position_rad"] == result["closed_rad"]
@@ -149,11 +149,11 @@ def test_what_a_file_held_besides_is_kept() -> None:
         "note": {"by": "hand"},
         "channel": "can7",
     }
-    world.engine.use_calibration(read_content(before), file="/old")
+    world.controller.use_calibration(read_content(before), file="/old")
     content = watched(world, client)["content"]
     assert (content["note"], content["kp"], content["kd"]) == ({"by": "hand"}, 55.0, 2.0)
-    assert content["channel"] == world.engine.unit.channel
-    assert world.engine.gains.kp_nm_rad == 55.0
+    assert content["channel"] == world.controller.gripper_id.channel
+    assert world.controller.gains.kp_nm_rad == 55.0
 
 
 def test_it_need_not_be_saved() -> None:
@@ -163,7 +163,7 @@ def test_it_need_not_be_saved() -> None:
     assert result["content"].keys() == KEYS
     assert world.disk.saved == {}
     assert client.result("calibration.get")["file"] is None
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
     assert geometry.closed_rad == result["closed_rad"]
 

@@ -9,7 +9,7 @@ from tests.world import World
 
 
 def in_use(world: World) -> tuple[Calibration | None, str | None, Refusal]:
-    known = world.engine.calibrated
+    known = world.controller.calibrated
     return known.calibration, known.file, known.problem
 
 
@@ -63,8 +63,8 @@ def test_a_helper_that_does_not_answer_is_not_waited_for_for_ever(
     result = client.result("calibration.zero", config=FAST)
     assert (result["ok"], result["outcome"]) == (False, "not_saved")
     assert in_use(world) == before
-    (errand,) = world.engine.errands
-    errand.on_result(world.disk.do(errand))  # too late
+    (task,) = world.controller.tasks
+    task.on_result(world.disk.do(task))  # too late
     world.run(0.1)
     assert in_use(world) == before
 
@@ -81,7 +81,7 @@ def test_ended_early_in_any_phase_it_changes_nothing(phase: str, end: str) -> No
     world.run_until(lambda: world.state.job is not None and world.state.job.phase == phase)
     if phase.startswith(("probe", "confirm")):
         world.run(0.2)
-    job = world.engine.jobs.running
+    job = world.controller.jobs.running
     assert job is not None
     if end == "cancel":
         world.client().result("job.cancel", job=job.number)
@@ -122,4 +122,4 @@ def test_it_is_refused_where_no_motion_may_begin() -> None:
     answer = client.call("calibration.zero", config=config)
     assert answer["error"]["data"]["reason"] == "invalid_params"
     assert answer["error"]["data"]["field"] == "calib_kp"
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None

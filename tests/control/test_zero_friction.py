@@ -53,12 +53,12 @@ def test_what_is_saved_is_where_a_close_and_an_open_end(seed: int) -> None:
 
 def test_friction_above_what_a_close_presses_with_is_told() -> None:
     world, client = random_plant(47).world()
-    before = world.engine.calibrated.calibration
+    before = world.controller.calibrated.calibration
     config = {"stop_lead_mm": 0.2}
     number = client.send("calibration.zero", mount="reverse", config=config)
     world.run_until(lambda: client.has_answer(number), 40.0)
     result = client.answers[number]["result"]
     assert (result["ok"], result["outcome"]) == (False, "not_confirmed")
     assert "stop_lead_mm" in result["message"]
-    assert world.engine.calibrated.calibration is before
+    assert world.controller.calibrated.calibration is before
     assert world.disk.saved == {}

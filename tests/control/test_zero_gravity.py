@@ -101,7 +101,7 @@ def test_any_motion_ends_it_and_holds_afterwards(
     client = world.enabled()
     client.result("motion.zero_gravity")
     client.result(method, **params)
-    world.run_until(lambda: world.engine.jobs.running is None)
+    world.run_until(lambda: world.controller.jobs.running is None)
     world.run(0.1)
     assert world.state.mode == "holding"
     assert not is_slack(world)

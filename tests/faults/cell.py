@@ -64,14 +64,14 @@ class Watch:
         opening_mm = world.gripper.opening_mm
         self.most_mm = max(self.most_mm, abs(opening_mm - self.from_mm))
         self.least_n = min(self.least_n, squeeze_n(world))
-        geometry = world.engine.geometry
+        geometry = world.controller.geometry
         assert geometry is not None
         self.furthest_mm = max(self.furthest_mm, -opening_mm, opening_mm - geometry.travel_mm)
 
     def tick(self) -> None:
         """Let a tick pass; nothing arms the motor for which no client has asked."""
         world = self.world
-        running, since = world.engine.jobs.running, len(world.sent)
+        running, since = world.controller.jobs.running, len(world.sent)
         was = self._known()
         world.tick()
         arms = any(sent.frame.data == codec.ENABLE for sent in world.sent[since:])
@@ -81,8 +81,8 @@ class Watch:
         self.look()
 
     def _known(self) -> tuple[MotorPhase, str, bool]:
-        engine = self.world.engine
-        return self.world.phase, engine.bus.state, engine.second_master.is_active
+        controller = self.world.controller
+        return self.world.phase, controller.bus.state, controller.second_master.is_active
 
 
 def run_cell(fault: Fault, situation: Situation) -> Cell:
@@ -128,7 +128,7 @@ def _run(
     steps = _back_to_work(world, watch)
     how = "by itself" if by_itself and len(steps) < 2 else ", ".join(steps)
     assert world.oldest_s <= OLDEST_S, f"a command was obeyed that was {world.oldest_s:.3f} s old"
-    geometry, config = world.engine.geometry, world.engine.config
+    geometry, config = world.controller.geometry, world.controller.config
     assert geometry is not None
     assert watch.furthest_mm <= config.max_lead_mm + astray_mm
     return Cell(
@@ -161,16 +161,16 @@ def _settle(world: FaultWorld, watch: Watch) -> float:
     """Let the daemon find out how things are; return for how long that took in seconds."""
     ended_s = watch.changed_s = world.now_s
     while world.now_s < watch.changed_s + SETTLED_S or not _is_known(world):
-        assert world.now_s < ended_s + SETTLES_WITHIN_S, (world.state, world.engine.bus)
+        assert world.now_s < ended_s + SETTLES_WITHIN_S, (world.state, world.controller.bus)
         watch.tick()
     return watch.changed_s - ended_s
 
 
 def _is_known(world: FaultWorld) -> bool:
     """Whether the bus works, nobody else commands, and the daemon knows what the motor does."""
-    engine = world.engine
-    is_alone = not engine.second_master.is_active
-    is_up = engine.bus.state == "up" and not world.state.stale
+    controller = world.controller
+    is_alone = not controller.second_master.is_active
+    is_up = controller.bus.state == "up" and not world.state.stale
     return world.in_phase(*WAITS) and is_up and is_alone
 
 
@@ -210,7 +210,7 @@ def _check_jaws(watch: Watch, situation: Situation, astray_mm: float) -> None:
 
 def _jaws(watch: Watch, situation: Situation, world: FaultWorld) -> str:
     """Word where the jaws went until somebody did something about the fault, and the force."""
-    goes_on = world.engine.jobs.running is not None and situation.moves
+    goes_on = world.controller.jobs.running is not None and situation.moves
     moved = "go on" if goes_on else f"{watch.most_mm:.1f} mm"
     if situation.begin is not gripping:
         return moved
@@ -229,7 +229,7 @@ def _back_to_work(world: FaultWorld, watch: Watch) -> list[str]:
     What still runs is cancelled first, as its own client would.
     """
     client = world.client()
-    running = world.engine.jobs.running
+    running = world.controller.jobs.running
     if running is not None:
         client.result("job.cancel", job=running.number)
     steps = []

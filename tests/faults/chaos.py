@@ -41,7 +41,7 @@ class Chaos:
         self.chance = random.Random(seed)
         self.world = FaultWorld(self.chance.choice(MOUNTS))
         self.world.faults.seed(seed)
-        self.template = self.world.engine.geometry
+        self.template = self.world.controller.geometry
         self.watch = ChaosWatch(self.world)
         self.clients = [ChaosClient(self.world, self.chance) for _ in range(CLIENTS)]
         self.active: dict[float, Fault] = {}
@@ -135,9 +135,9 @@ class Chaos:
         )
 
     def _is_known(self) -> bool:
-        engine = self.world.engine
-        is_alone = not engine.second_master.is_active
-        return self.world.in_phase(*WAITS) and engine.bus.state == "up" and is_alone
+        controller = self.world.controller
+        is_alone = not controller.second_master.is_active
+        return self.world.in_phase(*WAITS) and controller.bus.state == "up" and is_alone
 
     def _get_back_to_work(self) -> None:
         """Let all clients leave, and a fresh one open the jaws with what a client can do.

@@ -34,7 +34,7 @@ class ChaosWatch:
 
     def __init__(self, world: FaultWorld) -> None:
         self._world = world
-        self._limits = LimitWatch(world.engine)
+        self._limits = LimitWatch(world.controller)
         self.is_lied_to = False
         self.is_pushed = False
         self._excused_until_s = 0.0
@@ -48,8 +48,12 @@ class ChaosWatch:
 
     def tick(self) -> None:
         """Let a tick pass and check it."""
-        world, engine = self._world, self._world.engine
-        running, latched, action = engine.jobs.running, engine.stop_latch.latched, engine.action
+        world, controller = self._world, self._world.controller
+        running, latched, action = (
+            controller.jobs.running,
+            controller.stop_latch.latched,
+            controller.action,
+        )
         since = len(world.sent)
         self._limits.begin()
         self._check_owner()
@@ -58,10 +62,10 @@ class ChaosWatch:
         if codec.ENABLE in [frame.data for frame in own]:
             assert running is not None, "armed unasked"
             assert (running.kind, latched) == ("enable", None), "armed unasked"
-        identity = engine.motor.identity
+        identity = controller.motor.identity
         ranges = DM4310.ranges if identity is None else identity.ranges
         commands = [codec.decode_command(f.data, ranges) for f in own if is_command(f)]
-        is_motion = action is not None and engine.action is action
+        is_motion = action is not None and controller.action is action
         self._check_commands(commands, ranges, is_motion=is_motion)
         self._check_jaws()
         self._check_unwanted()
@@ -76,8 +80,8 @@ class ChaosWatch:
 
         Disabling always goes on.
         """
-        engine = self._world.engine
-        running, holder = engine.jobs.running, engine.lease.holder
+        controller = self._world.controller
+        running, holder = controller.jobs.running, controller.lease.holder
         if running is None or holder is None or running.grant is None or running.detached:
             return
         if running.kind == "disable":
@@ -88,9 +92,9 @@ class ChaosWatch:
         self, commands: list[MitCommand], ranges: Ranges, *, is_motion: bool
     ) -> None:
         world = self._world
-        motor, engine = world.machine.motor, world.engine.motor
+        motor, controller = world.machine.motor, world.controller.motor
         assert len(commands) <= 1, "more than one command in a tick"
-        if engine.phase is MotorPhase.ENABLED and commands:
+        if controller.phase is MotorPhase.ENABLED and commands:
             if motor._plausibility.in_a_row:
                 assert commands[-1].kp_nm_rad == 0.0, "leads while the position is in doubt"
                 self._limits.note()
@@ -98,7 +102,7 @@ class ChaosWatch:
             self._limits.check(
                 world.now_s,
                 commands[-1],
-                engine.feedback,
+                controller.feedback,
                 ranges,
                 is_motion=is_motion,
                 in_codes=True,
@@ -112,15 +116,17 @@ class ChaosWatch:
 
     def _check_jaws(self) -> None:
         """Jaws that are disabled or stopped stand; and none leave their travel, but by force."""
-        world, engine = self._world, self._world.engine
+        world, controller = self._world, self._world.controller
         before, self._state = self._state, self._present_state()
         lets_go = before != self._state  # what the jaws have pressed on pushes them back then
         is_moved = lets_go or self.is_lied_to or self.is_pushed
-        if is_moved or engine.grip is not None:
+        if is_moved or controller.grip is not None:
             self._forced_until_s = world.now_s + EXCUSED_S
-        if is_moved or (engine.grip is not None and engine.grip.watched):  # an object may yield
+        if is_moved or (
+            controller.grip is not None and controller.grip.watched
+        ):  # an object may yield
             self._excused_until_s = world.now_s + EXCUSED_S
-        may_move = world.gripper.motor.status == ENABLED and engine.stop_latch.latched is None
+        may_move = world.gripper.motor.status == ENABLED and controller.stop_latch.latched is None
         if may_move or world.now_s < self._excused_until_s:
             self._stands_since_s = world.now_s
         speed_mm_s = abs(world.gripper.velocity_rad_s) * world.gripper.parameters.rad_to_mm
@@ -129,7 +135,7 @@ class ChaosWatch:
         moved_mm = abs(world.gripper.opening_mm - self._stands_mm)
         is_standing = speed_mm_s < STANDS_MM_S or moved_mm < GIVES_MM
         assert is_standing, f"{speed_mm_s:.1f} mm/s though disabled or stopped"
-        most_mm, opening_mm = engine.config.max_lead_mm, world.gripper.opening_mm
+        most_mm, opening_mm = controller.config.max_lead_mm, world.gripper.opening_mm
         is_inside = -most_mm <= opening_mm <= TRAVEL_MM + most_mm
         # Where a hand has pushed them they may be held.
         self._is_excused = not is_inside and (
@@ -139,14 +145,14 @@ class ChaosWatch:
 
     def _present_state(self) -> tuple[int, type, bool]:
         """Return what keeps the jaws where they are: the motor, by what it is told, or a jam."""
-        gripper, rest = self._world.gripper, self._world.engine.rest
+        gripper, rest = self._world.gripper, self._world.controller.rest
         return gripper.motor.status, type(rest), gripper._plant._jammed
 
     def _check_unwanted(self) -> None:
         """A motor that is enabled though the daemon says disabled is disabled soon."""
         world = self._world
-        wanted = world.engine.motor.phase not in (MotorPhase.DISABLED, MotorPhase.FAULT)
-        if wanted or world.gripper.motor.status != ENABLED or world.engine.bus.state != "up":
+        wanted = world.controller.motor.phase not in (MotorPhase.DISABLED, MotorPhase.FAULT)
+        if wanted or world.gripper.motor.status != ENABLED or world.controller.bus.state != "up":
             self._unwanted_since_s = None
         elif self._unwanted_since_s is None:
             self._unwanted_since_s = world.now_s

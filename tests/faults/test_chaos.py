@@ -54,7 +54,7 @@ def test_whatever_fails_and_whoever_asks_the_gripper_gets_back_to_work(
 def test_the_same_seed_does_the_same() -> None:
     def summary() -> tuple[object, ...]:
         chaos = run(7, 0.2)
-        return chaos.world.now_s, chaos.faults, chaos.chance.random(), chaos.world.engine.ticks
+        return chaos.world.now_s, chaos.faults, chaos.chance.random(), chaos.world.controller.ticks
 
     assert summary() == summary()
 

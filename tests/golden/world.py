@@ -23,7 +23,7 @@ class GoldenWorld(TeleopWorld):
         super().__init__(mount, opening_mm, **more)
         tokens = itertools.count(1)
         self.service = RpcService(
-            self.engine,
+            self.controller,
             FixedFacts(),
             self.period_s,
             restart=self._restart,

@@ -1,4 +1,4 @@
-"""One Motor and a simulated gripper on a virtual bus in virtual time, without an engine."""
+"""One Motor and a simulated gripper on a virtual bus in virtual time, without an controller."""
 
 import struct
 from collections.abc import Callable

@@ -165,7 +165,7 @@ def test_a_motor_that_obeys_no_commands_any_more_is_disabled_with_the_reason(hea
     client = world.enabled()
     number = client.send("motion.open")
     world.run(0.3)
-    world.engine.second_master.is_tolerated = True  # else it alone would end the motion
+    world.controller.second_master.is_tolerated = True  # else it alone would end the motion
     write(world, CONTROL_MODE, 2, heard)
     world.run(0.1)
     assert world.gripper.motor.status == Status.DISABLED
@@ -276,7 +276,7 @@ def test_our_own_write_of_the_watchdog_is_no_second_masters() -> None:
 
 def test_a_write_while_the_motor_is_being_enabled_ends_that() -> None:
     world = World().start()
-    world.engine.second_master.is_tolerated = True
+    world.controller.second_master.is_tolerated = True
     client = watched(world)
     world.lose_to_motor = lambda frame: frame.data[7:] == b"\xfc"  # the enable frames are lost
     number = client.send("motor.enable")

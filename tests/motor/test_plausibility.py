@@ -304,9 +304,9 @@ def test_a_jump_is_told_once_even_after_the_motor_was_away() -> None:
 @pytest.mark.parametrize("by_rad", [-0.5, 1.5, 6.283])
 def test_without_damping_a_jump_that_stays_disables_the_motor_all_the_same(by_rad: float) -> None:
     world = World()
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry is not None
-    world.engine.use_calibration(Calibration(geometry, kp_nm_rad=100.0, kd_nm_s_rad=0.0), None)
+    world.controller.use_calibration(Calibration(geometry, kp_nm_rad=100.0, kd_nm_s_rad=0.0), None)
     holding(world)
     world.gripper.jump(by_rad)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 1.0)

@@ -21,7 +21,7 @@ DISABLED = MotorView(MotorPhase.DISABLED, Feedback(0, 0.5, 0.0, 0.0, 30, 30, 0.0
 
 
 class Run:
-    """Steps the action as an engine does, in every tick, until it has an outcome."""
+    """Steps the action as an controller does, in every tick, until it has an outcome."""
 
     def __init__(self, bench: Bench) -> None:
         self.requests: list[MotorRequest] = []

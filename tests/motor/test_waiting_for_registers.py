@@ -86,7 +86,7 @@ def test_a_reply_stays_and_the_same_request_is_not_read_again() -> None:
     bench = Bench().started()
     request = RegisterRequest(1, PMAX)
     bench.read(request)
-    bench.register = request  # as an engine that has not looked yet
+    bench.register = request  # as an controller that has not looked yet
     bench.run(PERIOD_S)
     since_s = bench.now_s + PERIOD_S / 2
     bench.run(0.2)

@@ -91,7 +91,7 @@ def test_a_squeeze_that_is_to_be_held_is_not_let_go_for_noise(
         holding.world.run(2.5)
         holding.client.result("motion.hold")
         holding.world.run(1.0)
-        assert isinstance(holding.world.engine.rest, Grip)
+        assert isinstance(holding.world.controller.rest, Grip)
 
 
 @pytest.mark.parametrize("method", [None, "motion.grasp", "motion.set_force"])
@@ -105,7 +105,7 @@ def test_a_force_that_is_asked_for_in_a_search_comes_back_as_fast(
     world.hold_open(8.0, 0.09)
 
     def searches() -> bool:
-        grip = world.engine.grip
+        grip = world.controller.grip
         return grip is not None and grip.clamp_n[0] == 0.0
 
     world.run_until(searches, 1.0)
@@ -156,7 +156,7 @@ def test_a_grasp_of_what_is_held_gently_presses_no_harder_than_any_grasp() -> No
 def test_a_clamp_that_heat_has_lowered_is_reported_so() -> None:
     holding = Holding()
     holding.grasp(30.0)
-    holding.world.engine.output.heat.allowance_nm = 1.0
+    holding.world.controller.output.heat.allowance_nm = 1.0
     holding.world.run(0.1)
     state = holding.world.state
     assert "heat" in state.limited

@@ -154,7 +154,7 @@ def test_it_closes_on_an_object_about_as_the_simulator_does(mount: str) -> None:
 def test_the_daemon_finds_it_opens_and_closes_it(mount: str) -> None:
     world = PlantWorld(PlantParameters(), mount)
     client = world.enabled()
-    geometry = world.engine.geometry
+    geometry = world.controller.geometry
     assert geometry == Geometry(*LIMITS_RAD[mount], MM_RAD)
     assert client.result("motion.open")["outcome"] == "pressed_home"
     assert world.mechanics.opening_mm == pytest.approx(120.0, abs=0.5)

@@ -100,7 +100,7 @@ def test_a_defect_counts_as_a_refusal(monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_arguments: object) -> None:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setattr(world.engine, "settle", broken)
+    monkeypatch.setattr(world.controller, "settle", broken)
     before = client.session.counters.refused
     assert client.refusal("motion.hold") == "internal_error"
     assert listed(world, client)["refused"] == before + 1

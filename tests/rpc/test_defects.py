@@ -20,7 +20,7 @@ def test_a_defect_in_a_handler_is_told_and_logged_but_not_raised(
     def broken(*_arguments: object) -> None:
         raise ZeroDivisionError("a defect")
 
-    monkeypatch.setattr(world.engine, "settle", broken)
+    monkeypatch.setattr(world.controller, "settle", broken)
     raw = Raw(world)
     answer = raw.error(request("motion.hold", 5))
     assert answer["id"] == 5
@@ -66,7 +66,7 @@ def test_a_defect_in_one_answer_leaves_the_others(monkeypatch: pytest.MonkeyPatc
 def test_a_number_that_is_not_finite_is_null_on_the_wire() -> None:
     world = World()
     client = world.enabled()
-    feedback = world.engine.motor.feedback
+    feedback = world.controller.motor.feedback
     assert feedback is not None
     object.__setattr__(feedback, "torque_nm", float("nan"))
     client.world.service.reporter.refresh()

@@ -354,7 +354,7 @@ def test_the_loss_of_a_client_is_told_to_the_others() -> None:
 def test_what_json_cannot_hold_is_told_as_null() -> None:
     world = settled()
     watcher = watching(world)
-    world.engine.events.append(Event("heat", "hot", {"to_nm": float("inf")}))
+    world.controller.events.append(Event("heat", "hot", {"to_nm": float("inf")}))
     world.tick()
     assert events(watcher)[0]["data"] == {"to_nm": None}
 

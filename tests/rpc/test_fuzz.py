@@ -37,7 +37,7 @@ def test_hostile_lines_are_each_answered_once_and_do_no_harm() -> None:
             assert good.result("state.get")["seq"] > 0
     good.result("lease.take", why="the end")
     good.result("stop.clear")
-    world.run_until(lambda: world.engine.jobs.running is None or not cancelled(good))
+    world.run_until(lambda: world.controller.jobs.running is None or not cancelled(good))
     good.result("calibration.load", template="normal")
     good.result("config.set", config={"settle_s": 0.1, "press_overshoot": 0.05})
     assert good.result("motor.enable")["ok"]

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from litegripd.app.build import load_at_start
-from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from tests.world import Client, World
 
 Meanwhile = Callable[[World, Client], None]
@@ -37,7 +37,7 @@ def stopped_and_cleared(world: World, _client: Client) -> None:
 
 
 def the_daemon_ends(world: World, _client: Client) -> None:
-    world.engine.shut_down()
+    world.controller.shut_down()
 
 
 @pytest.mark.parametrize(
@@ -118,13 +118,13 @@ def test_defaults_are_not_changed_while_others_are_being_saved() -> None:
     assert client.result("config.set", config={"force_n": 9.0})["config"]["force_n"] == 9.0
 
 
-def starting() -> tuple[World, Client, Callable[[], Errand]]:
-    """Return a daemon that has asked for its calibration, and what gives that errand up."""
+def starting() -> tuple[World, Client, Callable[[], HelperTask]]:
+    """Return a daemon that has asked for its calibration, and what gives that helper task up."""
     world = World(calibrated=False)
     world.disk.silent = True
-    found: list[Errand] = []
-    load_at_start(world.engine, lambda: None)
-    found += [errand for errand in world.engine.errands if errand.operation == "calibration.load"]
+    found: list[HelperTask] = []
+    load_at_start(world.controller, lambda: None)
+    found += [task for task in world.controller.tasks if task.operation == "calibration.load"]
     client = world.start().client()
     world.disk.silent = False
     return world, client, lambda: found[0]
@@ -143,12 +143,12 @@ def test_until_the_calibration_is_read_motions_are_told_to_try_again() -> None:
 @pytest.mark.parametrize(
     ("result", "reason"),
     [
-        (ErrandResult({"calibration": None, "skipped": [], "path": None}), "not_calibrated"),
-        (ErrandResult(error="the disk is on fire"), "calibration_unreadable"),
+        (TaskResult({"calibration": None, "skipped": [], "path": None}), "not_calibrated"),
+        (TaskResult(error="the disk is on fire"), "calibration_unreadable"),
     ],
 )
 def test_without_a_calibration_it_is_said_once_that_is_known(
-    result: ErrandResult, reason: str
+    result: TaskResult, reason: str
 ) -> None:
     _world, client, coming = starting()
     assert client.result("motor.enable")["ok"]

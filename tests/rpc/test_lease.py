@@ -48,14 +48,14 @@ MOVING: dict[str, dict[str, Any]] = {
 @pytest.mark.parametrize("method", MOVING)
 def test_whatever_moves_or_redefines_is_for_the_holder_alone(method: str) -> None:
     world, _, other, _ = pair(purpose="sorting")
-    before = world.engine.calibrated.calibration
+    before = world.controller.calibrated.calibration
     error = other.call(method, **MOVING[method])["error"]
     assert error["data"]["reason"] == "lease_held"
     assert error["data"]["owner"]["purpose"] == "sorting"
     assert error["data"]["owner"]["pid"] == 101
     world.run(0.1)
-    assert world.engine.jobs.running is None
-    assert world.engine.calibrated.calibration is before
+    assert world.controller.jobs.running is None
+    assert world.controller.calibrated.calibration is before
     assert world.state.enabled
 
 
@@ -74,7 +74,7 @@ def test_a_free_gripper_needs_no_lease_for_a_single_motion() -> None:
     world.run(0.2)
     other = world.client()
     assert other.refusal("lease.acquire") == "busy"  # for as long as it runs
-    world.run_until(lambda: world.engine.jobs.running is None)
+    world.run_until(lambda: world.controller.jobs.running is None)
     other.result("lease.acquire")
     assert client.refusal("motion.open") == "lease_held"
 
@@ -120,7 +120,7 @@ def test_waiting_ends_in_time_and_with_the_connection() -> None:
     gone.leave()
     holder.result("lease.release")
     world.run(0.1)
-    assert world.engine.lease.holder is None
+    assert world.controller.lease.holder is None
 
 
 def test_who_waits_gets_it_only_when_no_motion_runs() -> None:
@@ -130,10 +130,10 @@ def test_who_waits_gets_it_only_when_no_motion_runs() -> None:
     world.run(0.3)
     holder.leave()
     world.run(0.2)
-    assert world.engine.jobs.running is not None  # detached: it goes on
+    assert world.controller.jobs.running is not None  # detached: it goes on
     assert not other.has_answer(number)
     world.run_until(lambda: other.has_answer(number))
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 @pytest.mark.parametrize("on_lost", ["hold", "relax", "disable"])
@@ -194,7 +194,7 @@ def test_only_the_same_user_or_an_admin_takes_over() -> None:
     assert other.refusal("lease.take", why="I want it") == "not_permitted"
     other.session.role = "admin"
     other.result("lease.take", why="maintenance")
-    assert world.engine.lease.holder is not None
+    assert world.controller.lease.holder is not None
 
 
 @pytest.mark.parametrize("how", ["connection", "expired"])
@@ -204,8 +204,8 @@ def test_a_detached_motion_outlives_its_lease(how: str) -> None:
     if how == "connection":
         holder.leave()
     world.run(0.2)
-    assert world.engine.lease.holder is None
-    world.run_until(lambda: world.engine.jobs.running is None)
+    assert world.controller.lease.holder is None
+    world.run_until(lambda: world.controller.jobs.running is None)
     assert other.result("job.get", job=number)["state"] == "done"
 
 
@@ -213,11 +213,11 @@ def test_the_token_lets_another_connection_of_the_holder_move() -> None:
     world, holder, other, token = pair()
     number = other.send("motion.open", lease=token)
     world.run(0.2)
-    job = world.engine.jobs.running
+    job = world.controller.jobs.running
     assert job is not None
     assert job.owner.client == other.session.identity
-    assert world.engine.lease.holder is not None
-    assert job.grant == world.engine.lease.holder.number
+    assert world.controller.lease.holder is not None
+    assert job.grant == world.controller.lease.holder.number
     holder.leave()
     world.run(0.01)
     assert other.has_answer(number)
@@ -323,7 +323,7 @@ def test_a_queued_motion_may_never_run(how: str) -> None:
     client, other = world.enabled(), world.client()
     client.send("motion.open", wait=False)
     number = other.send("motion.close", if_busy="queue")
-    job = list(world.engine.jobs)[-1]
+    job = list(world.controller.jobs)[-1]
     if how == "stop":
         client.result("stop")
     elif how == "cancel":
@@ -334,9 +334,9 @@ def test_a_queued_motion_may_never_run(how: str) -> None:
     assert job.state is JobState.CANCELLED
     if how != "leave":
         assert other.has_answer(number)
-    world.run_until(lambda: world.engine.jobs.running is None)
+    world.run_until(lambda: world.controller.jobs.running is None)
     world.run(0.2)
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 def test_a_queued_motion_that_is_refused_by_then_says_why() -> None:

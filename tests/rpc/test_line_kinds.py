@@ -34,7 +34,7 @@ def test_a_stop_that_is_refused_stops_all_the_same(line: bytes) -> None:
     motion = mover.send("motion.open")
     world.run(0.1)
     answer = raw.error(line)
-    latched = world.engine.stop_latch.latched
+    latched = world.controller.stop_latch.latched
     assert latched is not None
     assert latched.level == SPELLINGS[line]
     assert answer["error"]["message"].endswith(f"; stopped ({latched.level}) all the same")
@@ -59,6 +59,6 @@ def test_what_asks_for_something_else_stops_nothing(line: bytes) -> None:
     world = World()
     raw = Raw(world)
     raw.send(line)
-    assert world.engine.stop_latch.latched is None
+    assert world.controller.stop_latch.latched is None
     assert asked_stop(line) is None
     assert stops_in(line + b"\n" + line) == []

@@ -29,15 +29,19 @@ class Scene:
 
     def nothing_of(self, act: Callable[[], Any]) -> Any:
         """Let somebody act, and check that nothing has come of it; return what the act returned."""
-        world, engine = self.world, self.world.engine
+        world, controller = self.world, self.world.controller
         world.run(0.1)
-        jobs, rest, calibration = list(engine.jobs), engine.rest, engine.calibrated.calibration
+        jobs, rest, calibration = (
+            list(controller.jobs),
+            controller.rest,
+            controller.calibrated.calibration,
+        )
         opening_mm, phase = world.state.opening_mm, world.phase
         answer = act()
         world.run(0.5)
-        assert [job.number for job in engine.jobs] == [job.number for job in jobs]
-        assert engine.rest is rest
-        assert engine.calibrated.calibration is calibration
+        assert [job.number for job in controller.jobs] == [job.number for job in jobs]
+        assert controller.rest is rest
+        assert controller.calibrated.calibration is calibration
         assert world.phase is phase
         assert opening_mm is not None
         assert world.state.opening_mm == pytest.approx(opening_mm, abs=0.2)
@@ -192,11 +196,11 @@ def test_whose_motion_runs_loses_it_to_who_takes_the_gripper(leased: bool, detac
     scene = Scene(**wish_of(leased))
     number = scene.first.send("motion.open", speed_mm_s=10, detach=detach)
     scene.world.run(0.5)
-    job = scene.world.engine.jobs.running
+    job = scene.world.controller.jobs.running
     assert job is not None
     answer = scene.second.result("lease.take", why="my turn")
     assert answer["ended_job"] == job.number
-    assert scene.world.engine.jobs.running is None
+    assert scene.world.controller.jobs.running is None
     opening_mm = scene.world.state.opening_mm
     scene.world.run(0.5)
     assert scene.world.state.opening_mm == pytest.approx(opening_mm, abs=1.0)
@@ -294,7 +298,7 @@ def test_a_motion_that_comes_second_leaves_the_first_alone(if_busy: str) -> None
     scene = Scene()
     number = scene.first.send("motion.open")
     scene.world.run(0.1)
-    running = scene.world.engine.jobs.running
+    running = scene.world.controller.jobs.running
     error = scene.second.call("motion.close", if_busy=if_busy)["error"]["data"]
     assert running is not None
     assert (error["reason"], error["job"]) == ("busy", running.number)
@@ -437,12 +441,12 @@ def test_who_has_inherited_a_connection_may_not_do_what_its_opener_might(
 ) -> None:
     scene = Scene(**wish_of(leased))
     scene.world.service.process_ended(scene.first.session, scene.world.now_s)
-    assert scene.world.engine.lease.holder is None
+    assert scene.world.controller.lease.holder is None
     params = MOVING.get(method, {"why": "mine"} if method == "lease.take" else {})
     error = scene.error(scene.first, method, **params)
     assert error["data"]["reason"] == "client_lost"
     assert f"pid {scene.first.session.peer.pid}" in error["message"]
-    assert scene.world.engine.lease.holder is None
+    assert scene.world.controller.lease.holder is None
     scene.first.result("state.get")
     scene.first.result("stop")
 
@@ -453,7 +457,7 @@ def test_who_waits_on_an_inherited_connection_gets_no_lease() -> None:
     scene.world.service.process_ended(scene.second.session, scene.world.now_s)
     scene.first.result("lease.release")
     scene.world.run(0.1)
-    assert scene.world.engine.lease.holder is None
+    assert scene.world.controller.lease.holder is None
 
 
 # A turn

@@ -42,11 +42,11 @@ def test_no_two_methods_have_one_name() -> None:
 
 
 def test_methods_without_an_object_are_found_at_the_start() -> None:
-    engine, tokens = World().engine, Tokens(lambda: "")
+    controller, tokens = World().controller, Tokens(lambda: "")
     with pytest.raises(LookupError, match=r"state\.get"):
-        Requests(engine, tokens, [])
+        Requests(controller, tokens, [])
     with pytest.raises(LookupError, match=r"b\.second"):
-        Requests(engine, tokens, [_Group()])
+        Requests(controller, tokens, [_Group()])
 
 
 @pytest.mark.parametrize("if_busy", ["replace", "queue"])

@@ -42,9 +42,9 @@ def test_what_came_before_a_stop_neither_moves_nor_clears(
     answer = send(client, method, received_s, **params)
     assert reason(answer) == "sent_before_stop"
     assert "came 0.0" in answer["error"]["message"]
-    latched = world.engine.stop_latch.latched
+    latched = world.controller.stop_latch.latched
     assert latched is not None
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
     assert reason(send(client, "stop.clear", world.now_s)) is None
 
 
@@ -56,11 +56,11 @@ def test_a_take_over_that_came_before_a_stop_drops_nothing_that_the_stop_holds()
     received_s = world.now_s
     world.run(0.02)
     other.result("stop")
-    rest = world.engine.rest
+    rest = world.controller.rest
     answer = send(client, "lease.take", received_s, why="it hangs", jaws="relax")
     assert reason(answer) == "sent_before_stop"
     world.run(0.1)
-    assert world.engine.rest is rest
+    assert world.controller.rest is rest
     assert "result" in send(client, "lease.take", world.now_s, why="it hangs", jaws="relax")
 
 
@@ -81,7 +81,7 @@ def test_a_clear_behind_the_clients_own_stop_clears_though_both_came_at_once() -
     world.run(0.02)
     assert "result" in send(client, "stop", received_s)
     assert "result" in send(client, "stop.clear", received_s)
-    assert world.engine.stop_latch.latched is None
+    assert world.controller.stop_latch.latched is None
 
 
 @pytest.mark.parametrize("order", [("other", "own"), ("own", "other"), ("own", "other", "own")])
@@ -93,7 +93,7 @@ def test_a_stop_of_somebody_else_counts_beside_ones_own(order: tuple[str, ...]) 
         world.run(0.02)
         send(client if who == "own" else other, "stop", world.now_s)
     assert reason(send(client, "stop.clear", received_s)) == "sent_before_stop"
-    assert world.engine.stop_latch.latched is not None
+    assert world.controller.stop_latch.latched is not None
 
 
 def test_what_only_reads_or_stops_is_carried_out_whenever_it_came() -> None:
@@ -119,7 +119,7 @@ def test_a_set_point_that_is_older_than_it_counts_moves_nothing(mark: str) -> No
     assert answer["error"]["data"]["limit"] == 0.1
     world.run(0.5)
     assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.1)
-    assert world.engine.jobs.running is None
+    assert world.controller.jobs.running is None
 
 
 @pytest.mark.parametrize("mark", ["received", "sent"])
@@ -130,7 +130,7 @@ def test_a_set_point_counts_from_when_it_was_sent_or_else_received(mark: str) ->
     world.run(0.1)
     came_s, marks = (old_s, {}) if mark == "received" else (world.now_s, {"sent_s": old_s})
     assert reason(send(client, "stream.set", came_s, opening_mm=10.0, valid_s=0.3, **marks)) is None
-    world.run_until(lambda: world.engine.jobs.running is None)
+    world.run_until(lambda: world.controller.jobs.running is None)
     assert world.now_s - old_s == pytest.approx(0.3, abs=2 * PERIOD_S)
 
 
@@ -142,7 +142,7 @@ def test_an_older_set_point_does_not_prolong_a_newer_one() -> None:
     send(client, "stream.set", began_s, opening_mm=10.0, valid_s=0.5)
     world.run(0.1)
     send(client, "stream.set", world.now_s, opening_mm=10.0, valid_s=0.1)
-    world.run_until(lambda: world.engine.jobs.running is None)
+    world.run_until(lambda: world.controller.jobs.running is None)
     assert world.now_s - began_s == pytest.approx(0.2, abs=2 * PERIOD_S)
 
 
@@ -151,5 +151,5 @@ def test_a_time_in_the_future_makes_no_set_point_last_longer() -> None:
     client = world.enabled()
     began_s = world.now_s
     send(client, "stream.set", began_s, opening_mm=10.0, valid_s=0.1, sent_s=began_s + 1e6)
-    world.run_until(lambda: world.engine.jobs.running is None)
+    world.run_until(lambda: world.controller.jobs.running is None)
     assert world.now_s - began_s == pytest.approx(0.1, abs=2 * PERIOD_S)

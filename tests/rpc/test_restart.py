@@ -56,7 +56,7 @@ def test_why_there_is_no_restart_is_told_at_once_or_later() -> None:
 def test_at_the_end_whatever_would_be_lost_is_refused_but_a_stop_and_reads_are_not() -> None:
     world = World()
     client = world.enabled()
-    world.engine.shut_down()
+    world.controller.shut_down()
     for method, params in (
         ("config.set", {"config": {"force_n": 5}}),
         ("stop.clear", {}),

@@ -103,7 +103,7 @@ def test_reverse_mount(site: Site, capsys: pytest.CaptureFixture[str]) -> None:
     names = blocks.run(blocks.source("reverse_mount"))
     assert capsys.readouterr().out.splitlines()[0] == "reverse"
     assert names["list_templates"]() == ["normal", "reverse"]
-    geometry = daemon.engine.geometry
+    geometry = daemon.controller.geometry
     assert geometry is not None
     assert geometry.closed_rad == pytest.approx(unit.closed_rad, abs=0.02)
     assert geometry.open_rad == pytest.approx(unit.open_rad, abs=0.02)

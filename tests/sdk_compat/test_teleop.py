@@ -94,7 +94,7 @@ class Pair:
 
 
 def share_open(daemon: Daemon) -> float:
-    geometry = daemon.engine.geometry
+    geometry = daemon.controller.geometry
     assert geometry is not None
     return geometry.openness(daemon.gripper.position_rad)
 

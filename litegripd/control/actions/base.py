@@ -6,8 +6,8 @@ from typing import Protocol
 from litegripd.control.holds import Rest
 from litegripd.control.limiter import Bounds
 from litegripd.model.calibration import Calibration
-from litegripd.model.errands import Errand
 from litegripd.model.errors import Refusal
+from litegripd.model.helper_tasks import HelperTask
 from litegripd.model.motor import Feedback, MitCommand, MotorRequest, MotorView
 from litegripd.model.results import Progress, Result
 
@@ -27,7 +27,7 @@ class Step:
     command: MitCommand | None = None
     request: MotorRequest | None = None
     outcome: Result | Refusal | None = None
-    errand: Errand | None = None
+    task: HelperTask | None = None
     adopted: Adopted | None = None
 
 

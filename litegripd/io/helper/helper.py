@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from litegripd.io.helper.child import MAX_PACKET_BYTES, Child, Start, start_here
-from litegripd.model.errands import ErrandResult
+from litegripd.model.helper_tasks import TaskResult
 
 MOST_PER_UID = 8
 """So many requests of a user may wait for their answers; one more is refused."""
@@ -26,7 +26,7 @@ MOST_OWN = 64
 
 
 @dataclass(frozen=True, slots=True)
-class HelperResult(ErrandResult):
+class HelperResult(TaskResult):
     """What became of one request; what came in pieces is in `pieces`."""
 
     pieces: tuple[bytes, ...] = ()

@@ -5,7 +5,7 @@ from dataclasses import replace
 from hmac import compare_digest
 from typing import Any, TypedDict
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.lease import Grant, Wish
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import OnLost
@@ -108,10 +108,10 @@ _GRANTED = "The token (lease), its number, and the state."
 
 
 class LeaseMethods:
-    """Methods on the engine's lease."""
+    """Methods on the controller's lease."""
 
-    def __init__(self, engine: Engine, tokens: Tokens, reporter: Reporter) -> None:
-        self._engine = engine
+    def __init__(self, controller: Controller, tokens: Tokens, reporter: Reporter) -> None:
+        self._controller = controller
         self._tokens = tokens
         self._reporter = reporter
 
@@ -122,7 +122,7 @@ class LeaseMethods:
         LeaseView,
     )
     def _get(self, call: Call) -> LeaseView:
-        lease = self._engine.lease
+        lease = self._controller.lease
         return {
             "owner": None if lease.holder is None else self._holder(lease.holder),
             "mine": lease.holder is not None and lease.holder.owner.client == call.owner.client,
@@ -165,15 +165,15 @@ class LeaseMethods:
         waits=True,
     )
     def _acquire(self, call: Call) -> Answer:
-        holder = self._engine.lease.holder
+        holder = self._controller.lease.holder
         mine = holder is not None and holder.owner.client == call.owner.client
         before = holder.wish if holder is not None and mine else Wish()
         wish, wait_s = _wish(call.params, before), call.params.get("wait_s", 0.0)
-        answer = self._engine.acquire(call.owner, wish)
+        answer = self._controller.acquire(call.owner, wish)
         if isinstance(answer, Grant) or wait_s == 0.0:
             return self._granted(answer)
         deferred = Deferred()
-        refusal = self._engine.await_lease(
+        refusal = self._controller.await_lease(
             call.owner, wish, wait_s, lambda late: deferred.resolve(self._granted(late))
         )
         return refusal or deferred
@@ -187,7 +187,7 @@ class LeaseMethods:
         role="operator",
     )
     def _release(self, call: Call) -> Answer:
-        return self._engine.release(call.owner) or Released(released=True)
+        return self._controller.release(call.owner) or Released(released=True)
 
     @Method(
         "lease.renew",
@@ -199,11 +199,11 @@ class LeaseMethods:
         needs_lease=False,
     )
     def _renew(self, call: Call) -> Answer:
-        holder = self._engine.lease.holder
-        refusal = self._engine.lease.refusal(call.owner)
+        holder = self._controller.lease.holder
+        refusal = self._controller.lease.refusal(call.owner)
         if refusal is not None or holder is None:
             return refusal or Refusal("lease_lost", "nobody has the lease: acquire one")
-        self._engine.lease.renew(holder.owner.client, call.now_s)
+        self._controller.lease.renew(holder.owner.client, call.now_s)
         return LeaseNumber(number=holder.number)
 
     @Method(
@@ -218,11 +218,11 @@ class LeaseMethods:
         grant = call.owner.grant
         if grant is None:
             return Refusal("lease_lost", "a token is needed")
-        holder = self._engine.lease.holder
+        holder = self._controller.lease.holder
         if holder is not None and holder.number == grant:
             text = "the lease of this token is not lost: another connection has it"
             return Refusal("lease_held", text)
-        return self._granted(self._engine.resume(grant, call.owner))
+        return self._granted(self._controller.resume(grant, call.owner))
 
     @Method(
         "lease.take",
@@ -250,8 +250,8 @@ class LeaseMethods:
         stop_voids=True,
     )
     def _take(self, call: Call) -> Answer:
-        engine, params = self._engine, call.params
-        holder, running = engine.lease.holder, engine.jobs.running
+        controller, params = self._controller, call.params
+        holder, running = controller.lease.holder, controller.jobs.running
         owners = [entry.owner for entry in (holder, running) if entry is not None]
         another = next((owner for owner in owners if owner.uid != call.owner.uid), None)
         if another is not None and call.session.role != "admin":
@@ -261,8 +261,8 @@ class LeaseMethods:
             )
             return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
         left = params.get("jaws", "hold")
-        grant = engine.take_over(call.owner, _wish(params, Wish()), params["why"], left)
-        goes_on = engine.jobs.running
+        grant = controller.take_over(call.owner, _wish(params, Wish()), params["why"], left)
+        goes_on = controller.jobs.running
         taken: Taken = {
             **self._grant_view(grant),
             "taken_from": None if holder is None else self._holder(holder),

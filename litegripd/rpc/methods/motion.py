@@ -7,7 +7,7 @@ from typing import Any, Literal, TypedDict
 from litegripd.control.actions.grasp import GraspRequest
 from litegripd.control.actions.move import Direction
 from litegripd.control.admission import Target
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.control.motions import Motions
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import STOP_LEVELS, Job, StopLevel
@@ -70,15 +70,19 @@ _FORCE_DUE = replace(_FORCE, description="Squeezing force.", required=True)
 
 
 class MotionMethods:
-    """Methods on the engine's motions, and on its stop."""
+    """Methods on the controller's motions, and on its stop."""
 
-    def __init__(self, engine: Engine, reporter: Reporter) -> None:
-        self._engine = engine
+    def __init__(self, controller: Controller, reporter: Reporter) -> None:
+        self._controller = controller
         self._reporter = reporter
-        self._motions = Motions(engine)
+        self._motions = Motions(controller)
 
     def _config(self, call: Call) -> MotionConfig:
-        return call.config(self._engine.config, self._engine.period_s, self._engine.unit.motor_type)
+        return call.config(
+            self._controller.config,
+            self._controller.period_s,
+            self._controller.gripper_id.motor_type,
+        )
 
     @Method(
         "motor.enable",
@@ -366,11 +370,11 @@ class MotionMethods:
     )
     def _stop(self, call: Call) -> Stopped:
         level, why = call.params.get("level", "hold"), call.params.get("why")
-        self._engine.stop(level, call.owner, why, call.now_s)
-        latched = self._engine.stop_latch.latched
+        self._controller.stop(level, call.owner, why, call.now_s)
+        latched = self._controller.stop_latch.latched
         return {
             "level": level if latched is None else latched.level,
-            "generation": self._engine.stop_latch.generation,
+            "generation": self._controller.stop_latch.generation,
             "state": self._changed_state(),
         }
 
@@ -387,8 +391,11 @@ class MotionMethods:
         lifts_stop=True,
     )
     def _clear_stop(self, call: Call) -> Cleared:
-        self._engine.clear_stop(call.owner)
-        return {"generation": self._engine.stop_latch.generation, "state": self._changed_state()}
+        self._controller.clear_stop(call.owner)
+        return {
+            "generation": self._controller.stop_latch.generation,
+            "state": self._changed_state(),
+        }
 
     @Method(
         "job.cancel",
@@ -399,7 +406,7 @@ class MotionMethods:
         role="operator",
     )
     def _cancel(self, call: Call) -> Answer:
-        job = self._engine.cancel(call.params["job"], call.owner)
+        job = self._controller.cancel(call.params["job"], call.owner)
         self._reporter.refresh()
         return self._reporter.job(accepted(job))
 

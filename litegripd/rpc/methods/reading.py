@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import fields
 from typing import Any, TypedDict
 
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job
 from litegripd.model.state import GripperState
@@ -97,7 +97,7 @@ class ReadingMethods:
 
     def __init__(
         self,
-        engine: Engine,
+        controller: Controller,
         facts: Facts,
         clients: Clients,
         reporter: Reporter,
@@ -105,7 +105,7 @@ class ReadingMethods:
         *,
         document: bytes,
     ) -> None:
-        self._engine = engine
+        self._controller = controller
         self._reporter = reporter
         self._facts = facts
         self._clients = clients
@@ -124,7 +124,7 @@ class ReadingMethods:
     )
     def _hello(self, call: Call) -> Answer:
         call.session.rename(call.params.get("client", call.session.name))
-        session, generation = call.session, self._engine.stop_latch.generation
+        session, generation = call.session, self._controller.stop_latch.generation
         own = {"client": session.identity, "role": session.role, "monotonic_s": call.now_s}
         return {**self._facts.hello(), **own, "stop_generation": generation}
 
@@ -258,7 +258,7 @@ class ReadingMethods:
 
     @Method("job.list", "List the jobs that are kept, the oldest first.", "The jobs.", JobList)
     def _list_jobs(self, _call: Call) -> bytes:
-        return b'{"jobs":[%b]}' % b",".join(map(self._reporter.job, self._engine.jobs))
+        return b'{"jobs":[%b]}' % b",".join(map(self._reporter.job, self._controller.jobs))
 
     @Method("job.get", "Tell about one job.", "The job.", Job, (JOB,))
     def _get_job(self, call: Call) -> bytes:
@@ -270,7 +270,7 @@ class ReadingMethods:
 
     def _job(self, call: Call) -> Job:
         number = call.params["job"]
-        job = self._engine.jobs.get(number)
+        job = self._controller.jobs.get(number)
         if job is None:
             text = f"there is no job {number}, or it is no longer kept; job.list tells which are"
             raise Refused(Refusal("unknown_job", text, {"requested": number}))

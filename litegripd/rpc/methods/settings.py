@@ -7,11 +7,11 @@ from typing import Any, TypeAlias, TypedDict
 from litegripd.control.admission import ENDING, conflict_refusal
 from litegripd.control.calibrating import Calibrating
 from litegripd.control.calibration import content_of
-from litegripd.control.engine import Engine
+from litegripd.control.controller import Controller
 from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
-from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import fast_conflict, ranges_of
 from litegripd.model.motor import RegisterReply
 from litegripd.model.results import SetZeroResult, ZeroResult
@@ -130,9 +130,9 @@ _SAVE = Param("save", "boolean", "Write it to the daemon's own file (default tru
 class SettingsMethods:
     """Methods on calibration, motion configuration and registers."""
 
-    def __init__(self, engine: Engine) -> None:
-        self._engine = engine
-        self._calibrating = Calibrating(engine)
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self._calibrating = Calibrating(controller)
         self._is_saving_config = False
 
     @Method("calibration.get", "Tell the calibration in use.", "The calibration.", CalibrationView)
@@ -140,7 +140,7 @@ class SettingsMethods:
         return self._calibration()
 
     def _calibration(self) -> CalibrationView:
-        engine, in_use = self._engine, self._engine.calibrated
+        controller, in_use = self._controller, self._controller.calibrated
         calibration = in_use.calibration
         geometry = None if calibration is None else calibration.geometry
         return {
@@ -156,7 +156,7 @@ class SettingsMethods:
             "file": in_use.file,
             "content": {}
             if calibration is None
-            else content_of(calibration, engine.unit, in_use.gains, engine.motor),
+            else content_of(calibration, controller.gripper_id, in_use.gains, controller.motor),
         }
 
     @Method(
@@ -166,7 +166,7 @@ class SettingsMethods:
         def told(value: Any) -> Templates:
             return {"templates": value}
 
-        return self._errand(call, "calibration.templates", {}, told)
+        return self._task(call, "calibration.templates", {}, told)
 
     @Method(
         "calibration.load",
@@ -192,14 +192,14 @@ class SettingsMethods:
         if refusal is not None:
             return refusal
         if "content" not in params:
-            unit, template = self._engine.unit, params.get("template")
+            gripper_id, template = self._controller.gripper_id, params.get("template")
             wanted = {
-                "channel": unit.channel,
-                "mount": template or unit.mount,
+                "channel": gripper_id.channel,
+                "mount": template or gripper_id.mount,
                 "configured": template is None,
             }
             authority = self._authority(call)
-            return self._errand(
+            return self._task(
                 call, "calibration.load", wanted, lambda value: self._adopt_found(value, authority)
             )
         try:
@@ -219,18 +219,18 @@ class SettingsMethods:
         A stop that has come since voids it, and so do the end of who asked and any change of the
         lease: who held it must hold the same one, who needed none may need one now.
         """
-        engine = self._engine
-        latch, holder = engine.stop_latch, engine.lease.holder
+        controller = self._controller
+        latch, holder = controller.stop_latch, controller.lease.holder
         generation = latch.generation
         owner = call.owner if holder is None else replace(call.owner, grant=holder.number)
 
         def refusal() -> Refusal | None:
-            if engine.is_ending:
+            if controller.is_ending:
                 return ENDING
             if call.session.is_orphaned:
                 return Refusal("client_lost", "who asked for it has gone")
             stopped = latch.refusal_of_sent(generation, None, call.received_s, owner.client)
-            return stopped or engine.lease.refusal(owner)
+            return stopped or controller.lease.refusal(owner)
 
         return refusal
 
@@ -258,7 +258,7 @@ class SettingsMethods:
     def _save(self, call: Call) -> Answer:
         deferred = Deferred()
 
-        def saved(result: ErrandResult) -> None:
+        def saved(result: TaskResult) -> None:
             deferred.resolve(_outcome("calibration.save", result))
 
         return self._calibrating.save(saved, call.owner.uid) or deferred
@@ -275,8 +275,10 @@ class SettingsMethods:
         waits=True,
     )
     def _zero(self, call: Call) -> Answer:
-        engine = self._engine
-        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
+        controller = self._controller
+        config = call.config(
+            controller.config, controller.period_s, controller.gripper_id.motor_type
+        )
         return later(
             self._calibrating.zero(
                 call.owner,
@@ -308,9 +310,11 @@ class SettingsMethods:
         waits=True,
     )
     def _by_hand(self, call: Call) -> Answer:
-        step, calibrating, engine = call.params["step"], self._calibrating, self._engine
+        step, calibrating, controller = call.params["step"], self._calibrating, self._controller
         if step == "begin":
-            return JobNumber(job=accepted(calibrating.by_hand(call.owner, engine.config)).number)
+            return JobNumber(
+                job=accepted(calibrating.by_hand(call.owner, controller.config)).number
+            )
         if step == "finish":
             return later(calibrating.finish(call.owner, keep=call.params.get("save", True)))
         if step == "cancel":
@@ -335,7 +339,7 @@ class SettingsMethods:
             named = RegisterValue(number=number, name=name, value=reply.value)
             deferred.resolve(reply.failure or named)
 
-        return self._engine.inquiries.add(register.number, replied) or deferred
+        return self._controller.inquiries.add(register.number, replied) or deferred
 
     @Method(
         "motor.set_zero",
@@ -359,12 +363,12 @@ class SettingsMethods:
         return self._config()
 
     def _config(self) -> ConfigView:
-        engine = self._engine
-        ranges = ranges_of(engine.unit.motor_type)
+        controller = self._controller
+        ranges = ranges_of(controller.gripper_id.motor_type)
         return {
-            "config": MotionFields(engine.config.as_fields(engine.period_s)),
+            "config": MotionFields(controller.config.as_fields(controller.period_s)),
             "ranges": {name: list(limits) for name, limits in ranges.items()},
-            "kept": engine.config_is_kept,
+            "kept": controller.config_is_kept,
         }
 
     @Method(
@@ -381,46 +385,48 @@ class SettingsMethods:
         waits=True,
     )
     def _set_config(self, call: Call) -> Answer:
-        engine = self._engine
-        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
+        controller = self._controller
+        config = call.config(
+            controller.config, controller.period_s, controller.gripper_id.motor_type
+        )
         # No motion could use such defaults; what depends on the calibration is the motions' to say.
-        refusal = conflict_refusal(fast_conflict(config, config.speed_mm_s, engine.period_s))
+        refusal = conflict_refusal(fast_conflict(config, config.speed_mm_s, controller.period_s))
         if refusal is not None:
             return refusal
         if self._is_saving_config:
             text = "a change of the defaults is being saved: try again when that is done"
             return Refusal("too_many_requests", text, {"limit": 1})
         if not call.params.get("keep", False):
-            engine.config, engine.config_is_kept = config, False
+            controller.config, controller.config_is_kept = config, False
             return self._config()
-        fields = config.as_fields(engine.period_s)
+        fields = config.as_fields(controller.period_s)
         del fields["frame_interval"]
-        parameters = {"channel": engine.unit.channel, "config": fields}
+        parameters = {"channel": controller.gripper_id.channel, "config": fields}
 
         deferred = Deferred()
 
-        def saved(result: ErrandResult) -> None:
+        def saved(result: TaskResult) -> None:
             self._is_saving_config = False
             if result.error is None:  # else all stays as it was, in the file and here
-                engine.config, engine.config_is_kept = config, True
+                controller.config, controller.config_is_kept = config, True
             outcome = _outcome("motion.save", result)
             deferred.resolve(outcome if isinstance(outcome, Refusal) else self._config())
 
         self._is_saving_config = True
-        engine.errands.append(Errand("motion.save", parameters, saved, call.owner.uid))
+        controller.tasks.append(HelperTask("motion.save", parameters, saved, call.owner.uid))
         return deferred
 
-    def _errand(
+    def _task(
         self, call: Call, operation: str, parameters: Mapping[str, Any], then: Any
     ) -> Deferred:
         """Have something done by the helper process, and answer with what `then` makes of it."""
         deferred = Deferred()
 
-        def done(result: ErrandResult) -> None:
+        def done(result: TaskResult) -> None:
             outcome = _outcome(operation, result)
             deferred.resolve(outcome if isinstance(outcome, Refusal) else then(outcome))
 
-        self._engine.errands.append(Errand(operation, parameters, done, call.owner.uid))
+        self._controller.tasks.append(HelperTask(operation, parameters, done, call.owner.uid))
         return deferred
 
 
@@ -446,8 +452,8 @@ _FAILURES = {
 }
 
 
-def _outcome(operation: str, result: ErrandResult) -> Any:
-    """Return what an errand brought, or a refusal that says why it brought nothing."""
+def _outcome(operation: str, result: TaskResult) -> Any:
+    """Return what a task brought, or a refusal that says why it brought nothing."""
     if result.error is None:
         return result.value
     return Refusal(result.reason or _FAILURES.get(operation, "not_saved"), result.error)

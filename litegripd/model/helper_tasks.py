@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class ErrandResult:
-    """What became of an errand: `value` where it worked, else `error`, a sentence.
+class TaskResult:
+    """What became of a task: `value` where it worked, else `error`, a sentence.
 
     `reason` is that of the error table, where it is not for the one who asked to find it.
     """
@@ -17,7 +17,7 @@ class ErrandResult:
 
 
 @dataclass(frozen=True, slots=True)
-class Errand:
+class HelperTask:
     """One operation of the helper process; `on_result` is called once, between two ticks.
 
     `uid` is the user whose request it is alone; None for the daemon's own, and for what a motion
@@ -26,5 +26,5 @@ class Errand:
 
     operation: str
     parameters: Mapping[str, object]
-    on_result: Callable[[ErrandResult], None]
+    on_result: Callable[[TaskResult], None]
     uid: int | None = None

@@ -1,4 +1,4 @@
-"""The engine: the one place that decides, in every tick, what the motor is told.
+"""The controller: the one place that decides, in every tick, what the motor is told.
 
 Pure: `step(now_s, motor)` returns the order for this tick. Between ticks clients ask for motions
 (`Motions` and `Calibrating` begin them), for a stop, or are lost; nothing of that reaches the
@@ -32,10 +32,11 @@ from litegripd.control.second_master import SecondMaster
 from litegripd.control.stop import StopLatch
 from litegripd.model.bus import NOT_OPENED, BusCondition
 from litegripd.model.calibration import Calibration
-from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
+from litegripd.model.gripper_id import GripperId
+from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.jobs import Job, JobKind, OnLost, Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
@@ -49,7 +50,6 @@ from litegripd.model.motor import (
     ZeroView,
 )
 from litegripd.model.results import Progress, Result
-from litegripd.model.unit import Unit
 from litegripd.trajectories.capture import Capture
 
 _SAFE_JOBS = ("disable", "clear_fault")
@@ -58,18 +58,20 @@ _SAFE_JOBS = ("disable", "clear_fault")
 _Begun = TypeVar("_Begun")
 
 
-class Engine:
+class Controller:
     """Runs one gripper: at most one job, else a rest that holds the jaws or lets them go.
 
     It also says who may: the stop, the lease, and clients that are lost. Whatever is asked between
     two ticks reaches the motor only by the next `step`.
     """
 
-    def __init__(self, config: MotionConfig, period_s: float, unit: Unit | None = None) -> None:
+    def __init__(
+        self, config: MotionConfig, period_s: float, gripper_id: GripperId | None = None
+    ) -> None:
         self.config = config
         self.config_is_kept = False
         self.period_s = period_s
-        self.unit = unit or Unit()
+        self.gripper_id = gripper_id or GripperId()
         self.now_s = 0.0
         self.ticks = 0
         self.bus = NOT_OPENED
@@ -83,12 +85,12 @@ class Engine:
         self.has_stepped = False
         """Whether the present or latest action has had any say in what the motor is told."""
         self.rest: Rest = Slack()
-        self.output = Output(self.unit.motor_type)
+        self.output = Output(self.gripper_id.motor_type)
         self.inquiries = Inquiries()
         self.capture: Capture | None = None
         self.recordings = 0
         self.events: list[Event] = []
-        self.errands: list[Errand] = []
+        self.tasks: list[HelperTask] = []
         self.must_disable = False
         self._is_ending = False
         self._owed: OnLost | None = None
@@ -151,7 +153,7 @@ class Engine:
         """
         is_first = self.bus == NOT_OPENED and bus != NOT_OPENED
         if is_first or bus.state != self.bus.state:
-            self.events.append(announce.bus_changed(self.bus, bus, self.unit.bus_channel))
+            self.events.append(announce.bus_changed(self.bus, bus, self.gripper_id.bus_channel))
         self.bus = bus
 
     # Why not
@@ -501,8 +503,8 @@ class Engine:
             return None, None
         self.has_stepped = True
         step = action.step(now_s, motor)
-        if step.errand is not None:
-            self.errands.append(step.errand)
+        if step.task is not None:
+            self.tasks.append(step.task)
         if step.adopted is not None:
             self.use_calibration(step.adopted.calibration, file=step.adopted.file)
         if step.outcome is not None:
@@ -533,7 +535,7 @@ class Engine:
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
         """Return what is sent in place of `command`."""
         identity, action = self.motor.identity, self.action
-        ranges = self.unit.motor_type.ranges if identity is None else identity.ranges
+        ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
         own_bounds = None if action is None else action.bounds
         bounds = own_bounds or bounds_of(self.geometry, self.config)
         change = self.output.send(now_s, command, feedback, bounds, ranges)
@@ -552,13 +554,13 @@ class Engine:
     def _note_zero(self, zero: ZeroView) -> None:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
-            content = content_of(useless, self.unit, self.gains, self.motor)
-            self.errands.append(save_errand(self.unit, content, self._saved))
+            content = content_of(useless, self.gripper_id, self.gains, self.motor)
+            self.tasks.append(save_errand(self.gripper_id, content, self._saved))
             self.events.append(announce.calibrated(useless, self.calibrated.file))
             if self.action is not None and self.action.needs_power:
                 self.end(ZERO_MOVED)  # its travel is known no longer
 
-    def _saved(self, result: ErrandResult) -> None:
+    def _saved(self, result: TaskResult) -> None:
         if result.error is not None:
             self.events.append(announce.not_saved(result.error))
 

@@ -6,7 +6,7 @@ from litegripd.model.motor_types import DM4310, MotorType
 
 
 @dataclass(frozen=True, slots=True)
-class Unit:
+class GripperId:
     """The gripper on one channel: its motor's CAN id and type, and its whole stroke in mm.
 
     `bus_channel` is what its bus is opened as: the network interface, or an adapter's file.

@@ -97,7 +97,7 @@ def test_a_second_enable_is_fulfilled_at_once() -> None:
 @pytest.mark.parametrize("state", STATES)
 def test_shutting_down_from_any_state_ends_unpowered(state: str) -> None:
     world, client = in_state(state)
-    world.engine.shut_down()
+    world.controller.shut_down()
     number = client.send("motor.enable")
     world.lose_to_motor = lambda _frame: False
     world.run(0.05)
@@ -113,7 +113,7 @@ def test_shutting_down_from_any_state_ends_unpowered(state: str) -> None:
 def test_shutting_down_does_not_move_the_jaws(state: str) -> None:
     world, _ = in_state(state)
     before_rad = world.gripper.position_rad
-    world.engine.shut_down()
+    world.controller.shut_down()
     world.run(1.0)
     assert world.gripper.position_rad == pytest.approx(before_rad, abs=0.03)
 
@@ -125,7 +125,7 @@ def test_no_transition_leaves_a_gap() -> None:
     client.result("motion.open")
     client.send("motion.close", wait=False)
     world.run(0.3)
-    client.result("job.cancel", job=list(world.engine.jobs)[-1].number)
+    client.result("job.cancel", job=list(world.controller.jobs)[-1].number)
     client.result("motion.hold")
     client.result("stop", level="hold")
     client.result("stop", level="relax")
@@ -160,7 +160,7 @@ def test_the_engine_says_what_happened() -> None:
         kinds += [event.kind for event in events]
     wanted = {"job_started", "job_ended", "motor", "stop", "stop_cleared"}
     assert wanted | {"lease", "lease_lost", "client_lost"} <= set(kinds)
-    assert world.engine.take_events() == []
+    assert world.controller.take_events() == []
 
 
 def test_the_job_book_forgets_the_oldest() -> None:
@@ -168,7 +168,7 @@ def test_the_job_book_forgets_the_oldest() -> None:
     client = world.enabled()
     for _ in range(70):
         client.result("motion.hold")
-    numbers = [job.number for job in world.engine.jobs]
+    numbers = [job.number for job in world.controller.jobs]
     assert numbers == list(range(numbers[-1] - 63, numbers[-1] + 1))
     assert client.refusal("job.get", job=1) == "unknown_job"
 
@@ -187,7 +187,7 @@ def test_a_measurement_that_is_no_number_leads_to_no_command(
     assert view.feedback is not None
     changed: dict[str, Any] = {name: value}
     wrong = replace(view, feedback=replace(view.feedback, **changed))
-    order = world.engine.step(world.now_s + PERIOD_S, wrong)
+    order = world.controller.step(world.now_s + PERIOD_S, wrong)
     assert order.command is None
     world.run(0.2)
     assert world.state.enabled
