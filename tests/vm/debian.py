@@ -3,6 +3,7 @@
 The scenes build on each other. `dpkg` alone is used, for the machine has no network.
 """
 
+import contextlib
 import sys
 from pathlib import Path
 
@@ -75,9 +76,11 @@ def package_upgraded() -> None:
         followed = reaches(lambda: unit.pid not in (0, before) and runs(unit, 2))
         check("the daemon is of the new version", followed, unit.tell())
         check("it was never started again", unit.restarts == restarts, unit.tell())
-    with at_work(unit) as rpc:
-        check("the motor is enabled still", rpc.motor_is("enabled"), rpc.state()["motor"])
-        rpc.call("motor.disable")
+        with contextlib.closing(unit.rpc()) as successor:
+            state = successor.state()
+            check("the motor is enabled still", state["motor"] == "enabled", state["motor"])
+            successor.call("motor.disable")
+            reaches(lambda: successor.motor_is("disabled"))
     gone = reaches(lambda: run("dpkg", "--remove", version(1))[0] == 0)
     check("then the version before can go", gone and not list(VERSIONS.glob("*-1")))
 
