@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 from bench.held import LOOK_S, HeldRig, Setting
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import MitCommand, Ranges
+from litegripd.model.motor import MitCommand
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters
@@ -60,7 +61,7 @@ def swing_of_gain(motor: Motor, kd_nm_s_rad: float) -> float:
     can_id, sign = gripper.parameters.can_id, gripper.parameters.close_sign
     gripper.receive(0.0, CanFrame(can_id, codec.ENABLE))
     command = MitCommand(0.0, 0.0, 0.0, kd_nm_s_rad, 0.0)
-    frame = CanFrame(can_id, codec.encode_command(command, Ranges()))
+    frame = CanFrame(can_id, codec.encode_command(command, DM4310.ranges))
     looks, swing_nm = round(PERIOD_S / LOOK_S), 0.0
     for tick in range(round((KICK_S + SETTLE_S + LOOKED_S) / PERIOD_S)):
         now_s = tick * PERIOD_S

@@ -68,9 +68,9 @@ def told(afters: list[After]) -> str:
     peak_mm_s = max(after.peak_mm_s for after in afters)
     times_s = [after.told_s for after in afters]
     known_s = [at_s for at_s in times_s if at_s is not None]
-    when = f"{1e3 * max(known_s):.0f} ms" if known_s else "not told"
+    when = f"{1e3 * max(known_s):.0f} ms" if known_s else "not reported"
     if known_s and len(known_s) < len(times_s):
-        when += f", {len(times_s) - len(known_s)} not told"
+        when += f", {len(times_s) - len(known_s)} not reported"
     if any(after.times_told > 1 for after in afters):
         when += ", repeated"
     return f"{peak_mm_s:.0f} mm/s, {when}, {max(after.far_mm for after in afters):.1f} mm"
@@ -161,7 +161,7 @@ def _loss_with_friction(force_n: float, share: float) -> str:
     from_n = max(rig.loss_detected_from_n or math.inf for rig in rigs)
     times_s = [rig.watch(vanish).told_s for rig in rigs]
     known_s = [at_s for at_s in times_s if at_s is not None]
-    cell = f"{1e3 * max(known_s):.0f} ms" if len(known_s) == len(times_s) else "not told"
+    cell = f"{1e3 * max(known_s):.0f} ms" if len(known_s) == len(times_s) else "not reported"
     return cell + (f" (said: from {from_n:.1f} N)" if force_n < from_n else "")
 
 

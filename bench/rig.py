@@ -21,6 +21,7 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import EnableMotor, MotorPhase, MotorView
+from litegripd.model.motor_types import DM4310
 from litegripd.model.results import GraspOutcome, GraspResult
 from litegripd.model.unit import Unit
 from litegripd.sim.gripper import SimulatedGripper
@@ -125,7 +126,14 @@ def ours(
     period_s: float = PERIOD_S,
 ) -> Action:
     """Return a grasp as the daemon does it."""
-    return Grasp(request, geometry=geometry, config=config, gains=gains, period_s=period_s)
+    return Grasp(
+        request,
+        geometry=geometry,
+        config=config,
+        gains=gains,
+        period_s=period_s,
+        motor_type=DM4310,
+    )
 
 
 class VendorGrasp(PlainAction):
@@ -170,7 +178,8 @@ class VendorGrasp(PlainAction):
         """Hold with the whole force at once."""
         request = self._request
         settings = GripSettings.of(self._geometry, DEFAULTS, request.speed_mm_s, "gains")
-        return Grip(settings, request.force_n, request.force_n / 10.0, watched=True)
+        force_n = request.force_n
+        return Grip(settings, force_n, force_n / 10.0, DM4310, watched=True)
 
     def _result(self, outcome: GraspOutcome) -> GraspResult:
         held = outcome == "object_held"

@@ -14,7 +14,8 @@ import sys
 from pathlib import Path
 
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import Ranges, Status
+from litegripd.model.motor import Status
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.console import Console
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
@@ -35,7 +36,7 @@ class Tap:
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         answers = self._receive(now_s, frame)
         if frame.can_id == 0x08 and frame.data[:7] != b"\xff" * 7:
-            command = codec.decode_command(frame.data, Ranges())
+            command = codec.decode_command(frame.data, DM4310.ranges)
             is_on = self._gripper.motor.status == Status.ENABLED
             self.rows.extend((now_s, command.torque_nm, self._gripper.opening_mm, float(is_on)))
         return answers

@@ -21,7 +21,8 @@ from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.teleop.intake import MAX_FRAME_GAP_S
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
-from litegripd.model.motor import MitCommand, Ranges
+from litegripd.model.motor import MitCommand
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from litegripd.sim.parameters import limits_of_mount
@@ -84,7 +85,7 @@ def run(port: int, file: Path) -> None:
         gripper.advance(now_s)
         command = vendor.command(now_s, newest(own))
         if command is not None:
-            frame = CanFrame(CAN_ID, codec.encode_command(command, Ranges()))
+            frame = CanFrame(CAN_ID, codec.encode_command(command, DM4310.ranges))
             gripper.receive(now_s, frame)
             wanted_mm = geometry.opening_mm(command.position_rad)
             rows.append((now_s, gripper.opening_mm, wanted_mm, peak_nm))

@@ -10,7 +10,8 @@ from typing import Any
 from litegripd.app.config import load
 from litegripd.app.config_table import KEYS, TABLES, Key
 from litegripd.app.succession import SAME_TABLES
-from litegripd.model.motion_config import RANGES, MotionConfig
+from litegripd.model.motion_config import MotionConfig, ranges_of
+from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 
 KINDS = {
     str: "string",
@@ -83,7 +84,8 @@ MOTIONS = """## The motions' defaults
 They are no part of the file. `litegripctl config` shows them. `litegripctl config set
 speed_mm_s=25`, for admins, changes one until the daemon ends, with `--keep` for good: then the
 daemon writes it to its state directory. A request may bring its own values, which count for that
-request only: `MotionConfig` in Python, `config` in the [protocol](protocol.md).
+request only: `MotionConfig` in Python, `config` in the [protocol](protocol.md). The ranges are with
+a DM4310; `litegripctl config` shows those with the configured motor.
 
 | field | range | default | meaning |
 | --- | --- | --- | --- |"""
@@ -105,8 +107,18 @@ SIMULATOR = {
     "seed": "An integer: reports have a noise of at most one code. Left out: they are exact.",
     "watchdog_s": "After so long without a command the motor disarms, 0.1 s unless given, at most"
     " 0.4: a longer one the daemon sets back to 0.1 when it enables the motor.",
+    "motor_type": f"The type of its motor, {' or '.join(MOTOR_TYPES)}; {DM4310.name} unless given."
+    " Say the same in `[motor]`.",
 }
 """What a simulated gripper can be given in `[bus]`."""
+
+
+MOTOR_TYPES_HEAD = """\
+What follows from the type of the motor; the ranges are those from the factory, the motor's own are
+used. More than the most force and speed is refused.
+
+| type | gear | ranges | for long | peak, 0.5 s | most force | most speed |
+| --- | ---: | --- | ---: | ---: | ---: | ---: |"""
 
 
 def configuration_page() -> str:
@@ -117,11 +129,12 @@ def configuration_page() -> str:
         'With `interface = "litegrip_sim"` it takes these, too:\n\n| key | meaning |\n| --- | --- |'
     )
     sections[0] += "\n".join(["", head, *rows, ""])
+    sections[list(TABLES).index("motor")] += _motor_types()
     fixed = _listed([f"`[{table}]`" for table in SAME_TABLES])
     free = _listed([f"`[{table}]`" for table in TABLES if table not in SAME_TABLES])
     motions = [
         f"| `{name}` | {low:g} to {high:g} | {getattr(MotionConfig(), name):g} | {MEANINGS[name]} |"
-        for name, (low, high) in RANGES.items()
+        for name, (low, high) in ranges_of(DM4310).items()
     ]
     parts = [HEAD, *sections, REREAD.format(free=free, fixed=fixed), MOTIONS]
     return "\n".join([*parts, *motions, ENVIRONMENT])
@@ -142,6 +155,18 @@ def default_file() -> str:
             mark = "" if has_default(key) else "# "
             lines += [*_comment(sentence(key)), f"{mark}{key.name} = {key.shown}"]
     return "\n".join([*lines, ""])
+
+
+def _motor_types() -> str:
+    """Make the table of the types of motor."""
+    rows = [
+        f"| `{row.name}`{', **never tried**' if row.is_untried else ''} | {row.gear_ratio:g}"
+        f" | ±{row.ranges.position_rad:g} rad, ±{row.ranges.velocity_rad_s:g} rad/s,"
+        f" ±{row.ranges.torque_nm:g} N·m | {row.rated_nm:g} N·m | {row.peak_nm:g} N·m"
+        f" | {row.most_force_n:g} N | {row.fastest_mm_s:g} mm/s |"
+        for row in MOTOR_TYPES.values()
+    ]
+    return "\n".join(["", MOTOR_TYPES_HEAD, *rows, ""])
 
 
 def _table(table: str) -> str:

@@ -30,6 +30,7 @@ from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase, Ranges
+from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
@@ -250,15 +251,19 @@ class World:
         parameters: SimulatorParameters | None = None,
         master_id: int | None = None,
         period_s: float = PERIOD_S,
+        motor_type: MotorType = DM4310,
     ) -> None:
         self.period_s = period_s
         closed_rad, open_rad = limits_of_mount(mount)
         if parameters is None:
-            parameters = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
+            nominal = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
+            parameters = nominal.of_motor(motor_type)
         self.period_s = period_s
         self.now_s = 1000.0
         self.gripper = self.make_gripper(parameters)
-        self.machine = Machine(Unit(), master_id, config or MotionConfig(), period_s)
+        self.machine = Machine(
+            Unit(motor_type=motor_type), master_id, config or MotionConfig(), period_s
+        )
         self.engine = self.machine.engine
         self.restart: OnRestart = no_restart
         self.service = RpcService(self.engine, FixedFacts(), period_s, restart=self._restart)
@@ -386,7 +391,7 @@ class World:
     def ranges(self) -> Ranges:
         """The ranges that the daemon codes its frames in."""
         identity = self.machine.motor.view().identity
-        return Ranges() if identity is None else identity.ranges
+        return DM4310.ranges if identity is None else identity.ranges
 
     def commands_since(self, since_s: float) -> list[tuple[float, MitCommand]]:
         """Return the MIT commands that were sent since a time, decoded, with their times."""

@@ -1,4 +1,4 @@
-// Enable, close until something is held, and leave: the daemon goes on holding.
+// Enable, close until something is held, and leave: the daemon keeps holding.
 // g++ -std=c++17 -o grasp grasp.cpp && ./grasp /run/litegripd/can0.sock
 #include <cstdio>
 #include <stdexcept>

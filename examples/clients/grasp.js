@@ -1,4 +1,4 @@
-// Enable, close until something is held while watching, and leave: the daemon goes on holding.
+// Enable, close until something is held while watching, and leave: the daemon keeps holding.
 // node grasp.js /run/litegripd/can0.sock
 const socket = require("node:net").connect(process.argv[2]);
 const waiting = new Map(); // the requests without an answer, by id

@@ -18,8 +18,11 @@ TIMEOUT_UNIT_S = 50e-6
 LONGEST_WATCHDOG_S = 0.4
 """The longest that motors are known to come with; the daemon takes a longer one for off."""
 
-MODEL_RANGES = {"PMAX": 12.5, "VMAX": 30.0, "TMAX": 10.0}
-"""rad, rad/s and N·m: what a DM4310 leaves the factory with."""
+MODEL_RANGES = {
+    "DM4310": {"PMAX": 12.5, "VMAX": 30.0, "TMAX": 10.0},
+    "DM4340": {"PMAX": 12.5, "VMAX": 10.0, "TMAX": 28.0},
+}
+"""rad, rad/s and N·m: what a motor of each type leaves the factory with."""
 
 BIT_RATES = {0: "125 kbit/s", 1: "200 kbit/s", 2: "250 kbit/s", 3: "500 kbit/s", 4: "1 Mbit/s"}
 """By the code of register can_br."""
@@ -148,13 +151,15 @@ def watchdog(facts: Facts) -> Finding | None:
 def ranges(facts: Facts) -> Finding | None:
     """Check the ranges that the motor's frames span."""
     registers = _registers(facts)
-    read = {name: registers.get(name) for name in MODEL_RANGES}
-    if any(value is None for value in read.values()):
+    motor = {} if facts.daemon is None else facts.daemon.hello.get("motor", {})
+    model = MODEL_RANGES.get(motor.get("type", "DM4310"), {})
+    read = {name: registers.get(name) for name in model}
+    if not read or any(value is None for value in read.values()):
         return None
     listed = ", ".join(f"{name} {value:g}" for name, value in read.items())
-    if read == MODEL_RANGES:
+    if read == model:
         return ok(f"{listed}, the model's")
-    usual = ", ".join(f"{value:g}" for value in MODEL_RANGES.values())
+    usual = ", ".join(f"{value:g}" for value in model.values())
     return warning(
         f"{listed} instead of the model's {usual}; the motor's own are used",
         advice="nothing to do with this daemon; programs that assume the model's would be wrong",

@@ -16,6 +16,7 @@ from litegripd.app.roles import ALLOWED, Access, UnknownEntryError, access_of
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import TEMPLATES
 from litegripd.io.trajectory_owners import MB, Limits
+from litegripd.model.motor_types import DM4310
 from litegripd.rpc.facts import Configuration
 
 if sys.version_info >= (3, 11):
@@ -38,7 +39,7 @@ class MotorConfig:
     told of.
     """
 
-    type: str = "DM4310"
+    type: str = DM4310.name
     can_id: int = 0x08
     master_id: int | None = None
     second_master: str = "refuse"
@@ -270,8 +271,8 @@ def override(
 ) -> Config:
     """Apply the command line, which wins over the file.
 
-    `simulate` takes the simulated gripper in place of the bus: interface `litegrip_sim`, and,
-    where none is configured, the mount that the simulated gripper has.
+    `simulate` takes the simulated gripper in place of the bus: interface `litegrip_sim`, with the
+    configured type of motor, and, where none is configured, the mount that it has.
     """
     if socket is not None:
         config = dataclasses.replace(config, rpc=dataclasses.replace(config.rpc, socket=socket))
@@ -279,6 +280,8 @@ def override(
         mount = config.gripper.mount or "normal"
         gripper = dataclasses.replace(config.gripper, mount=mount)
         options = {"mount": mount} if mount in TEMPLATES else {}
+        if config.motor.type != DM4310.name:
+            options["motor_type"] = config.motor.type
         bus = BusSettings("litegrip_sim", config.channel, config.bus.bitrate, options)
         return dataclasses.replace(config, bus=bus, gripper=gripper)
     if interface is not None:

@@ -7,6 +7,7 @@ and the commented etc/litegripd.toml of it. A key that is not here is unknown.
 import math
 from dataclasses import dataclass
 
+from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 from litegripd.rpc.sessions import ROLES
 
 MAX_STANDARD_ID = 0x7FE  # 0x7FF carries register traffic
@@ -74,7 +75,15 @@ KEYS = (
         10_000,
         1_000_000,
     ),
-    Key("motor", "type", str, '"DM4310"', "The kind of motor.", choices=("DM4310",)),
+    Key(
+        "motor",
+        "type",
+        str,
+        f'"{DM4310.name}"',
+        "The type of motor; one of another type is not enabled. Never tried on hardware:"
+        f" {', '.join(row.name for row in MOTOR_TYPES.values() if row.is_untried)}.",
+        choices=tuple(MOTOR_TYPES),
+    ),
     Key(
         "motor",
         "can_id",

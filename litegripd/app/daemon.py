@@ -10,7 +10,7 @@ from litegripd.app.config import Config
 from litegripd.app.ending import Ending
 from litegripd.app.facts import DaemonFacts
 from litegripd.app.flight import make_flight
-from litegripd.app.logs import MotorGreeting, log_event, make_log_handler
+from litegripd.app.logs import MotorGreeting, log_event, make_log_handler, warn_of_untried
 from litegripd.app.machine import Machine
 from litegripd.app.making import Legacy, make_bus, occupy_places
 from litegripd.app.parts import Parts
@@ -28,6 +28,7 @@ from litegripd.io.stop_socket import StopListener, clients_within_limit
 from litegripd.io.teleop_links import TeleopLinks
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor_types import MOTOR_TYPES
 from litegripd.model.unit import Unit
 from litegripd.rpc.service import RpcService
 
@@ -60,6 +61,7 @@ class Daemon:
             config.motor.can_id,
             config.gripper.stroke_mm,
             config.gripper.mount,
+            MOTOR_TYPES[config.motor.type],
         )
         self._machine = Machine(unit, config.motor.master_id, MotionConfig(), period_s)
         self._machine.engine.second_master.is_tolerated = config.motor.second_master == "tolerate"
@@ -123,7 +125,7 @@ class Daemon:
         self._previous_handlers = logging.getLogger().handlers
         self._parts: Parts | None = None
         self._ending = Ending(self._machine)
-        self._greeting = MotorGreeting()
+        self._greeting = MotorGreeting(unit.motor_type)
         self._calibration_is_known = False
         self._began_s: float | None = None
         self._retirement: Retirement | None = None
@@ -132,6 +134,7 @@ class Daemon:
         """Run until told to end, and disable the motor; False if it may be energised still."""
         load_at_start(self._machine.engine, self._note_calibration)
         self._begin()
+        warn_of_untried(self._machine.engine.unit.motor_type)
         self._began_s = time.monotonic()
         return self._loop()
 

@@ -100,7 +100,9 @@ class DaemonFacts:
         return {
             **self.hello(),
             "registers": {} if identity is None else dict(identity.registers),
-            "motor_warnings": [] if identity is None else warnings(identity),
+            "motor_warnings": []
+            if identity is None
+            else warnings(identity, engine.unit.motor_type),
             "calibration_file": engine.calibrated.file,
             "calibration": _calibration(engine.calibrated),
             "motion": MotionFields(engine.config.as_fields(engine.period_s)),

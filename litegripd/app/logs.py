@@ -6,6 +6,7 @@ from collections.abc import Callable
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.model.events import Event
 from litegripd.model.motor import MotorIdentity
+from litegripd.model.motor_types import MotorType
 from litegripd.motor.identity import warnings
 
 _log = logging.getLogger(__name__)
@@ -39,10 +40,21 @@ def log_event(event: Event) -> None:
     _log.log(level, "%s", event.message, extra={FIELDS: {"LITEGRIP_EVENT": event.kind, **fields}})
 
 
+def warn_of_untried(motor_type: MotorType) -> None:
+    """Log once, at the start, that nobody has tried the configured type of motor."""
+    if motor_type.is_untried:
+        _log.warning(
+            "[motor] type %s has NEVER BEEN TRIED ON HARDWARE: its figures are the maker's data and"
+            " estimates; keep hands and valuables away until you have tried it",
+            motor_type.name,
+        )
+
+
 class MotorGreeting:
     """Tells once what a motor that was found has told about itself, and what is unusual anew."""
 
-    def __init__(self) -> None:
+    def __init__(self, motor_type: MotorType) -> None:
+        self._motor_type = motor_type
         self._was_known = False
         self._identity: MotorIdentity | None = None
         self._warnings: list[str] = []
@@ -56,7 +68,7 @@ class MotorGreeting:
         if identity is None or identity is self._identity:
             return
         self._identity, before = identity, self._warnings
-        self._warnings = warnings(identity)
+        self._warnings = warnings(identity, self._motor_type)
         for warning in self._warnings:
             if warning not in before:
                 _log.warning("%s", warning)

@@ -25,7 +25,7 @@ class Machine:
     def __init__(
         self, unit: Unit, master_id: int | None, config: MotionConfig, period_s: float
     ) -> None:
-        self.motor = Motor(unit.can_id, master_id, period_s)
+        self.motor = Motor(unit.can_id, master_id, period_s, unit.motor_type)
         self.engine = Engine(config, period_s, unit)
         self.may_be_energised: bool | None = None
         """Whether the motor was being enabled, or said that it is, and has not confirmed since that

@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 
 from litegripd.app.machine import Machine
-from litegripd.control.heat import COIL_LIMIT_C, HeatGuard
+from litegripd.control.heat import HeatGuard
 from litegripd.io.can.bus import FrameBus
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
@@ -147,7 +147,7 @@ def _heat(heat: HeatGuard) -> HeatFigures:
     coil_c, limit_s = heat.model.coil_c, heat.model.time_to_limit_s()
     return {
         "coil_c": None if coil_c is None else round(coil_c, 1),
-        "limit_c": COIL_LIMIT_C,
+        "limit_c": heat.limit_c,
         "time_to_limit_s": None if limit_s is None else round(limit_s, 1),
         "allowed_nm": heat.allowance_nm if math.isfinite(heat.allowance_nm) else None,
     }

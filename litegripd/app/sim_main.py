@@ -17,6 +17,7 @@ from pathlib import Path
 import can
 
 from litegripd.io.can.bus import explain
+from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 from litegripd.sim.console import Console, Simulator, help_text
 from litegripd.sim.gripper import build_gripper
 from litegripd.sim.parameters import MOUNTS
@@ -46,6 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             object_stiffness_nm_rad=arguments.object_stiffness,
             can_id=arguments.can_id,
             master_id=arguments.master_id,
+            motor_type=arguments.motor_type,
         )
         if arguments.link is not None:
             _check_link(arguments.link)
@@ -103,6 +105,12 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--object-mm", type=float, help="width of an object between the jaws")
     parser.add_argument(
         "--object-stiffness", type=float, default=250.0, metavar="NM_RAD", help="in N·m/rad"
+    )
+    parser.add_argument(
+        "--motor-type",
+        choices=tuple(MOTOR_TYPES),
+        default=DM4310.name,
+        help="type of the motor (default: %(default)s)",
     )
     parser.add_argument("--can-id", type=_identifier, default=0x08, help="the motor's id")
     parser.add_argument("--master-id", type=_identifier, default=0x18, help="id of its answers")

@@ -61,7 +61,7 @@ def _use_config(engine: Engine, result: ErrandResult) -> None:
     if kept is None:
         return
     try:
-        engine.config = engine.config.changed(kept, engine.period_s)
+        engine.config = engine.config.changed(kept, engine.period_s, engine.unit.motor_type)
     except MotionConfigError as error:
         path = result.value["path"]
         _log.error("the kept motion configuration %s is not used: %s", path, error)

@@ -177,6 +177,7 @@ def content_of(
         channel=unit.channel,
         can_id=unit.can_id,
         master_id=None if motor.identity is None else motor.identity.master_id,
+        motor_type=unit.motor_type.name,
         kp_nm_rad=gains.kp_nm_rad,
         kd_nm_s_rad=gains.kd_nm_s_rad,
     )

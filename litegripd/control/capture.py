@@ -17,7 +17,7 @@ from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
-from litegripd.model.grips import MAX_SOURCE, MOST_GRIPS
+from litegripd.model.grips import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS
 from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.model.results import Progress, RecordOutcome, RecordResult
@@ -45,7 +45,7 @@ class _Note:
 
 
 class GripNotes:
-    """The grips of one recording; `left_out` counts those beyond `MOST_GRIPS`.
+    """The grips of one recording; `left_out` counts what no file of them can hold.
 
     A force that is changed makes another grip of it, which begins where the one before ends.
     """
@@ -73,7 +73,7 @@ class GripNotes:
             source = "unknown" if job is None else f"{_METHODS[job.kind]} by {job.owner.program}"
             note = _Note(grip, grip.force_n, closing_s, t_s, t_s, position_rad, _plain(source))
             self._held = note
-            if len(self._notes) < MOST_GRIPS:
+            if len(self._notes) < MOST_GRIPS and grip.force_n <= MOST_FORCE_N:
                 self._notes.append(note)
             else:
                 self.left_out += 1

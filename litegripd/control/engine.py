@@ -47,7 +47,6 @@ from litegripd.model.motor import (
     MotorPhase,
     MotorRequest,
     MotorView,
-    Ranges,
     ZeroView,
 )
 from litegripd.model.results import Progress, Result
@@ -84,7 +83,7 @@ class Engine:
         self.has_stepped = False
         """Whether the present or latest action has had any say in what the motor is told."""
         self.rest: Rest = Slack()
-        self.output = Output()
+        self.output = Output(self.unit.motor_type)
         self.inquiries = Inquiries()
         self.capture: Capture | None = None
         self.recordings = 0
@@ -534,7 +533,7 @@ class Engine:
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
         """Return what is sent in place of `command`."""
         identity, action = self.motor.identity, self.action
-        ranges = Ranges() if identity is None else identity.ranges
+        ranges = self.unit.motor_type.ranges if identity is None else identity.ranges
         own_bounds = None if action is None else action.bounds
         bounds = own_bounds or bounds_of(self.geometry, self.config)
         change = self.output.send(now_s, command, feedback, bounds, ranges)

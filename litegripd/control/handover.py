@@ -27,6 +27,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Stop
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase, MotorView, ZeroView
+from litegripd.model.motor_types import MotorType
 from litegripd.model.plain import TYPE_KEY, Carried, PlainError, plain_of, value_of
 
 _OUTPUT = Carried(
@@ -36,8 +37,10 @@ _OUTPUT = Carried(
     limited=tuple[str, ...],
     heat=Carried(
         HeatGuard,
+        left=("limit_c", "least_nm", "_raised_lasts_s"),
         model=Carried(
             HeatModel,
+            left=("motor_type",),
             coil_c=float | None,
             windows=int,
             _readings=Carried(
@@ -67,6 +70,7 @@ _OUTPUT = Carried(
     ),
     _limiter=Carried(
         CommandLimiter,
+        left=("_motor_type",),
         _impulse_nm_s=float,
         _rated_only=bool,
         _damping=float,
@@ -136,6 +140,7 @@ _ENGINE = Carried(
 _LASTING = Carried(Lasting, left=("_duration_s",), _since_s=float | None)
 _GRIP = Carried(
     Grip,
+    left=("_motor_type",),
     force_n=float,
     watched=bool,
     _settings=GripSettings,
@@ -194,7 +199,7 @@ def adopt(engine: Engine, motor: MotorView, plain: Any) -> None:
     if not isinstance(plain, dict) or plain.keys() != {"engine", "rest", "phase"}:
         raise PlainError("the engine's state is not of this version")
     _ENGINE.restore(engine, plain["engine"])
-    engine.rest = _rest_of(plain["rest"])
+    engine.rest = _rest_of(plain["rest"], engine.unit.motor_type)
     # The phase of the predecessor's last tick: a change since then is still to be noticed.
     engine.motor = replace(motor, phase=value_of(plain["phase"], MotorPhase, "phase"))
 
@@ -209,11 +214,11 @@ def adopt_jobs(engine: Engine, plain: Any) -> None:
     _JOBS.restore(engine.jobs, plain)
 
 
-def _rest_of(plain: Any) -> Rest:
+def _rest_of(plain: Any, motor_type: MotorType) -> Rest:
     if not isinstance(plain, dict) or plain.get(TYPE_KEY) != Grip.__name__:
         hold: Rest = value_of(plain, Hold | Slack, "rest")
         return hold
     settings = value_of(plain.get("_settings"), GripSettings, "Grip._settings")
-    grip = Grip(settings, 0.0, 0.0, watched=False)
+    grip = Grip(settings, 0.0, 0.0, motor_type, watched=False)
     _GRIP.restore(grip, plain)
     return grip

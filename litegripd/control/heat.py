@@ -10,16 +10,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from litegripd.model.motor import Feedback
-
-COIL_LIMIT_C = 80.0  # the firmware disarms the motor at 100 °C
-LEAST_NM = 0.3  # the lowest allowance; it still overcomes the breakaway friction of 0.21 N·m
-
-# DM4310: 0.945 N·m/A at the output, 10.26 A at most (maker's table); three phases of 0.85 Ω at an
-# amplitude I lose 1.5·R·I². Resistances and time constants are estimates, corrected by readings.
-_MOST_NM = 0.945 * 10.26
-_WATTS_PER_NM2 = 1.5 * 0.85 / 0.945**2
-_WINDING_K_W, _WINDING_S = 2.8, 60.0
-_HOUSING_K_W, _HOUSING_S = 1.5, 750.0
+from litegripd.model.motor_types import DM4310, MotorType
 
 _WINDOW_S = 0.5  # the model advances by the mean loss of such a window
 _RECENT_WINDOWS = 6  # "the last seconds"
@@ -37,10 +28,10 @@ _STRAYS_K = 1.0  # the estimate leaves the reported degree by no more
 _HORIZON_S = 3600.0
 _LOOK_AHEAD_S, _COOLS_WITHIN_S = 10.0, 60.0
 _STEP, _STEP_EVERY_S, _STEP_SOONER_S = 0.9, 4.0, 2.0
-_FAR_ABOVE_C = COIL_LIMIT_C + 2.0
-_RAISE_BELOW_C, _COOL_C = 75.0, 60.0
+_FAR_ABOVE_K = 2.0  # from the limit, as those below
+_RAISE_BELOW_K, _COOL_BELOW_K = 5.0, 20.0
 _RAISE_EVERY_S, _RAISE_EVERY_AT_MOST_S = 20.0, 320.0
-_RAISED_LASTS_S = 300.0  # five times the winding's time constant
+_RAISED_LASTS = 5.0  # times the winding's time constant
 _IN_EFFECT = 0.98  # of the allowance: a command that asks for more is limited by it
 
 
@@ -61,11 +52,13 @@ class Course:
     end_c: float
     winding_k: float
     housing_k: float
+    winding_s: float = DM4310.winding_s
+    housing_s: float = DM4310.housing_s
 
     def at(self, ahead_s: float) -> float:
         """Return the coil's temperature in °C, `ahead_s` from now."""
-        winding_k = self.winding_k * math.exp(-ahead_s / _WINDING_S)
-        return self.end_c + winding_k + self.housing_k * math.exp(-ahead_s / _HOUSING_S)
+        winding_k = self.winding_k * math.exp(-ahead_s / self.winding_s)
+        return self.end_c + winding_k + self.housing_k * math.exp(-ahead_s / self.housing_s)
 
     def passes_s(self, limit_c: float, within_s: float) -> float | None:
         """Return when the coil first reaches `limit_c`, None if not `within_s`."""
@@ -85,8 +78,8 @@ class Course:
         if not self.winding_k < 0.0 < self.housing_k:
             return within_s
         ratio_log = math.log(-self.winding_k) - math.log(self.housing_k)  # a ratio may overflow
-        slopes_log = ratio_log + math.log(_HOUSING_S / _WINDING_S)
-        turns_s = slopes_log / (1 / _WINDING_S - 1 / _HOUSING_S)
+        slopes_log = ratio_log + math.log(self.housing_s / self.winding_s)
+        turns_s = slopes_log / (1 / self.winding_s - 1 / self.housing_s)
         return min(max(turns_s, 0.0), within_s)
 
 
@@ -122,7 +115,8 @@ class HeatModel:
     nominal ones. A Kalman filter of these two, which forgets slowly, follows the readings.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, motor_type: MotorType = DM4310) -> None:
+        self.motor_type = motor_type
         self.coil_c: float | None = None
         self.windows = 0
         self._readings = Readings()
@@ -139,7 +133,7 @@ class HeatModel:
             return
         elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
         self._last_s = now_s
-        torque_nm = min(_MOST_NM, abs(feedback.torque_nm))
+        torque_nm = min(self.motor_type.most_nm, abs(feedback.torque_nm))
         self._square_nm2_s += torque_nm * torque_nm * min(elapsed_s, _UNKNOWN_AFTER_S)
         self._elapsed_s += elapsed_s
         if self._readings.add(now_s, feedback.coil_temperature_c):
@@ -150,11 +144,12 @@ class HeatModel:
             self._advance()
 
     def time_to_limit_s(self) -> float | None:
-        """Return when the coil reaches `COIL_LIMIT_C` if the loss of the last seconds goes on.
+        """Return when the coil reaches its limit if the loss of the last seconds goes on.
 
         0.0 at or over it, None if not within an hour, or while no reading is known.
         """
-        return None if self.coil_c is None else self.course().passes_s(COIL_LIMIT_C, _HORIZON_S)
+        limit_c = self.motor_type.coil_limit_c
+        return None if self.coil_c is None else self.course().passes_s(limit_c, _HORIZON_S)
 
     def settled_nm(self) -> float | None:
         """Return the largest torque of the last seconds, None while it has only begun to act.
@@ -164,28 +159,35 @@ class HeatModel:
         recent_w = self._recent_w
         if len(recent_w) < 2 or recent_w[-1] > _SETTLED * recent_w[-2]:
             return None
-        return math.sqrt(max(recent_w) / _WATTS_PER_NM2)
+        return math.sqrt(max(recent_w) / self.motor_type.watts_per_nm2)
 
     def course(self, torque_nm: float | None = None) -> Course:
         """Return how the coil goes on at a torque, or with the loss of the last seconds."""
+        motor = self.motor_type
         watts = sum(self._recent_w) / max(len(self._recent_w), 1)
         if torque_nm is not None:
-            watts = _WATTS_PER_NM2 * torque_nm**2
-        winding_k_w, housing_k_w = self._share * _WINDING_K_W, self._share * _HOUSING_K_W
+            watts = motor.watts_per_nm2 * torque_nm**2
+        winding_k_w, housing_k_w = self._share * motor.winding_k_w, self._share * motor.housing_k_w
         return Course(
             self._base_c + (winding_k_w + housing_k_w) * watts,
             winding_k_w * (self._winding_w - watts),
             housing_k_w * (self._housing_w - watts),
+            motor.winding_s,
+            motor.housing_s,
         )
 
     def _rise_k(self) -> float:
-        return _WINDING_K_W * self._winding_w + _HOUSING_K_W * self._housing_w
+        motor = self.motor_type
+        return motor.winding_k_w * self._winding_w + motor.housing_k_w * self._housing_w
 
     def _advance(self) -> None:
-        watts = _WATTS_PER_NM2 * self._square_nm2_s / self._elapsed_s
+        motor = self.motor_type
+        watts = motor.watts_per_nm2 * self._square_nm2_s / self._elapsed_s
         self._recent_w.append(watts)
-        self._winding_w += (watts - self._winding_w) * -math.expm1(-self._elapsed_s / _WINDING_S)
-        self._housing_w += (watts - self._housing_w) * -math.expm1(-self._elapsed_s / _HOUSING_S)
+        winding = -math.expm1(-self._elapsed_s / motor.winding_s)
+        housing = -math.expm1(-self._elapsed_s / motor.housing_s)
+        self._winding_w += (watts - self._winding_w) * winding
+        self._housing_w += (watts - self._housing_w) * housing
         if self._readings.believed_c is not None:
             coil_c = self.coil_c = self._base_c + self._share * self._rise_k()
             if self._readings.doubtful_c is None:
@@ -220,12 +222,15 @@ class HeatGuard:
     `allowance_nm` is infinite while nothing is limited, and changes only when `update` says so.
     """
 
-    def __init__(self) -> None:
-        self.model = HeatModel()
+    def __init__(self, motor_type: MotorType = DM4310) -> None:
+        self.limit_c = motor_type.coil_limit_c
+        self.least_nm = motor_type.least_useful_nm
+        self.model = HeatModel(motor_type)
         self.allowance_nm = math.inf
         self._windows, self._asked_nm = 0, 0.0
         self._changed_s, self._was_raised, self._raise_every_s = -math.inf, False, _RAISE_EVERY_S
         self._top_nm = 0.0  # what was applied when the limiting began
+        self._raised_lasts_s = _RAISED_LASTS * motor_type.winding_s
 
     def update(self, now_s: float, feedback: Feedback, torque_bound_nm: float) -> HeatChange | None:
         """Take this tick's measurement and the most torque that its command asks for.
@@ -251,30 +256,33 @@ class HeatGuard:
         course = self.model.course()
         ahead_c = course.at(_LOOK_AHEAD_S)
         rises = ahead_c > coil_c
-        if ahead_c <= COIL_LIMIT_C or not (rises or course.at(_COOLS_WITHIN_S) > COIL_LIMIT_C):
+        limit_c = self.limit_c
+        if ahead_c <= limit_c or not (rises or course.at(_COOLS_WITHIN_S) > limit_c):
             return None
-        is_urgent = rises and (coil_c > COIL_LIMIT_C or ahead_c > _FAR_ABOVE_C)
+        is_urgent = rises and (coil_c > limit_c or ahead_c > limit_c + _FAR_ABOVE_K)
         settled_nm = self.model.settled_nm()
         if settled_nm is None or waited_s < (_STEP_SOONER_S if is_urgent else _STEP_EVERY_S):
             return None
         applied_nm = min(settled_nm, self.allowance_nm)
-        if applied_nm <= LEAST_NM:
+        if applied_nm <= self.least_nm:
             return None  # this torque is not what heats the coil
-        to_nm = max(_STEP * applied_nm, LEAST_NM)
+        to_nm = max(_STEP * applied_nm, self.least_nm)
         why = (
             f"the coil is at {coil_c:.1f} °C, in {_LOOK_AHEAD_S:.0f} s at {ahead_c:.1f} °C with "
-            f"{applied_nm:.2f} N·m; the limit is {COIL_LIMIT_C:.0f} °C: {to_nm:.2f} N·m allowed"
+            f"{applied_nm:.2f} N·m; the limit is {limit_c:.0f} °C: {to_nm:.2f} N·m allowed"
         )
         return HeatChange(self.allowance_nm, to_nm, coil_c, why)
 
     def _raised(self, coil_c: float, waited_s: float, asked_nm: float) -> HeatChange | None:
-        every_s = _RAISE_EVERY_S if coil_c < _COOL_C else self._raise_every_s
-        if self.allowance_nm == math.inf or coil_c >= _RAISE_BELOW_C or waited_s < every_s:
+        limit_c = self.limit_c
+        every_s = _RAISE_EVERY_S if coil_c < limit_c - _COOL_BELOW_K else self._raise_every_s
+        is_warm = coil_c >= limit_c - _RAISE_BELOW_K
+        if self.allowance_nm == math.inf or is_warm or waited_s < every_s:
             return None
         next_nm = self.allowance_nm / _STEP
         is_in_effect = asked_nm >= _IN_EFFECT * self.allowance_nm
         course = self.model.course(min(next_nm, self._top_nm) if is_in_effect else None)
-        if course.passes_s(COIL_LIMIT_C, _RAISED_LASTS_S) is not None:
+        if course.passes_s(limit_c, self._raised_lasts_s) is not None:
             return None
         to_nm = math.inf if next_nm >= self._top_nm else next_nm
         allowed = "any torque" if to_nm == math.inf else f"{to_nm:.2f} N·m"
@@ -284,7 +292,7 @@ class HeatGuard:
     def _learn(self, change: HeatChange, waited_s: float) -> None:
         """Learn from a change: after a raise that did not last, be slower to raise again."""
         was_raised, self._was_raised = self._was_raised, change.to_nm > change.from_nm
-        if was_raised and waited_s >= _RAISED_LASTS_S:
+        if was_raised and waited_s >= self._raised_lasts_s:
             self._raise_every_s = _RAISE_EVERY_S
         elif was_raised and not self._was_raised:
             self._raise_every_s = min(2.0 * self._raise_every_s, _RAISE_EVERY_AT_MOST_S)

@@ -22,19 +22,18 @@ from litegripd.control.grip_watch import STILL_RAD_S, GripWatch, WatchLimits
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
+from litegripd.model.motor_types import DM4310, MotorType
 
 STEADY = (0.7, 1.3)
 """Shares of the commanded speed between which the jaws travel steadily."""
 AVERAGE_S = 0.03
-LARGEST_NM = 0.6
-"""Four times what is usual; more is something that the jaws press on from the beginning."""
-LARGE_NM = 0.45
-"""Three times what is usual: where nothing was measured, no less is relied on."""
-
-USUAL_NM = 0.15
-"""An estimate; where nothing was measured, what bounds a speed counts on no more."""
-ASSUMED_NM = 0.3
-"""Twice as much; where nothing was measured, what lets go of no object counts on no less."""
+LARGEST = 4.0
+"""Times the motor's usual friction; more is something that the jaws press on from the beginning.
+Where nothing was measured, what bounds a speed counts on no more than the usual friction itself."""
+LARGE = 3.0
+"""Where nothing was measured, no less is relied on."""
+ASSUMED = 2.0
+"""Where nothing was measured, what lets go of no object counts on no less."""
 
 
 class FrictionGauge:
@@ -44,7 +43,8 @@ class FrictionGauge:
     the way is not the smallest.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, motor_type: MotorType = DM4310) -> None:
+        self._largest_nm = LARGEST * motor_type.coulomb_nm
         self._began_s: float | None = None
         self._sum_nm = 0.0
         self._count = 0
@@ -54,7 +54,7 @@ class FrictionGauge:
     def friction_nm(self) -> float | None:
         """The friction, at least 0; None where the jaws have not travelled freely long enough."""
         least_nm = self._least_nm
-        return None if least_nm is None or least_nm > LARGEST_NM else max(least_nm, 0.0)
+        return None if least_nm is None or least_nm > self._largest_nm else max(least_nm, 0.0)
 
     def add(self, now_s: float, speed_share: float, torque_nm: float) -> None:
         """Take the torque at a share of the commanded speed."""
@@ -89,8 +89,6 @@ MOST_FREE_SHARE = 1.75
 """A search travels at `SEARCH_SHARE` of the grasp speed, but no slower than so many mm/s, as far as
 that is at most `MOST_FREE_SHARE`, or what the damping of the hold lets free jaws reach in any case:
 a loss is to be known within 50 ms."""
-INERTIA_KG_M2 = 1.87e-3
-"""Rotor and fingers at the output (maker's table; the gripper's model files)."""
 FAR_S = 0.028
 FAR_MM = (1.15, 4.0)
 """Too far for an object that gave way: what a search travels in so long, less the time in which
@@ -155,15 +153,13 @@ class GripSettings:
             friction_nm=friction_nm,
         )
 
-    @property
-    def likely_friction_nm(self) -> float:
-        """The measured friction, or more than is usual."""
-        return ASSUMED_NM if self.friction_nm is None else self.friction_nm
+    def likely_friction_nm(self, motor_type: MotorType) -> float:
+        """Return the measured friction, or more than is usual."""
+        return ASSUMED * motor_type.coulomb_nm if self.friction_nm is None else self.friction_nm
 
-    @property
-    def least_friction_nm(self) -> float:
-        """The measured friction, or the usual one."""
-        return USUAL_NM if self.friction_nm is None else self.friction_nm
+    def least_friction_nm(self, motor_type: MotorType) -> float:
+        """Return the measured friction, or the usual one."""
+        return motor_type.coulomb_nm if self.friction_nm is None else self.friction_nm
 
     def damping(self, applied_nm: float) -> float:
         """Return the damping (N·m·s/rad) of a hold with this torque."""
@@ -172,12 +168,13 @@ class GripSettings:
         damping = applied_nm / free_rad_s
         return min(max(damping, SOFTEST_DAMPING_NM_S_RAD), CALM_KD_NM_S_RAD)
 
-    def search(self, force_n: float) -> tuple[float, float, float]:
+    def search(self, force_n: float, motor_type: MotorType) -> tuple[float, float, float]:
         """Return torque (N·m), damping (N·m·s/rad) and speed (rad/s) of a search for `force_n`.
 
         Standing jaws press with that torque; free ones travel at that speed, if it suffices.
         """
-        applied_nm, friction_nm = force_n / FORCE_PER_TORQUE_N_NM, self.least_friction_nm
+        applied_nm = force_n / FORCE_PER_TORQUE_N_NM
+        friction_nm = self.least_friction_nm(motor_type)
         most_rad_s = max(
             MOST_FREE_SHARE * self.grasp_speed_rad_s, applied_nm / self.damping(applied_nm)
         )
@@ -187,14 +184,15 @@ class GripSettings:
         damping = max((torque_nm - friction_nm) / speed_rad_s, SOFTEST_SEARCH_DAMPING_NM_S_RAD)
         return torque_nm, damping, speed_rad_s
 
-    def watch_limits(self, force_n: float) -> WatchLimits:
+    def watch_limits(self, force_n: float, motor_type: MotorType) -> WatchLimits:
         """Return what a watch of a grip by `force_n` judges by."""
-        torque_nm, damping, speed_rad_s = self.search(force_n)
-        driving_nm = force_n / FORCE_PER_TORQUE_N_NM - self.least_friction_nm
+        torque_nm, damping, speed_rad_s = self.search(force_n, motor_type)
+        friction_nm = self.least_friction_nm(motor_type)
+        driving_nm = force_n / FORCE_PER_TORQUE_N_NM - friction_nm
         far_rad = 0.0
         if driving_nm > 0.0:
-            reached_rad_s = min((torque_nm - self.least_friction_nm) / damping, speed_rad_s)
-            gathering_s = INERTIA_KG_M2 * reached_rad_s / driving_nm
+            reached_rad_s = min((torque_nm - friction_nm) / damping, speed_rad_s)
+            gathering_s = motor_type.inertia_kg_m2 * reached_rad_s / driving_nm
             far_rad = reached_rad_s * max(FAR_S - gathering_s, 0.0)
         nearest_rad, farthest_rad = map(self.geometry.to_rad, FAR_MM)
         return WatchLimits(
@@ -202,7 +200,7 @@ class GripSettings:
             search_rad_s=speed_rad_s,
             far_rad=min(max(far_rad, nearest_rad), farthest_rad),
             lost_at_rad=self.lost_at_rad,
-            friction_nm=self.likely_friction_nm,
+            friction_nm=self.likely_friction_nm(motor_type),
             moved_rad=self.geometry.to_rad(MOVED_MM),
         )
 
@@ -215,11 +213,18 @@ class Grip:
     """
 
     def __init__(
-        self, settings: GripSettings, force_n: float, in_flight_nm: float, *, watched: bool
+        self,
+        settings: GripSettings,
+        force_n: float,
+        in_flight_nm: float,
+        motor_type: MotorType,
+        *,
+        watched: bool,
     ) -> None:
         self.force_n = force_n
         self.watched = watched
         self._settings = settings
+        self._motor_type = motor_type
         self._sign = settings.geometry.close_sign
         self._applied_nm = max(in_flight_nm, 0.0)
         self._return_nm = self._applied_nm
@@ -232,7 +237,7 @@ class Grip:
         self._eased = Lasting(EASED_S)
         self._sent_nm: float | None = None
         self._ramped_at_s: float | None = None
-        self._watch = GripWatch(settings.watch_limits(force_n))
+        self._watch = GripWatch(settings.watch_limits(force_n, motor_type))
         self._stays = False
         self._decides_next = False
         self._closes_on = Lasting(CLOSES_ON_S)
@@ -281,7 +286,8 @@ class Grip:
         While the jaws search for it, it may feel none; nor is there a lower bound of a stiff hold
         (`by` "gains"), around a position at which the object may no longer be.
         """
-        hidden_n = BREAKAWAY_SHARE * self._settings.likely_friction_nm * FORCE_PER_TORQUE_N_NM
+        friction_nm = self._settings.likely_friction_nm(self._motor_type)
+        hidden_n = BREAKAWAY_SHARE * friction_nm * FORCE_PER_TORQUE_N_NM
         commanded_n = self._effective_nm * FORCE_PER_TORQUE_N_NM
         may_be_none = self._watch.is_searching or self._settings.by == "gains"
         low_n = 0.0 if may_be_none else max(commanded_n - hidden_n, 0.0)
@@ -297,7 +303,7 @@ class Grip:
             return None
         friction_nm = self._settings.friction_nm
         if friction_nm is None:
-            friction_nm = LARGE_NM
+            friction_nm = round(LARGE * self._motor_type.coulomb_nm, 3)
         needed_nm = NOTICED_SHARE * friction_nm + NOTICED_NM
         if opening_mm < STICK_MM:
             needed_nm = max(needed_nm, STICK_NM)
@@ -318,7 +324,7 @@ class Grip:
         """Return the grip that continues this one with other settings, without a gap."""
         if settings.friction_nm is None:
             settings = replace(settings, friction_nm=self._settings.friction_nm)
-        grip = Grip(settings, force_n, self._applied_nm, watched=True)
+        grip = Grip(settings, force_n, self._applied_nm, self._motor_type, watched=True)
         grip._watch.continue_from(self._watch)
         grip._return_nm = max(self._return_nm, self._applied_nm)
         return grip
@@ -353,7 +359,7 @@ class Grip:
             return self._around_reading(now_s, feedback)
         torque_nm = self._sign * self._applied_nm
         if self._watch.is_searching:
-            _, damping, _ = self._settings.search(self.force_n)
+            _, damping, _ = self._settings.search(self.force_n, self._motor_type)
             return MitCommand(feedback.position_rad, 0.0, 0.0, damping, torque_nm)
         damping = self._settings.damping(self._applied_nm)
         expected_rad_s = self._expected_rad_s()
@@ -404,18 +410,19 @@ class Grip:
             self._return_nm = self._applied_nm
         wanted_nm = force_n / FORCE_PER_TORQUE_N_NM
         lowers = self._settings.by == "torque" and wanted_nm < self._applied_nm
-        below_nm = max(wanted_nm - self._settings.likely_friction_nm, 0.0)
+        friction_nm = self._settings.likely_friction_nm(self._motor_type)
+        below_nm = max(wanted_nm - friction_nm, 0.0)
         self._lowered_nm = max(self._applied_nm - wanted_nm, 0.0) if lowers else 0.0
         self._below_s = 0.0
         self._below_nm = below_nm if lowers else None
-        self._watch.limits = self._settings.watch_limits(force_n)
+        self._watch.limits = self._settings.watch_limits(force_n, self._motor_type)
 
     def _ramp(self, elapsed_s: float) -> None:
         """Bring the torque closer to the one that is wanted now."""
         wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
         rate_nm_s = self._settings.rate_nm_s
         if self._watch.is_searching and self._settings.by == "torque":
-            search_nm, _, _ = self._settings.search(self.force_n)
+            search_nm, _, _ = self._settings.search(self.force_n, self._motor_type)
             self._applied_nm = min(self._applied_nm, search_nm)  # at once: the jaws run
             wanted_nm = search_nm
         elif self._below_nm is not None:

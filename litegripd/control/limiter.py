@@ -11,11 +11,7 @@ from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, Ranges
-
-PEAK_TORQUE_NM = 7.0  # of the DM4310, for a moment
-RATED_TORQUE_NM = 3.0  # for long
-PEAK_IMPULSE_NM_S = 2.0
-"""How much above the rating is "a moment": 7 N·m for 0.5 s, or less for longer."""
+from litegripd.model.motor_types import DM4310, MotorType
 
 VENDOR_KD_NM_S_RAD = 2.0
 """The damping of the vendor's SDK, for every command."""
@@ -32,7 +28,10 @@ _DAMPING_BACK_S = 0.1
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Where commands may lie: the widened travel, or a lead and a torque where none is known."""
+    """Where commands may lie: the widened travel, or a lead and a torque where none is known.
+
+    The torque is within the motor's in any case.
+    """
 
     low_rad: float
     high_rad: float
@@ -47,7 +46,7 @@ def bounds_of(geometry: Geometry | None, config: MotionConfig) -> Bounds:
     beyond_rad = config.press_overshoot * geometry.travel_rad
     low_rad = min(geometry.closed_rad, geometry.open_rad) - beyond_rad
     high_rad = max(geometry.closed_rad, geometry.open_rad) + beyond_rad
-    return Bounds(low_rad, high_rad, math.inf, PEAK_TORQUE_NM)
+    return Bounds(low_rad, high_rad, math.inf, math.inf)
 
 
 def probe_bounds(config: MotionConfig) -> Bounds:
@@ -62,7 +61,8 @@ class CommandLimiter:
     that is too much, these terms are lowered alike.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, motor_type: MotorType = DM4310) -> None:
+        self._motor_type = motor_type
         self._impulse_nm_s = 0.0
         self._rated_only = False
         self._last_s: float | None = None
@@ -94,11 +94,12 @@ class CommandLimiter:
         if inside != packable:
             limited.append("travel")
         elapsed_s = self._charge(now_s)
-        budget_nm = min(RATED_TORQUE_NM if self._rated_only else PEAK_TORQUE_NM, bounds.torque_nm)
+        motor = self._motor_type
+        budget_nm = min(motor.rated_nm if self._rated_only else motor.peak_nm, bounds.torque_nm)
         within, self._damping = _within_torque(
             inside, feedback, min(budget_nm, allowance_nm), self._most_damping(elapsed_s)
         )
-        within = _within_peak(within, feedback)
+        within = _within_peak(within, feedback, motor.peak_nm)
         if within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
         within = _within_ranges(within, ranges)  # scaling may round to just beyond a range
@@ -121,9 +122,9 @@ class CommandLimiter:
         """
         elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
         self._last_s = now_s
-        self._impulse_nm_s += (self._last_nm - RATED_TORQUE_NM) * elapsed_s
+        self._impulse_nm_s += (self._last_nm - self._motor_type.rated_nm) * elapsed_s
         self._impulse_nm_s = max(self._impulse_nm_s, 0.0)
-        if self._impulse_nm_s >= PEAK_IMPULSE_NM_S:
+        if self._impulse_nm_s >= self._motor_type.peak_impulse_nm_s:
             self._rated_only = True
         elif self._impulse_nm_s == 0.0:
             self._rated_only = False
@@ -209,7 +210,7 @@ def _share(budget_nm: float, asked_nm: float) -> float:
     return 1.0 if asked_nm <= budget_nm else budget_nm / asked_nm
 
 
-def _within_peak(command: MitCommand, feedback: Feedback) -> MitCommand:
+def _within_peak(command: MitCommand, feedback: Feedback, peak_nm: float) -> MitCommand:
     """Lower hard damping so far that at the true speed, too, it makes no more than the peak torque.
 
     The measured speed is filtered by the motor, and up to two ticks old. The vendor's own damping
@@ -217,7 +218,7 @@ def _within_peak(command: MitCommand, feedback: Feedback) -> MitCommand:
     """
     lead_rad = abs(command.position_rad - feedback.position_rad)
     slip_rad_s = abs(command.velocity_rad_s - feedback.velocity_rad_s) + UNSEEN_RAD_S
-    left_nm = PEAK_TORQUE_NM - command.kp_nm_rad * lead_rad - abs(command.torque_nm)
+    left_nm = peak_nm - command.kp_nm_rad * lead_rad - abs(command.torque_nm)
     most_nm_s_rad = max(left_nm / slip_rad_s, VENDOR_KD_NM_S_RAD)
     if command.kd_nm_s_rad <= most_nm_s_rad:
         return command
@@ -242,12 +243,12 @@ def _clamp(value: float, limit: float) -> float:
 class Output:
     """Keeps what was wanted and what is sent in its place, and why they differ."""
 
-    def __init__(self) -> None:
+    def __init__(self, motor_type: MotorType = DM4310) -> None:
         self.requested: MitCommand | None = None
         self.command: MitCommand | None = None
         self.limited: tuple[str, ...] = ()
-        self.heat = HeatGuard()
-        self._limiter = CommandLimiter()
+        self.heat = HeatGuard(motor_type)
+        self._limiter = CommandLimiter(motor_type)
 
     def send(
         self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges

@@ -122,6 +122,7 @@ class Motions:
             config=config,
             gains=engine.gains,
             period_s=engine.period_s,
+            motor_type=engine.unit.motor_type,
             held=held,
         )
         return engine.begin("grasp", action, owner, detached)
@@ -208,7 +209,8 @@ class Motions:
             in_flight_nm = min(
                 geometry.close_sign * feedback.torque_nm, force_n / FORCE_PER_TORQUE_N_NM
             )
-            grip = Grip(settings, force_n, in_flight_nm, watched=False)
+            motor_type = engine.unit.motor_type
+            grip = Grip(settings, force_n, in_flight_nm, motor_type, watched=False)
         grip.squeeze(force_n)
         return engine.settle("set_force", grip, owner, ForceResult(force_n))
 

@@ -15,7 +15,7 @@ from litegripd.control.ring import OVERHEAD_BYTES, Ring
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobKind, Owner
-from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
+from litegripd.model.motor import Feedback, MitCommand, MotorPhase
 
 KEPT_S = 60.0
 EVENTS = 1024
@@ -42,7 +42,6 @@ BUS_UP, FAILED, HAS_FEEDBACK, HAS_REQUEST, CALIBRATED, HAS_SENT, IS_SLACK, IS_ST
 _NO_FEEDBACK = Feedback(0, 0.0, 0.0, 0.0, 0, 0, 0.0)
 _NO_COMMAND = MitCommand(0.0, 0.0, 0.0, 0.0, 0.0)
 _NOBODY = Owner(0, 0, 0, "")
-_RANGES = Ranges()
 _PHASE_NUMBERS: Mapping[MotorPhase, int] = {phase: n for n, phase in enumerate(PHASES)}
 _KIND_NUMBERS: Mapping[JobKind, int] = {kind: n for n, kind in enumerate(KINDS)}
 
@@ -127,7 +126,7 @@ class Recorder:
         motor = engine.motor
         feedback, requested = motor.feedback or _NO_FEEDBACK, engine.output.requested
         identity, job = motor.identity, engine.jobs.running
-        ranges = _RANGES if identity is None else identity.ranges
+        ranges = engine.unit.motor_type.ranges if identity is None else identity.ranges
         self._note_changes(now_s, engine)
         owner = self._owner
         flags = self._flags(engine)

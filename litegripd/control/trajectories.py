@@ -259,6 +259,7 @@ class Trajectories:
             config=config,
             gains=Gains(kp, kd),
             period_s=engine.period_s,
+            motor_type=engine.unit.motor_type,
             resting=lambda: engine.rest,
         )
         self.replay_job = engine.begin("play", action, owner, detached)

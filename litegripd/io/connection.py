@@ -88,7 +88,8 @@ class Connection:
         self._unsent = bytearray()
         self._sent_whole = True
         self._half_closed = False
-        self._heard = True  # whether the loop watches for more to read
+        self.is_heard = True
+        """True while the loop watches for more to read."""
 
     def on_event(self, mask: int) -> None:
         """Wait for a turn to read, write, or close, as the kernel tells."""
@@ -102,7 +103,7 @@ class Connection:
             if self._owner.take_turn(self):
                 self._noticed_s = time.monotonic()
             else:  # told twice: it is heard again when its turn has come
-                self._hear(False)
+                self.hear(False)
 
     @property
     def has_more(self) -> bool:
@@ -115,25 +116,34 @@ class Connection:
         A set-point is not served while a newer one of this connection may have come.
         """
         if self.line is None:
-            self._read()
+            if not self._half_closed:
+                self._receive()
+            self.advance()
         elif self._may_be_overtaken(self.line):
             self._read_beyond(self.line, self.received_s)
         for _ in range(_OVERTAKEN_AT_ONCE):
             if self.line is None:
                 return False
             if self._begin >= self._newest or not is_set_point(self.line):
-                return not self._may_be_overtaken(self.line)
+                return self._unread == 0 or not self._may_be_overtaken(self.line)
             self.advance()
         return False
 
-    def hear_again(self) -> None:
-        """Be told by the loop of what comes from now on."""
-        self._hear(True)
+    def hear(self, hears: bool) -> None:
+        """Have the loop watch for more to read, or not."""
+        if hears != self.is_heard:
+            self.is_heard = hears
+            self._watch()
 
     def advance(self) -> None:
         """Go on to the next line of what has been received; blank ones do not count."""
-        text = _NOT_BLANK.search(self._received, self._taken)
-        begin = len(self._received) if text is None else text.start()
+        if self._taken == len(self._received) and not self._half_closed:
+            self.line, self._received, self._begin, self._taken, self._newest = None, b"", 0, 0, -1
+            return
+        begin = self._taken
+        if self._received[begin : begin + 1] != b"{":
+            text = _NOT_BLANK.search(self._received, begin)
+            begin = len(self._received) if text is None else text.start()
         end = self._received.find(b"\n", begin)
         if end < 0 and self._half_closed and begin < len(self._received):
             end = len(self._received)
@@ -147,9 +157,9 @@ class Connection:
             )
         else:
             self._begin, self._taken, self.received_s = begin, end + 1, self._came_s
-        if len(self._received if self.line is None else self.line) > MAX_LINE_BYTES:
+        if len(self.line or self._received) > MAX_LINE_BYTES:
             self._refuse(_TOO_LONG, bytes(self._unsent) + b"".join(self.session.outgoing))
-        else:
+        elif self._half_closed:
             self._drop_if_done()
 
     def note_stop(self, stopped_s: float) -> None:
@@ -189,33 +199,45 @@ class Connection:
 
     def flush(self) -> None:
         """Send as much as the client takes now; close a client that lets too much wait."""
-        outgoing = self.session.outgoing
-        if outgoing:
-            self._unsent += b"".join(outgoing)
-            outgoing.clear()
-        if not self._unsent:
-            self._drop_if_done()
-            return
-        was_congested = self.session.congested
+        session, unsent, was_congested = self.session, self._unsent, self.session.congested
+        outgoing = session.outgoing
         try:
-            sent = self._socket.send(self._unsent)
-        except BlockingIOError:
-            sent = 0
+            if len(outgoing) == 1 and not unsent:
+                self._send_at_once(outgoing)
+            elif outgoing or unsent:
+                unsent += b"".join(outgoing)
+                outgoing.clear()
+                sent = self._send(unsent)
+                del unsent[:sent]
         except OSError:
             self._owner.drop(self)  # the client is gone
             return
-        if sent:
-            self._sent_whole = self._unsent[sent - 1] == _NEWLINE
-        del self._unsent[:sent]
-        self.session.counters.bytes_out += sent
-        self.session.congested = bool(self._unsent)
+        session.congested = bool(unsent)
         if len(self._unsent) > MAX_UNSENT_BYTES:
             cut_off = 0 if self._sent_whole else self._unsent.find(b"\n") + 1
             self._refuse(_BACKLOG_FULL, bytes(self._unsent[:cut_off]))
             return
-        if self.session.congested != was_congested:
+        if session.congested != was_congested:
             self._watch()
-        self._drop_if_done()
+        if self._half_closed:
+            self._drop_if_done()
+
+    def _send_at_once(self, outgoing: list[bytes]) -> None:
+        """Send the one line that waits, without a copy where it is taken whole."""
+        line = outgoing.pop()
+        sent = self._send(line)
+        if sent < len(line):
+            self._unsent += line[sent:]
+
+    def _send(self, waiting: bytes | bytearray) -> int:
+        """Send as much as is taken now; raises `OSError` when the client is gone."""
+        try:
+            sent = self._socket.send(waiting)
+        except BlockingIOError:
+            return 0
+        self._sent_whole = waiting[sent - 1] == _NEWLINE
+        self.session.counters.bytes_out += sent
+        return sent
 
     def close(self) -> None:
         """Close the socket; what was not sent is lost."""
@@ -232,18 +254,16 @@ class Connection:
         """Read what comes behind a set-point; it stays as old as it was."""
         self._received = self._received[self._begin :]
         self._taken = 0
-        self._read()
-        if self.line == line:
-            self.received_s = received_s
-
-    def _read(self) -> None:
         if not self._half_closed:
             self._receive()
         self.advance()
+        if self.line == line:
+            self.received_s = received_s
 
     def _receive(self) -> None:
-        known = self._unread
-        most = min(known or MAX_LINE_BYTES + 1, MAX_LINE_BYTES + 1)
+        known, most = self._unread, MAX_LINE_BYTES + 1
+        if 0 < known < most:
+            most = known
         try:
             received = self._socket.recv(most)
         except BlockingIOError:
@@ -254,10 +274,13 @@ class Connection:
         now_s = time.monotonic()
         self.waits_since_s = now_s if self._noticed_s is None else self._noticed_s
         self._noticed_s = None
-        self._came_s = self._unread_s if known else now_s
-        self._unread = max(known - len(received), 0) if received else 0
-        if not known and len(received) == most:
-            self._note_unread(now_s)
+        if known:
+            self._came_s = self._unread_s
+            self._unread = max(known - len(received), 0) if received else 0
+        else:
+            self._came_s = now_s
+            if len(received) == most:
+                self._note_unread(now_s)
         self.session.counters.bytes_in += len(received)
         if not received:
             self._half_closed = True
@@ -270,11 +293,6 @@ class Connection:
         answer = fcntl.ioctl(self._socket.fileno(), termios.FIONREAD, bytes(_INT.size))
         (self._unread,) = _INT.unpack(answer)
         self._unread_s = by_s
-
-    def _hear(self, hears: bool) -> None:
-        if hears != self._heard:
-            self._heard = hears
-            self._watch()
 
     def _drop_if_done(self) -> None:
         """Close a half-closed connection once nothing is left to be done or told."""
@@ -296,7 +314,7 @@ class Connection:
         self._owner.drop(self)
 
     def _watch(self) -> None:
-        mask = _LISTEN if self._heard and not self._half_closed else 0
+        mask = _LISTEN if self.is_heard and not self._half_closed else 0
         if self.session.congested:
             mask |= select.EPOLLOUT
         self._reactor.modify(self._socket.fileno(), mask)

@@ -214,15 +214,15 @@ class Backlog(Protocol):
     def pending(self) -> bool:
         """Whether anything is left."""
 
-    def serve(self, until_s: float) -> None:
-        """Answer some of it by `until_s`; it is called again while there is time."""
+    def serve(self, until_s: float, *, light_only: bool = False) -> None:
+        """Answer some of it by `until_s`; it is called again while there is time.
+
+        With `light_only` only of those who have used little: the share of all is used up.
+        """
 
     @property
     def pending_light(self) -> bool:
         """Whether anything is left of who has used little time."""
-
-    def serve_light(self, until_s: float) -> None:
-        """Answer some of that by `until_s`, though the share of all requests is used up."""
 
 
 class Reactor:
@@ -379,10 +379,7 @@ class Reactor:
         if self.backlog is None:
             return
         try:
-            if is_spare:
-                self.backlog.serve_light(until_s)
-            else:
-                self.backlog.serve(until_s)
+            self.backlog.serve(until_s, light_only=is_spare)
         except Exception:  # noqa: BLE001 - the loop outlives any defect above it
             self.backlog_errors += 1
             if self.backlog_errors == 1:

@@ -11,7 +11,6 @@ import select
 import socket
 import time
 from collections import Counter, deque
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -51,57 +50,52 @@ class Turns:
         self._light_s = LIGHT_SHARE * period_s
         self._forgotten_s = _FORGOTTEN * period_s
         self._users: dict[int, _User] = {}
-        self._waiting: dict[int, _User] = {}
-
-    def __bool__(self) -> bool:
-        """Return whether any connection waits."""
-        return bool(self._waiting)
+        self.waiting: dict[int, _User] = {}
+        """The users of whom a connection waits, by uid."""
 
     @property
     def has_light(self) -> bool:
         """Whether a connection of a light user waits."""
-        return any(user.used_s < self._light_s for user in self._waiting.values())
+        return any(user.used_s < self._light_s for user in self.waiting.values())
 
-    def __contains__(self, connection: "Connection") -> bool:
-        """Return whether a connection waits."""
-        user = self._users.get(connection.session.peer.uid)
-        return user is not None and connection in user.waiting
-
-    def add(self, connection: "Connection") -> None:
-        """Let a connection wait, once."""
+    def add(self, connection: "Connection") -> bool:
+        """Let a connection wait behind the same user's others; False if it waits already."""
         uid = connection.session.peer.uid
-        user = self._users.setdefault(uid, _User())
-        user.waiting.setdefault(connection)
-        self._waiting[uid] = user
+        user = self._users.get(uid)
+        if user is None:
+            user = self._users[uid] = _User()
+        if connection in user.waiting:
+            return False
+        user.waiting[connection] = None
+        self.waiting[uid] = user
+        return True
 
-    def remove(self, connection: "Connection") -> None:
-        """Let a connection wait no longer, if it does."""
+    def remove(self, connection: "Connection") -> bool:
+        """Let a connection wait no longer; False if it did not."""
         uid = connection.session.peer.uid
-        user = self._waiting.get(uid)
-        if user is not None:
-            user.waiting.pop(connection, None)
-            if not user.waiting:
-                del self._waiting[uid]
+        user = self.waiting.get(uid)
+        if user is None or connection not in user.waiting:
+            return False
+        del user.waiting[connection]
+        if not user.waiting:
+            del self.waiting[uid]
+        return True
 
-    def postpone(self, connection: "Connection") -> None:
-        """Let a connection's turn come after those of the same user's others."""
-        waiting = self._waiting[connection.session.peer.uid].waiting
-        del waiting[connection]
-        waiting[connection] = None
-
-    def heads(self, *, light_only: bool) -> "Iterator[Connection]":
-        """Yield each user's next connection, whose user has used the least first."""
-        users = list(self._waiting.values())
+    def heads(self, *, light_only: bool) -> "list[Connection]":
+        """Return each user's next connection, whose user has used the least first."""
+        users = list(self.waiting.values())
         if light_only:
             users = [user for user in users if user.used_s < self._light_s]
         if len(users) > 1:
             users.sort(key=lambda user: user.used_s)
-        for user in users:
-            yield next(iter(user.waiting))
+        return [next(iter(user.waiting)) for user in users]
 
     def charge(self, uid: int, used_s: float) -> None:
         """Note that a user has cost some time."""
-        self._users.setdefault(uid, _User()).used_s += used_s
+        user = self._users.get(uid)
+        if user is None:
+            user = self._users[uid] = _User()
+        user.used_s += used_s
 
     def next_period(self, periods: int) -> None:
         """Let what was used fade, once for each period that has begun."""
@@ -163,7 +157,7 @@ class Server:
     @property
     def pending(self) -> bool:
         """Whether a line waits to be served, or anything to be sent."""
-        return bool(self._turns or self._dirty) or self._service.pending
+        return bool(self._turns.waiting or self._dirty) or self._service.pending
 
     @property
     def pending_light(self) -> bool:
@@ -178,23 +172,17 @@ class Server:
     @property
     def lines_wait(self) -> bool:
         """Whether a client's line waits to be served."""
-        return bool(self._turns)
+        return bool(self._turns.waiting)
 
-    def serve(self, until_s: float) -> None:
+    def serve(self, until_s: float, *, light_only: bool = False) -> None:
         """Send what waits and serve lines in turn, while there is time.
 
         Samples and lines take turns, so that neither can starve the other. A long line that
         would end in the next tick waits for the begin of a period. After a few steps it returns:
         the loop has to see who else has sent something, or a newcomer would have to wait until
-        a flood has used up the whole share.
+        a flood has used up the whole share. With `light_only` only those are served who have used
+        little time of late.
         """
-        self._serve(until_s, light_only=False)
-
-    def serve_light(self, until_s: float) -> None:
-        """Serve lines of those who have used little time of late, and send what waits."""
-        self._serve(until_s, light_only=True)
-
-    def _serve(self, until_s: float, *, light_only: bool) -> None:
         if self._ticks != self._reactor.ticks:
             self._turns.next_period(self._reactor.ticks - self._ticks)
             self._ticks = self._reactor.ticks
@@ -207,6 +195,8 @@ class Server:
                 return
             began_s, now_s = now_s, time.monotonic()
             self._turns.charge(uid, now_s - began_s)
+            if not self.pending:
+                return
 
     def _step(self, now_s: float, until_s: float, light_only: bool) -> int | None:
         """Do what is next; return the user for whom, None where there is nothing to do in time."""
@@ -214,8 +204,8 @@ class Server:
             connection = self._dirty.popleft()
             connection.flush()
             return connection.session.peer.uid
-        is_samples_turn = self._samples_turn or not self._turns
-        if not light_only and self._service.pending and is_samples_turn:
+        is_samples_turn = self._samples_turn or not self._turns.waiting
+        if is_samples_turn and not light_only and self._service.pending:
             self._samples_turn = False
             self._service.send_one()
             return _NOBODY
@@ -234,12 +224,11 @@ class Server:
             if is_ready:
                 self._serve_line(connection, now_s)
         finally:
-            if connection in self._turns:  # else it was dropped
+            if self._turns.remove(connection):  # else it was dropped
                 if connection.has_more:
-                    self._turns.postpone(connection)
-                else:
-                    self._turns.remove(connection)
-                    connection.hear_again()
+                    self._turns.add(connection)
+                elif not connection.is_heard:
+                    connection.hear(True)
         return True
 
     def flush(self) -> None:
@@ -262,6 +251,9 @@ class Server:
                 session.counters.note_latency(time.monotonic() - connection.waits_since_s)
         finally:
             connection.advance()
+        if self._dirty and self._dirty[-1] is connection:  # it is answered: no step of its own
+            self._dirty.pop()
+            connection.flush()
 
     def _cost_s(self, connection: Connection) -> float:
         """Estimate what the connection's line takes; a fresh period has room for any."""
@@ -329,10 +321,7 @@ class Server:
 
     def take_turn(self, connection: Connection) -> bool:
         """Let a connection wait for its turn to read and be served; False if it does already."""
-        if connection in self._turns:
-            return False
-        self._turns.add(connection)
-        return True
+        return self._turns.add(connection)
 
     def serve_last(self, connection: Connection, line: bytes) -> None:
         """Serve a line that a client has left behind."""

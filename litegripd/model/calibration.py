@@ -10,8 +10,9 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, TypedDict
 
-from litegripd.model.geometry import Geometry
+from litegripd.model.geometry import NOMINAL_RAD_TO_MM, Geometry
 from litegripd.model.motion_config import damping_conflict
+from litegripd.model.motor_types import MOTOR_TYPES
 
 
 class Saved(TypedDict):
@@ -52,12 +53,14 @@ _MEASURED = (
 )
 """The keys that a calibration decides; of the others, a rewrite keeps what the file says."""
 
-MOTOR_TYPE = "DM4310"
 GRASP_TORQUE_THRESHOLD_NM = 0.5
 """What the vendor's factory file says; the daemon itself does not use it."""
 
 
-NOMINAL = (Geometry(0.114, -1.491, 74.8), Geometry(-1.491, 0.114, 74.8))
+NOMINAL = (
+    Geometry(0.114, -1.491, NOMINAL_RAD_TO_MM),
+    Geometry(-1.491, 0.114, NOMINAL_RAD_TO_MM),
+)
 """What the templates say of the two mounts (and the factory's file, of the first). No measurement
 hits these figures, so whoever has them was never measured, in whatever file they stand."""
 
@@ -98,6 +101,7 @@ class Calibration:
         channel: str,
         can_id: int,
         master_id: int | None,
+        motor_type: str,
         kp_nm_rad: float,
         kd_nm_s_rad: float,
     ) -> dict[str, Any]:
@@ -106,6 +110,7 @@ class Calibration:
         Limits, travel, scale, `calibrated` and `channel` are this calibration's. The other keys of
         `content`, unknown ones included, keep their values; where there are none, `can_id`,
         `master_id` (None or 0: unknown, and left out) and the gains (N·m/rad, N·m·s/rad) stand in.
+        A type of motor that the daemon knows is replaced by `motor_type`.
         """
         geometry = self.geometry
         ours: dict[str, Any] = {
@@ -118,7 +123,7 @@ class Calibration:
             "max_position_rad": geometry.open_rad,
             "travel_range_rad": geometry.travel_rad,
             "rad_to_mm": geometry.rad_to_mm,
-            "motor_type": MOTOR_TYPE,
+            "motor_type": motor_type,
             "kp": kp_nm_rad if self.kp_nm_rad is None else self.kp_nm_rad,
             "kd": kd_nm_s_rad if self.kd_nm_s_rad is None else self.kd_nm_s_rad,
             "grasp_torque_threshold": GRASP_TORQUE_THRESHOLD_NM,
@@ -128,6 +133,8 @@ class Calibration:
             for key, value in self.content.items()
             if key not in ours or (key not in _MEASURED and value is not None)
         }
+        if kept.get("motor_type") in MOTOR_TYPES:
+            del kept["motor_type"]
         if not kept.get("mst_id"):
             kept.pop("mst_id", None)
         content = ours | kept

@@ -14,6 +14,9 @@ SMALLEST_TRAVEL_RAD = 0.001
 RAD_TO_MM_RANGE = (0.001, 1e6)
 """Far wider than any gripper: within these bounds no figure of the geometry under- or overflows."""
 
+NOMINAL_RAD_TO_MM = 74.8
+"""The scale of the vendor's templates."""
+
 FORCE_PER_TORQUE_N_NM = 10.0
 """1 N corresponds to about 0.1 N·m (vendor's SDK, `UnitConversion.N_TO_NM`): approximate, since
 the clamping force depends on the geometry of the fingers."""

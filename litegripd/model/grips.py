@@ -10,7 +10,6 @@ from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from litegripd.model import strict_json
-from litegripd.model.motion_config import RANGES
 from litegripd.model.trajectory import TrajectoryError
 
 FORMAT = "litegrip-grips"
@@ -21,7 +20,8 @@ MOST_GRIPS = 200
 
 MAX_GRIP_BYTES = 131_072
 MAX_SOURCE = 80
-MOST_FORCE_N = RANGES["force_n"][1]
+MOST_FORCE_N = 30.0
+"""Of the file, whatever the motor: grips go from one gripper to another."""
 
 _KEYS = {"format", "version", "lgt_sha256", "grips"}
 

@@ -3,9 +3,11 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
+from functools import cache
 from typing import Any
 
 from litegripd.model.geometry import Geometry
+from litegripd.model.motor_types import DM4310, FASTEST_MM_S, MOTOR_TYPES, MotorType
 
 
 class MotionConfigError(ValueError):
@@ -64,7 +66,7 @@ class MotionConfig:
     def __post_init__(self) -> None:
         """Check each field by itself, and those that belong together."""
         for field in fields(self):
-            _check(field.name, getattr(self, field.name))
+            _check(field.name, getattr(self, field.name), WIDEST)
         if self.stop_lead_mm > self.max_lead_mm:
             raise MotionConfigError(
                 "stop_lead_mm",
@@ -72,8 +74,10 @@ class MotionConfig:
                 f" {self.max_lead_mm:g}: near the stop the jaws press less, not more",
             )
 
-    def changed(self, values: Mapping[str, Any], period_s: float) -> "MotionConfig":
-        """Return a copy with some fields changed, as a client asks for.
+    def changed(
+        self, values: Mapping[str, Any], period_s: float, motor_type: MotorType = DM4310
+    ) -> "MotionConfig":
+        """Return a copy with some fields changed, as a client asks for, within the motor's ranges.
 
         `frame_interval` may be given, but only as it is: `period_s`. Raises `MotionConfigError`.
         """
@@ -85,12 +89,15 @@ class MotionConfig:
                 f"frame_interval is {period_s:g}, the daemon's control period, and read-only:"
                 " rate_hz in the daemon's configuration sets it",
             )
-        unknown = sorted(given.keys() - RANGES.keys())
+        unknown = sorted(given.keys() - _RANGES.keys())
         if unknown:
-            known = ", ".join(("frame_interval", *RANGES))
+            known = ", ".join(("frame_interval", *_RANGES))
             text = f"there is no field {unknown[0][:40]!r}; there are: {known}"
             raise MotionConfigError(unknown[0][:40], text)
         typed: dict[str, Any] = {name: _typed(name, value) for name, value in given.items()}
+        ranges = ranges_of(motor_type)
+        for name in (field.name for field in fields(self) if field.name in typed):
+            _check(name, typed[name], ranges)
         return replace(self, **typed)
 
     def as_fields(self, period_s: float) -> dict[str, float]:
@@ -98,8 +105,8 @@ class MotionConfig:
         return {**asdict(self), "frame_interval": period_s}
 
 
-RANGES: dict[str, tuple[float, float]] = {
-    "speed_mm_s": (0.1, 500.0),
+_RANGES: dict[str, tuple[float, float]] = {
+    "speed_mm_s": (0.1, FASTEST_MM_S),
     "grasp_speed_mm_s": (0.1, 200.0),
     "margin": (0.0, 0.4),
     "sample_interval": (0.01, 1.0),
@@ -113,12 +120,12 @@ RANGES: dict[str, tuple[float, float]] = {
     "press_zone_mm": (0.0, 20.0),
     "stop_lead_mm": (0.1, 3.0),
     "stop_tol": (0.001, 0.2),
-    "force_n": (0.5, 30.0),
+    "force_n": (0.5, math.inf),
     "force_rate_n_s": (1.0, 200.0),
     "hold_interval": (0.005, 2.0),
     "hold_kp": (0.0, 300.0),
     "hold_kd": (0.1, 5.0),
-    "stop_torque_nm": (0.3, 7.0),
+    "stop_torque_nm": (0.3, math.inf),
     "stop_torque_cycles": (1, 100),
     "stop_release_s": (0.0, 2.0),
     "enable_retries": (1, 20),
@@ -126,20 +133,39 @@ RANGES: dict[str, tuple[float, float]] = {
     "calib_kp": (2.0, 100.0),
     "calib_kd": (0.2, 5.0),
     "calib_step_rad": (0.005, 0.1),
-    "calib_tau_limit": (1.1, 3.0),
+    "calib_tau_limit": (1.1, math.inf),
     "calib_stall_delta": (0.0002, 0.02),
     "calib_stall_cycles": (2, 100),
     "calib_max_iter": (10, 2000),
 }
-"""What each field may be, both ends included. 30 N is 3 N·m, what the DM4310 bears for long. With
-less than 1.1 N·m a stop cannot be told from jaws that stick in front of it, by up to 0.95 N·m
-(field use of the gripper)."""
+"""What each field may be, both ends included, as far as the motor bears it. With less than 1.1 N·m
+a stop cannot be told from jaws that stick in front of it, by up to 0.95 N·m (field use)."""
+
+
+@cache
+def ranges_of(motor_type: MotorType) -> Mapping[str, tuple[float, float]]:
+    """Return what each field may be with a type of motor: no more than that bears for long."""
+    most = {
+        "speed_mm_s": motor_type.fastest_mm_s,
+        "grasp_speed_mm_s": motor_type.fastest_mm_s,
+        "force_n": motor_type.most_force_n,
+        "stop_torque_nm": motor_type.peak_nm,
+        "calib_tau_limit": motor_type.rated_nm,
+    }
+    return {name: (low, min(high, most.get(name, high))) for name, (low, high) in _RANGES.items()}
+
+
+WIDEST: Mapping[str, tuple[float, float]] = {
+    name: (low, max(ranges_of(row)[name][1] for row in MOTOR_TYPES.values()))
+    for name, (low, _high) in _RANGES.items()
+}
+"""What each field may be with some type of motor."""
 
 _INTEGERS = frozenset(field.name for field in fields(MotionConfig) if field.type is int)
 
 
-def _check(name: str, value: float) -> None:
-    lowest, highest = RANGES[name]
+def _check(name: str, value: float, ranges: Mapping[str, tuple[float, float]]) -> None:
+    lowest, highest = ranges[name]
     if not math.isfinite(value) or not lowest <= value <= highest:
         text = f"{name} is {value}, it must be {lowest:g} to {highest:g}"
         raise MotionConfigError(name, text)

@@ -70,9 +70,9 @@ class Feedback:
 class Ranges:
     """What the codes of a frame span, ± each; they live in the motor's registers 21 to 23."""
 
-    position_rad: float = 12.5
-    velocity_rad_s: float = 30.0
-    torque_nm: float = 10.0
+    position_rad: float
+    velocity_rad_s: float
+    torque_nm: float
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
 """JSON as its standard has it: no NaN, no infinity; and no key twice, on which readers differ."""
 
 import json
-from typing import Any, NoReturn
+from json import scanner
+from typing import Any, NoReturn, cast
 
 
 def _no_constant(name: str) -> NoReturn:
@@ -16,8 +17,13 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 _decoder = json.JSONDecoder(parse_constant=_no_constant, object_pairs_hook=_unique)
+_scan = scanner.make_scanner(cast(Any, _decoder))
 
 
 def decode(text: str) -> Any:
     """Return the value; raises `ValueError`, or `RecursionError` for what is nested too deeply."""
-    return _decoder.decode(text)
+    try:
+        value, end = _scan(text, 0)
+    except StopIteration:
+        return _decoder.decode(text)  # blanks before it, or nothing at all
+    return value if end == len(text) else _decoder.decode(text)

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+from litegripd.model.motor_types import DM4310, MotorType
+
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """The gripper on one channel: its motor's CAN id, and its whole stroke in mm.
+    """The gripper on one channel: its motor's CAN id and type, and its whole stroke in mm.
 
     `bus_channel` is what its bus is opened as: the network interface, or an adapter's file.
     `mount` is the template or the calibration file that the configuration names, if it does.
@@ -16,3 +18,4 @@ class Unit:
     can_id: int = 0x08
     stroke_mm: float = 120.0
     mount: str | None = None
+    motor_type: MotorType = DM4310

@@ -35,7 +35,15 @@ _MOTOR = Carried(
     ),
     _identification=Carried(
         Identification,
-        left=("can_id", "_configured_master_id", "_look", "verifier"),
+        left=(
+            "can_id",
+            "motor_type",
+            "verifier",
+            "_configured_master_id",
+            "_judged",
+            "_look",
+            "_refusal",
+        ),
         identity=MotorIdentity,
     ),
     _phase=Phase,
@@ -62,7 +70,7 @@ _MOTOR = Carried(
     ),
     _plausibility=Carried(
         Plausibility,
-        left=("lasting_frames", "_before"),
+        left=("lasting_frames", "_acceleration_rad_s2", "_before", "_brake_nm"),
         in_a_row=int,
         refusal=Refusal | None,
         _last=Feedback | None,

@@ -18,15 +18,19 @@ from dataclasses import dataclass, field, replace
 from litegripd.model.errors import Refusal
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MotorIdentity, Ranges
+from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 from litegripd.motor.registers import (
     CAN_ID,
     CONTROL_MODE,
     ESSENTIAL,
+    GEAR_RATIO,
+    HARDWARE_VERSION,
     MASTER_ID,
     MIT_MODE,
     PMAX,
     READ_AT_START,
     REGISTERS,
+    SOFTWARE_VERSION,
     TIMEOUT,
     TIMEOUT_UNIT_S,
     TMAX,
@@ -48,8 +52,8 @@ long for jaws that press."""
 SMALLEST_RANGE, LARGEST_RANGE = 0.1, 1000.0
 """rad, rad/s, N·m: far beyond any motor of this kind, at either end."""
 
-MODEL_RANGES = Ranges()
-"""What a DM4310 leaves the factory with."""
+RATIO_WITHIN = 0.05
+"""By such a share two ratios may differ and be the same; those of two types differ by far more."""
 
 
 class RegisterScan:
@@ -58,11 +62,13 @@ class RegisterScan:
     The first is MST_ID, whose answer comes on the very id that it names: so it is also the way
     to find that id. A register that only informs is left out when it is not answered; one that
     is essential is asked for until two answers on end are the same: a disturbed one must neither
-    scale every later frame wrongly nor rule the motor out.
+    scale every later frame wrongly nor rule the motor out. So is a gear ratio that is not the
+    type's.
     """
 
-    def __init__(self, can_id: int) -> None:
+    def __init__(self, can_id: int, motor_type: MotorType = DM4310) -> None:
         self._can_id = can_id
+        self._motor_type = motor_type
         self._values: dict[Register, float | int | None] = {}
         self._first: bytes | None = None
         """The awaited register's latest answer, as long as it is not confirmed."""
@@ -109,7 +115,8 @@ class RegisterScan:
             return False
         self._is_asked = False
         self._asked_at_s = float("-inf")
-        if register in ESSENTIAL and answer.raw != self._first:
+        is_odd = register is GEAR_RATIO and not _has_ratio(self._motor_type, value)
+        if (register in ESSENTIAL or is_odd) and answer.raw != self._first:
             self._first = answer.raw
             return True
         self._values[register] = value
@@ -143,9 +150,11 @@ def is_usable_range(limit: float) -> bool:
     return SMALLEST_RANGE <= limit <= LARGEST_RANGE
 
 
-def unsuitable(identity: MotorIdentity, configured_master_id: int | None) -> Refusal | None:
+def unsuitable(
+    identity: MotorIdentity, configured_master_id: int | None, motor_type: MotorType = DM4310
+) -> Refusal | None:
     """Say why a motor must not be enabled, if its registers forbid it."""
-    refusal = uncontrollable(identity)
+    refusal = uncontrollable(identity) or wrong_type(identity, motor_type)
     if refusal is not None:
         return refusal
     if configured_master_id not in (None, identity.master_id):
@@ -196,11 +205,63 @@ def uncontrollable(identity: MotorIdentity) -> Refusal | None:
     return None
 
 
-def warnings(identity: MotorIdentity) -> list[str]:
-    """Say what is unusual about a motor that can be used all the same."""
+def wrong_type(identity: MotorIdentity, motor_type: MotorType) -> Refusal | None:
+    """Return a refusal if the motor is not of the type that is configured.
+
+    Its gear ratio tells, which nobody can write. So do ranges that are another type's and not this
+    one's: a motor may not answer the ratio, or have been exchanged since that was read.
+    """
+    ratio = identity.registers.get(GEAR_RATIO.name)
+    by_ranges = [row.name for row in MOTOR_TYPES.values() if row.ranges == identity.ranges]
+    has_ratio = ratio is None or _has_ratio(motor_type, ratio)
+    if has_ratio and (not by_ranges or motor_type.name in by_ranges):
+        return None
+    register, value, fits = TMAX, identity.ranges.torque_nm, by_ranges
+    if ratio is not None and not has_ratio:
+        register, value = GEAR_RATIO, ratio
+        fits = [row.name for row in MOTOR_TYPES.values() if _has_ratio(row, ratio)]
+    other = f'set [motor] type = "{fits[0]}" and start the daemon again, or ' if fits else ""
+    hardware, software = (
+        identity.registers.get(version.name) for version in (HARDWARE_VERSION, SOFTWARE_VERSION)
+    )
+    return Refusal(
+        "motor_unsuitable",
+        f"the motor is no {motor_type.name}, the configured type: its Gr, PMAX, VMAX, TMAX are"
+        f" {_figures(ratio, identity.ranges)} (hw_ver {hardware}, sw_ver {software}), a"
+        f" {motor_type.name} has {_figures(motor_type.gear_ratio, motor_type.ranges)}: {other}"
+        f"connect a {motor_type.name}; then motor.clear_fault reads it again",
+        {
+            "register": register.name,
+            "value": value,
+            "motor_type": motor_type.name,
+            "fits": fits,
+            "hint": "motor.clear_fault",
+        },
+    )
+
+
+def _has_ratio(motor_type: MotorType, ratio: float) -> bool:
+    """Return whether a gear ratio may be the type's.
+
+    One that no gear has, such as 0 or a NaN, may be any type's: a firmware that does not know its
+    gear must not rule the motor out. Then the ranges decide.
+    """
+    is_of_a_gear = math.isfinite(ratio) and ratio > 1.0
+    return not is_of_a_gear or math.isclose(ratio, motor_type.gear_ratio, rel_tol=RATIO_WITHIN)
+
+
+def _figures(ratio: float | None, ranges: Ranges) -> str:
+    listed = (ratio, ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)
+    return ", ".join("unknown" if figure is None else f"{figure:g}" for figure in listed)
+
+
+def warnings(identity: MotorIdentity, motor_type: MotorType = DM4310) -> list[str]:
+    """Say what is unusual about a motor, whether or not it can be used all the same."""
     found = []
-    if identity.ranges != MODEL_RANGES:
-        read, usual = identity.ranges, MODEL_RANGES
+    if (wrong := wrong_type(identity, motor_type)) is not None:
+        found.append(wrong.message)
+    elif identity.ranges != motor_type.ranges:
+        read, usual = identity.ranges, motor_type.ranges
         found.append(
             f"the motor's ranges are ±{read.position_rad:g} rad, ±{read.velocity_rad_s:g} rad/s,"
             f" ±{read.torque_nm:g} N·m instead of ±{usual.position_rad:g},"
@@ -430,12 +491,18 @@ STILL_READ = Refusal("motor_silent", "the motor's registers are still being read
 class Identification:
     """The identity of the motor `can_id`, as far as it is known."""
 
-    def __init__(self, can_id: int, configured_master_id: int | None) -> None:
+    def __init__(
+        self, can_id: int, configured_master_id: int | None, motor_type: MotorType = DM4310
+    ) -> None:
         self.identity: MotorIdentity | None = None
         self.verifier = Verifier(can_id)
         self.can_id = can_id
+        self.motor_type = motor_type
         self._configured_master_id = configured_master_id
-        self._look = RegisterScan(can_id)
+        self._judged: MotorIdentity | None = None
+        self._refusal: Refusal | None = None
+        """Why the motor that was `_judged` cannot be used: judged once, asked for in every tick."""
+        self._look = RegisterScan(can_id, motor_type)
 
     @property
     def master_id(self) -> int | None:
@@ -451,24 +518,24 @@ class Identification:
     @property
     def ranges(self) -> Ranges:
         """What frames are decoded with; the status does not depend on it."""
-        return self.usable_ranges or Ranges()
+        return self.usable_ranges or self.motor_type.ranges
 
     @property
     def ranges_to_send(self) -> Ranges:
         """What commands are coded with: no torque is larger than wanted by any possible range."""
         usable = self.usable_ranges
-        return Ranges() if usable is None else self.verifier.widest(usable)
+        return self.motor_type.ranges if usable is None else self.verifier.widest(usable)
 
     def begin(self) -> None:
         """Forget everything and look anew."""
-        self._look = RegisterScan(self.can_id)
+        self._look = RegisterScan(self.can_id, self.motor_type)
         self.identity = None
         self.verifier.reset()
 
     def expect_another(self) -> None:
         """Look anew for the id of the answers: another motor may come in a silent one's place."""
         if self._look.master_id is not None:
-            self._look = RegisterScan(self.can_id)
+            self._look = RegisterScan(self.can_id, self.motor_type)
 
     def step(self, now_s: float) -> list[CanFrame]:
         """Return the read request that is due, if any."""
@@ -507,7 +574,10 @@ class Identification:
         """Say why the motor cannot be used, if so; it has told too little while unknown."""
         if self.identity is None:
             return STILL_READ
-        return unsuitable(self.identity, self._configured_master_id)
+        if self.identity is not self._judged:
+            self._judged = self.identity
+            self._refusal = unsuitable(self.identity, self._configured_master_id, self.motor_type)
+        return self._refusal
 
     @property
     def is_uncontrollable(self) -> bool:

@@ -18,13 +18,13 @@ from litegripd.model.motor import (
     MotorPhase,
     MotorRequest,
     MotorView,
-    Ranges,
     RegisterWrite,
     SetZero,
     Status,
     ZeroView,
     is_fault,
 )
+from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.motor import codec
 from litegripd.motor.enabling import Arming, FaultClearing
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
@@ -60,17 +60,21 @@ class Motor:
     """The motor `can_id`; its answers are found by register MST_ID, or must come on `master_id`."""
 
     def __init__(
-        self, can_id: int, master_id: int | None = None, period_s: float = USUAL_PERIOD_S
+        self,
+        can_id: int,
+        master_id: int | None = None,
+        period_s: float = USUAL_PERIOD_S,
+        motor_type: MotorType = DM4310,
     ) -> None:
         self.counters = MotorCounters()
         self._can_id = can_id
-        self._identification = Identification(can_id, master_id)
+        self._identification = Identification(can_id, master_id, motor_type)
         self._phase = Phase.LOOKING
         self._entered_s = 0.0
         self._arming: Arming | None = None
-        self._zeroing = Zeroing(can_id, Ranges(), 0.0)
+        self._zeroing = Zeroing(can_id, motor_type.ranges, 0.0)
         self._reading = RegisterReader(can_id)
-        self._plausibility = Plausibility(period_s)
+        self._plausibility = Plausibility(period_s, motor_type)
         self._status = StatusJudge()
         self._feedback: Feedback | None = None
         self._fresh = False

@@ -13,6 +13,7 @@ alone proves nothing, and what else it tells is as doubtful.
 
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, Status
+from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.motor.faults import implausible_refusal
 from litegripd.motor.silence import USUAL_PERIOD_S
 
@@ -48,14 +49,10 @@ class StatusJudge:
         return doubted.status == feedback.status or self._in_a_row >= CERTAIN_AFTER
 
 
-LARGEST_ACCELERATION_RAD_S2 = 6000.0
-"""10 N·m (the protocol's limit) on the rotor's and the fingers' 1.87e-3 kg·m², and a reserve."""
-
 TOLERANCE_RAD = 0.05
 """Impacts on a stop within one period, two frames in one, and the codes' own width."""
 
 BRAKE_KD_NM_S_RAD = 1.0
-BRAKE_NM = 7.0
 """How a motor is braked that may have followed its encoder for a while: no harder than its peak,
 as far as its speed is known."""
 
@@ -71,7 +68,9 @@ have happened; that needs two that agree."""
 class Plausibility:
     """Judges each feedback frame by the one before it."""
 
-    def __init__(self, period_s: float = USUAL_PERIOD_S) -> None:
+    def __init__(self, period_s: float = USUAL_PERIOD_S, motor_type: MotorType = DM4310) -> None:
+        self._brake_nm = motor_type.peak_nm
+        self._acceleration_rad_s2 = motor_type.largest_acceleration_rad_s2
         self.lasting_frames = max(round(IMPLAUSIBLE_FRAMES * USUAL_PERIOD_S / period_s), 2)
         """So many in a row are no disturbed frame any more."""
         self.in_a_row = 0
@@ -93,7 +92,7 @@ class Plausibility:
     def brake_kd_nm_s_rad(self) -> float:
         """The damping with which to brake while the position is in doubt."""
         speed_rad_s = 0.0 if self._last is None else abs(self._last.velocity_rad_s)
-        return min(BRAKE_KD_NM_S_RAD, BRAKE_NM / max(speed_rad_s, BRAKE_NM))
+        return min(BRAKE_KD_NM_S_RAD, self._brake_nm / max(speed_rad_s, self._brake_nm))
 
     def reset(self) -> None:
         """Believe the position again, as it is told now."""
@@ -124,14 +123,16 @@ class Plausibility:
             and feedback.status == Status.ENABLED
             and max(abs(last.velocity_rad_s), abs(feedback.velocity_rad_s)) < fastest_rad_s
         )
-        if not is_judged or last is None or _is_reachable(last, feedback, ALONE_S):
+        if not is_judged or last is None or self._is_reachable(last, feedback, ALONE_S):
             self.believe(feedback)
             return True
         is_lasting = self.in_a_row + 1 >= self.lasting_frames
-        if doubted is not None and _is_reachable(doubted, feedback, self._silent_s):
+        if doubted is not None and self._is_reachable(doubted, feedback, self._silent_s):
             is_slack = is_lasting and not self._was_driven
-            agrees = self._before is not None and _is_reachable(self._before, feedback, ALONE_S)
-            if is_slack or agrees or _is_reachable(last, doubted, self._gap_s):
+            agrees = self._before is not None and self._is_reachable(
+                self._before, feedback, ALONE_S
+            )
+            if is_slack or agrees or self._is_reachable(last, doubted, self._gap_s):
                 self.believe(feedback)
                 return True
         self.in_a_row += 1
@@ -140,16 +141,15 @@ class Plausibility:
             self.refusal = implausible_refusal(feedback.position_rad - last.position_rad)
         return False
 
+    def _is_reachable(self, last: Feedback, feedback: Feedback, silent_s: float) -> bool:
+        """Compare the way with the mean of the two speeds, give or take what torque can do.
 
-def _is_reachable(last: Feedback, feedback: Feedback, silent_s: float) -> bool:
-    """Compare the way with the mean of the two speeds, give or take what torque can do.
-
-    Between two known speeds the most is gained by full torque one way and then the other, which
-    makes a·t²/4. The time for that, `silent_s`, is one without any frame: a jump does not become
-    believable by being repeated.
-    """
-    elapsed_s = feedback.at_s - last.at_s
-    way_rad = feedback.position_rad - last.position_rad
-    mean_rad_s = (feedback.velocity_rad_s + last.velocity_rad_s) / 2.0
-    reserve_rad = TOLERANCE_RAD + LARGEST_ACCELERATION_RAD_S2 * silent_s**2 / 4.0
-    return abs(way_rad - mean_rad_s * elapsed_s) <= reserve_rad
+        Between two known speeds the most is gained by full torque one way and then the other,
+        which makes a·t²/4. The time for that, `silent_s`, is one without any frame: a jump does not
+        become believable by being repeated.
+        """
+        elapsed_s = feedback.at_s - last.at_s
+        way_rad = feedback.position_rad - last.position_rad
+        mean_rad_s = (feedback.velocity_rad_s + last.velocity_rad_s) / 2.0
+        reserve_rad = TOLERANCE_RAD + self._acceleration_rad_s2 * silent_s**2 / 4.0
+        return abs(way_rad - mean_rad_s * elapsed_s) <= reserve_rad

@@ -45,7 +45,10 @@ MASTER_ID = Register(7, "MST_ID", "u")
 CAN_ID = Register(8, "ESC_ID", "u")
 TIMEOUT = Register(9, "TIMEOUT", "u")
 CONTROL_MODE = Register(10, "CTRL_MODE", "u")
+HARDWARE_VERSION = Register(13, "hw_ver", "u")
+SOFTWARE_VERSION = Register(14, "sw_ver", "u")
 SERIAL = Register(15, "SN", "u")
+GEAR_RATIO = Register(20, "Gr", "f")
 PMAX = Register(21, "PMAX", "f")
 VMAX = Register(22, "VMAX", "f")
 TMAX = Register(23, "TMAX", "f")
@@ -67,14 +70,14 @@ REGISTERS: Mapping[int, Register] = MappingProxyType(
             CONTROL_MODE,
             Register(11, "Damp", "f"),
             Register(12, "Inertia", "f"),
-            Register(13, "hw_ver", "u"),
-            Register(14, "sw_ver", "u"),
+            HARDWARE_VERSION,
+            SOFTWARE_VERSION,
             SERIAL,
             Register(16, "NPP", "u"),
             Register(17, "Rs", "f"),
             Register(18, "Ls", "f"),
             Register(19, "Flux", "f"),
-            Register(20, "Gr", "f"),
+            GEAR_RATIO,
             PMAX,
             VMAX,
             TMAX,

@@ -1,12 +1,13 @@
 """What a method is: its row, the request that it is given, and the answers that it may give."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import Any, TypeAlias, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig, MotionConfigError
+from litegripd.model.motion_config import MotionConfig, MotionConfigError, ranges_of
+from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.rpc.reports import JobNumber
 from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Role, Session
@@ -35,8 +36,7 @@ def accepted(answer: T | Refusal) -> T:
     return answer
 
 
-@dataclass(frozen=True, slots=True)
-class Call:
+class Call(NamedTuple):
     """One request whose parameters have been checked; `received_s` is when its line came."""
 
     session: Session
@@ -50,13 +50,13 @@ class Call:
         """Whether the motion outlives its connection: as asked for, else if not waited for."""
         return bool(self.params.get("detach", not self.params.get("wait", True)))
 
-    def config(self, base: MotionConfig, period_s: float) -> MotionConfig:
+    def config(self, base: MotionConfig, period_s: float, motor_type: MotorType) -> MotionConfig:
         """Return `base` with what the caller wants to be otherwise."""
         given = self.params.get("config")
         if given is None:
             return base
         try:
-            return base.changed(given, period_s)
+            return base.changed(given, period_s, motor_type)
         except MotionConfigError as error:
             data = {"parameter": "config", "field": error.field}
             raise Refused(Refusal("invalid_params", f"config: {error}", data)) from None
@@ -143,8 +143,6 @@ CONFIG = Param(
 RUN_PARAMS = (CONFIG, WAIT, PROGRESS, DETACH, IF_BUSY, KEY)
 """What every motion takes that lasts."""
 
-SPEED_MM_S = (0.1, 500.0)
-
 F = TypeVar("F", bound=Callable[..., Answer])
 _ROW = "_method"
 
@@ -185,6 +183,10 @@ class Method:
         setattr(function, _ROW, self)
         return function
 
+    def with_motor(self, motor_type: MotorType) -> "Method":
+        """Return the row as it is with a type of motor, whose limits differ."""
+        return replace(self, params=tuple(param.with_motor(motor_type) for param in self.params))
+
 
 def methods_of(group: type) -> tuple[Method, ...]:
     """Return the rows above the functions of a class, in their order."""
@@ -205,9 +207,21 @@ def _rows(group: type) -> Iterator[tuple[str, Method]]:
 
 def speed_param(default: str) -> Param:
     """Describe a jaw speed whose default is this field of the configuration."""
-    low, high = SPEED_MM_S
     text = f"Jaw speed (default: {default} of the configuration)."
-    return Param("speed_mm_s", "number", text, minimum=low, maximum=high)
+    return config_param("speed_mm_s", text)
+
+
+def config_param(name: str, description: str) -> Param:
+    """Describe a parameter that may be what the field of the configuration of its name may be."""
+    low, high = ranges_of(DM4310)[name]
+    return Param(
+        name,
+        "number",
+        description,
+        minimum=low,
+        maximum=high,
+        maximum_of=lambda motor_type: ranges_of(motor_type)[name][1],
+    )
 
 
 def target_params() -> tuple[Param, ...]:

@@ -9,6 +9,7 @@ from litegripd.control.lease import LossData
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.model.jobs import Job
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.results import Progress, ReplayProgress, Result
 from litegripd.model.state import GripperState, JobSummary
 from litegripd.motor.traffic import MotorCounters
@@ -126,13 +127,13 @@ PROTOCOL_VERSION = 1
 
 
 @lru_cache(maxsize=1)
-def encoded_document() -> bytes:
+def encoded_document(motor_type: MotorType) -> bytes:
     """Return the document as JSON; the first time that takes longer than a tick."""
-    return encode(document())
+    return encode(document(motor_type))
 
 
-def document() -> Discovered:
-    """Describe all methods, notifications and errors.
+def document(motor_type: MotorType = DM4310) -> Discovered:
+    """Describe all methods, with the limits of a type of motor, notifications and errors.
 
     OpenRPC has no word for what a server sends unasked: an extension of the document does.
     """
@@ -140,7 +141,7 @@ def document() -> Discovered:
     return {
         "openrpc": OPENRPC_VERSION,
         "info": {"title": "litegripd", "version": str(PROTOCOL_VERSION)},
-        "methods": [_method(method, schemas) for method in METHODS],
+        "methods": [_method(row.with_motor(motor_type), schemas) for row in METHODS],
         "x-notifications": [_notification(kind, schemas) for kind in NOTIFICATIONS],
         "components": {
             "schemas": schemas.definitions,

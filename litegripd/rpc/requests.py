@@ -6,6 +6,7 @@ kept does nothing anew: it gets that job's answer.
 """
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import get_args
 
 from litegripd.control.admission import ENDING
@@ -18,8 +19,9 @@ from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.methods.lease import Tokens
 from litegripd.rpc.reports import MAX_PER_SESSION
 from litegripd.rpc.schema import check
-from litegripd.rpc.sessions import ROLES, Session
+from litegripd.rpc.sessions import ROLES, Role, Session
 
+_RANKS: Mapping[Role, int] = {role: rank for rank, role in enumerate(ROLES)}
 _KINDS: Mapping[str, JobKind] = {kind: kind for kind in get_args(JobKind)}
 
 
@@ -48,48 +50,51 @@ class Requests:
         """Return a request as its function takes it, or why it is not to be carried out."""
         self._engine.lease.renew(session.identity, now_s)
         refusal = _malformed(session, request, method)
-        refusal = refusal or self._void(session, request, method, received_s)
+        if refusal is None and method.stop_voids:
+            refusal = self._void(session, request, received_s)
         if refusal is not None:
             return refusal
-        peer, token = session.peer, request.params.get("lease")
-        grant = None if token is None else self._tokens.number(token)
-        owner = Owner(session.identity, peer.pid, peer.uid, session.name, grant)
+        owner, token = session.owner, request.params.get("lease")
+        if token is not None:
+            owner = replace(owner, grant=self._tokens.number(token))
         refusal = self._forbidden(session, method, owner)
         return refusal or Call(session, owner, request.params, now_s, received_s)
 
     def carry_out(self, method: Method, call: Call) -> Answer:
         """Carry out a request that has been admitted."""
-        jobs, key = self._engine.jobs, call.params.get("key")
-        known = None if key is None else jobs.find(call.owner, key)
-        kind = _KINDS.get(method.name.rpartition(".")[2])
+        key = call.params.get("key")
+        if key is None:
+            return self._carried_out(method, call) if not call.params else self._begin(method, call)
+        known = self._engine.jobs.find(call.owner, key)
         if known is not None:
-            return _repeated(known, kind, str(key))
-
-        def begin() -> Answer:
-            try:
-                return self._functions[method.name](call)
-            except Refused as refused:
-                return refused.refusal
-
-        running, if_busy = jobs.running, call.params.get("if_busy", "reject")
-        if running is not None and if_busy == "replace" and _is_own(running, call.owner):
-            reason = Refusal("replaced", f"{method.name} of the same client replaced it")
-            answer = self._engine.replace(reason, begin)
-        elif running is not None and if_busy == "queue" and kind is not None:
-            queued = self._engine.queue(kind, call.owner, call.detached, lambda: _job_of(begin()))
-            answer = later(queued)
-        else:
-            answer = begin()
-        if isinstance(answer, Later) and key is not None:
+            return _repeated(known, _kind_of(method), str(key))
+        answer = self._begin(method, call)
+        if isinstance(answer, Later):
             answer.job.key = key
         return answer
 
-    def _void(
-        self, session: Session, request: Request, method: Method, received_s: float
-    ) -> Refusal | None:
+    def _begin(self, method: Method, call: Call) -> Answer:
+        """Carry it out at once, in place of the caller's own motion, or after the one that runs."""
+        if_busy, running = call.params.get("if_busy"), self._engine.jobs.running
+        if if_busy is None or running is None:
+            return self._carried_out(method, call)
+        kind = _kind_of(method)
+        if if_busy == "replace" and _is_own(running, call.owner):
+            reason = Refusal("replaced", f"{method.name} of the same client replaced it")
+            return self._engine.replace(reason, lambda: self._carried_out(method, call))
+        if if_busy == "queue" and kind is not None:
+            begin = lambda: _job_of(self._carried_out(method, call))  # noqa: E731
+            return later(self._engine.queue(kind, call.owner, call.detached, begin))
+        return self._carried_out(method, call)
+
+    def _carried_out(self, method: Method, call: Call) -> Answer:
+        try:
+            return self._functions[method.name](call)
+        except Refused as refused:
+            return refused.refusal
+
+    def _void(self, session: Session, request: Request, received_s: float) -> Refusal | None:
         """Return a refusal if a request was sent, or received, before the latest stop."""
-        if not method.stop_voids:
-            return None
         params = request.params
         latch = self._engine.stop_latch
         return latch.refusal_of_sent(
@@ -104,7 +109,7 @@ class Requests:
             return _orphaned(session)
         if method.lifts_stop and self._has_stopped(session):
             return None
-        if ROLES.index(session.role) < ROLES.index(method.role):
+        if _RANKS[session.role] < _RANKS[method.role]:
             text = f"{method.name} needs the role {method.role}; uid {owner.uid} is {session.role}"
             return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})
         refusal = self._engine.lease.refusal(owner) if method.needs_lease else None
@@ -143,6 +148,10 @@ def _malformed(session: Session, request: Request, method: Method) -> Refusal | 
         text = f"{method.name}: progress is sent only to who waits; leave wait or progress out"
         return Refusal("invalid_params", text, {"parameter": "progress"})
     return None
+
+
+def _kind_of(method: Method) -> JobKind | None:
+    return _KINDS.get(method.name.rpartition(".")[2])
 
 
 def _is_own(running: Job, owner: Owner) -> bool:

@@ -5,8 +5,8 @@ its values are declared with.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from types import NoneType, UnionType
 from typing import (
     Any,
@@ -20,6 +20,7 @@ from typing import (
 )
 
 from litegripd.model.errors import Refusal
+from litegripd.model.motor_types import MotorType
 
 # Parameters ---------------------------------------------------------------------------------------
 
@@ -42,7 +43,8 @@ _NAMED: dict[Kind, str] = {
 class Param:
     """One parameter of a method; `minimum` and `maximum` are included in the range.
 
-    A text has at most `longest` characters.
+    A text has at most `longest` characters. Where the maximum follows from the motor, `maximum_of`
+    tells it, and `maximum` is that of the usual type.
     """
 
     name: str
@@ -53,6 +55,12 @@ class Param:
     maximum: float | None = None
     choices: tuple[str, ...] = ()
     longest: int = _MAX_TEXT
+    maximum_of: Callable[[MotorType], float] | None = None
+
+    def with_motor(self, motor_type: MotorType) -> "Param":
+        """Return the parameter as it is with a type of motor."""
+        maximum = self.maximum if self.maximum_of is None else self.maximum_of(motor_type)
+        return self if maximum == self.maximum else replace(self, maximum=maximum)
 
     def problem(self, value: object) -> str | None:
         """Say what is wrong with `value` and what is allowed, if anything is wrong."""
@@ -132,8 +140,8 @@ def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) 
         if problem is not None:
             text = f"{method}: {name} {problem}"
             return Refusal("invalid_params", text, {"parameter": name})
-    for param in declared.values():
-        if param.required and param.name not in given:
+    for name, param in declared.items():
+        if param.required and name not in given:
             text = f"{method} needs the parameter {param.name}: {param.description}"
             return Refusal("invalid_params", text, {"parameter": param.name})
     return None

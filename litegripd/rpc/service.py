@@ -13,7 +13,6 @@ from litegripd.control.engine import Engine
 from litegripd.control.teleop.link import InProcessLinks, Links
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
-from litegripd.model.jobs import Owner
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.jsonrpc import (
@@ -29,7 +28,7 @@ from litegripd.rpc.jsonrpc import (
 )
 from litegripd.rpc.line_kinds import asked_stop
 from litegripd.rpc.method import Answer, Deferred, Later, Method, Result
-from litegripd.rpc.methods import BY_NAME
+from litegripd.rpc.methods import METHODS
 from litegripd.rpc.methods.lease import LeaseMethods, Tokens
 from litegripd.rpc.methods.motion import MotionMethods
 from litegripd.rpc.methods.reading import ReadingMethods
@@ -85,6 +84,7 @@ class RpcService:
         self._subscriptions = Subscriptions()
         self._waiters = Waiters(engine, self.reporter)
         self._tokens = Tokens(new_token)
+        motor_type = engine.unit.motor_type
         files = TrajectoryFileMethods(engine)
         self._trajectories = TrajectoryMethods(engine, files)
         groups = (
@@ -94,7 +94,7 @@ class RpcService:
                 self._clients,
                 self.reporter,
                 self._subscriptions,
-                document=encoded_document(),  # made here: it takes longer than a tick
+                document=encoded_document(motor_type),  # made here: it takes longer than a tick
             ),
             LeaseMethods(engine, self._tokens, self.reporter),
             MotionMethods(engine, self.reporter),
@@ -106,6 +106,7 @@ class RpcService:
             TeleopMethods(engine, links or InProcessLinks(), self.reporter, epoch),
         )
         self._requests = Requests(engine, self._tokens, groups)
+        self._methods = {row.name: row.with_motor(motor_type) for row in METHODS}
         self._last_session = 0
         self._event_log = EventLog()
         self._now_s = 0.0
@@ -150,7 +151,7 @@ class RpcService:
         run after it.
         """
         self._now_s = now_s
-        came_s = now_s if received_s is None else min(received_s, now_s)
+        came_s = now_s if received_s is None or received_s > now_s else received_s
         session.counters.requests += 1
         request = parse(line)
         try:
@@ -212,7 +213,7 @@ class RpcService:
     def _call(
         self, session: Session, request: Request, line: bytes, now_s: float, received_s: float
     ) -> None:
-        method = BY_NAME.get(request.method)
+        method = self._methods.get(request.method)
         if method is None:
             text = f"there is no method {request.method[:64]!r}; rpc.discover lists them"
             self._refuse(session, request.identity, Refusal("unknown_method", text))
@@ -264,10 +265,8 @@ class RpcService:
         asked = asked_stop(line)
         if asked is None:
             return refusal
-        peer = session.peer
-        owner = Owner(session.identity, peer.pid, peer.uid, session.name)
         why = asked.why or "a stop request that was not understood"
-        self._engine.stop(asked.level, owner, why, now_s)
+        self._engine.stop(asked.level, session.owner, why, now_s)
         self.reporter.refresh()
         text = f"{refusal.message}; stopped ({asked.level}) all the same"
         return replace(refusal, message=text)
@@ -304,8 +303,9 @@ class RpcService:
     def _collect_events(self, now_s: float) -> None:
         """Take what happened to the gripper since the last call."""
         self._now_s = now_s
-        for event in self._engine.take_events():
-            self._note(event, now_s)
+        if self._engine.events:
+            for event in self._engine.take_events():
+                self._note(event, now_s)
 
     def _note(self, event: Event, now_s: float) -> None:
         """Keep an event for the log, and for who has subscribed to its kind."""

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
+from litegripd.model.jobs import Owner
 from litegripd.rpc.jsonrpc import encode
 
 
@@ -64,6 +65,7 @@ class Session:
         "on_write",
         "opened_s",
         "outgoing",
+        "owner",
         "peer",
         "role",
         "stream_refused",
@@ -78,13 +80,18 @@ class Session:
         self.role: Role = "admin"
         self.counters = Counters()
         self.subscriptions = 0
-        self.name = peer.program
+        self.rename(peer.program)
         self.outgoing: list[bytes] = []
         self.congested = False
         self.unanswered = 0
         self.stream_refused: str | None = None
         self.is_orphaned = False
         self.on_write: Callable[[], None] | None = None
+
+    def rename(self, name: str) -> None:
+        """Take the name by which the client is known; `owner` is it as jobs and stops name it."""
+        self.name = name
+        self.owner = Owner(self.identity, self.peer.pid, self.peer.uid, name)
 
     def write(self, line: bytes) -> None:
         """Queue `line`, which ends in a newline, for sending."""

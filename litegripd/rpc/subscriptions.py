@@ -172,6 +172,7 @@ class Subscriptions:
         self.events = EventStream()
         self._samples = Samples()
         self._last = 0
+        self._open = 0
         self._events_turn = True
 
     def add_samples(
@@ -200,18 +201,21 @@ class Subscriptions:
     def remove_samples(self, number: int, session: Session) -> bool:
         """End a subscription of `session` to the state; tell whether there was one."""
         there_was = self._samples.remove(number, session)
+        self._open -= there_was
         session.subscriptions -= there_was
         return there_was
 
     def remove_events(self, number: int, session: Session) -> bool:
         """End a subscription of `session` to events; tell whether there was one."""
         there_was = self.events.remove(number, session)
+        self._open -= there_was
         session.subscriptions -= there_was
         return there_was
 
     def remove_all(self, session: Session) -> None:
         """End all subscriptions of a client that is gone."""
         if session.subscriptions:
+            self._open -= session.subscriptions
             session.subscriptions = 0
             self._samples.remove_all(session)
             self.events.remove_all(session)
@@ -223,7 +227,7 @@ class Subscriptions:
     @property
     def pending(self) -> bool:
         """Whether an event or a sample waits to be sent."""
-        return self.events.pending or self._samples.pending
+        return self._open > 0 and (self.events.pending or self._samples.pending)
 
     def send_one(self, state: Callable[[], GripperState]) -> None:
         """Serve the subscription that has waited longest; there must be one (`pending`)."""
@@ -239,5 +243,6 @@ class Subscriptions:
             text = f"this connection has {MAX_PER_SESSION} subscriptions already: end one"
             return Refusal("too_many_requests", text, {"limit": MAX_PER_SESSION})
         session.subscriptions += 1
+        self._open += 1
         self._last += 1
         return self._last

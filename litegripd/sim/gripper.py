@@ -11,6 +11,7 @@ import threading
 from dataclasses import replace
 
 from litegripd.model.frame import CanFrame
+from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from litegripd.sim.plant import GrippedObject, Plant
@@ -214,6 +215,7 @@ def build_gripper(
     can_id: int = 0x08,
     master_id: int = 0x18,
     watchdog_s: float = 0.1,
+    motor_type: str = DM4310.name,
 ) -> SimulatedGripper:
     """Build a gripper of the nominal geometry from the few figures that a user chooses.
 
@@ -221,6 +223,8 @@ def build_gripper(
     of 120 mm allows. Raises `ValueError` for a figure that is out of range.
     """
     closed_rad, open_rad = limits_of_mount(mount)
+    if motor_type not in MOTOR_TYPES:
+        raise ValueError(f"motor_type must be one of {', '.join(MOTOR_TYPES)}, not {motor_type!r}")
     nominal = SimulatorParameters(closed_rad=closed_rad, open_rad=open_rad)
     opening_mm = nominal.initial_opening_mm
     if object_mm is not None:
@@ -231,7 +235,7 @@ def build_gripper(
             )
         opening_mm = min(max(opening_mm, object_mm + 10.0), travel_mm)
     parameters = replace(
-        nominal,
+        nominal.of_motor(MOTOR_TYPES[motor_type]),
         can_id=can_id,
         master_id=master_id,
         initial_opening_mm=opening_mm,

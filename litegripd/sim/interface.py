@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import can
 
 from litegripd.model.frame import CanFrame
+from litegripd.model.motor_types import DM4310
 from litegripd.sim.faults import BusFaults, failure
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from litegripd.sim.wire import Arrival, MotorWire
@@ -203,6 +204,7 @@ class _Options:
     object_mm: float | None
     object_stiffness_nm_rad: float | None
     watchdog_s: float | None
+    motor_type: str | None
 
     def build(self) -> SimulatedGripper:
         return build_gripper(
@@ -213,10 +215,11 @@ class _Options:
             if self.object_stiffness_nm_rad is None
             else self.object_stiffness_nm_rad,
             watchdog_s=0.1 if self.watchdog_s is None else self.watchdog_s,
+            motor_type=self.motor_type or DM4310.name,
         )
 
 
-_NO_OPTIONS = _Options(None, None, None, None, None)
+_NO_OPTIONS = _Options(None, None, None, None, None, None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +242,7 @@ class SimulatedBus(can.BusABC):
     - `seed`: an integer gives the reports a noise of at most one code; without it they are exact
     - `object_mm`, `object_stiffness_nm_rad`: an object between the jaws
     - `watchdog_s`: time without a command after which the motor disarms, 0.1 unless given
+    - `motor_type`: the type of the motor, DM4310 unless given
     - `gripper`: a ready-made `SimulatedGripper` instead of the options above
     - `monotonic_fn`: the clock, `time.monotonic` unless given; seconds, never backwards
     - `receive_own_messages`: also receive what this node sends
@@ -258,6 +262,7 @@ class SimulatedBus(can.BusABC):
         object_mm: object = None,
         object_stiffness_nm_rad: object = None,
         watchdog_s: object = None,
+        motor_type: str | None = None,
         gripper: SimulatedGripper | None = None,
         monotonic_fn: Callable[[], float] | None = None,
         receive_own_messages: bool = False,
@@ -267,8 +272,8 @@ class SimulatedBus(can.BusABC):
         if unknown:
             raise ValueError(
                 f"unknown option {', '.join(sorted(unknown))}; litegrip_sim takes mount, seed, "
-                f"object_mm, object_stiffness_nm_rad, watchdog_s, gripper, monotonic_fn, "
-                f"receive_own_messages and bitrate"
+                f"object_mm, object_stiffness_nm_rad, watchdog_s, motor_type, gripper, "
+                f"monotonic_fn, receive_own_messages and bitrate"
             )
         if not isinstance(channel, str) or not channel:
             raise ValueError(f"channel must be a name such as 'sim0', not {channel!r}")
@@ -280,6 +285,7 @@ class SimulatedBus(can.BusABC):
             object_mm=_number("object_mm", object_mm),
             object_stiffness_nm_rad=_number("object_stiffness_nm_rad", object_stiffness_nm_rad),
             watchdog_s=_number("watchdog_s", watchdog_s),
+            motor_type=motor_type,
         )
         self._node = Node(receive_own=bool(receive_own_messages))
         self._name = channel

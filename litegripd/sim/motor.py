@@ -63,6 +63,7 @@ class SimulatedMotor:
             master_id=parameters.master_id,
             watchdog_s=parameters.watchdog_s,
             speed_filter_hz=parameters.speed_filter_hz,
+            motor_type=parameters.motor_type,
             sources={
                 reg.VBUS: lambda: self._supply_v,
                 reg.TPCB: lambda: self.driver_c,

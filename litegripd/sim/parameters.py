@@ -7,14 +7,16 @@ here computes motion; `plant` and `motor` read these figures once, when they are
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+
+from litegripd.model.motor_types import DM4310, MotorType
 
 MOUNTS = ("normal", "reverse")
 
 SPEED_FILTER_MAX_HZ = 500.0
 """The largest value that register V_BW takes."""
 
-ENCODER_COUNTS_PER_RAD = (1 << 14) * 10 / math.tau
+ENCODER_COUNTS_PER_RAD = (1 << 14) * DM4310.gear_ratio / math.tau
 """About 26,000 steps per rad of the output: 14 bits a turn of the rotor and the gear of 10.
 
 The 14 bits are from the maker's data sheet; that the rotor's encoder measures is an estimate.
@@ -32,6 +34,10 @@ class SimulatorParameters:
     Raises `ValueError` for a figure that is not finite or out of its range.
     """
 
+    # What the motor's registers tell of its type. The figures below are a DM4310's as well; those
+    # of another type are made by `of_motor`.
+    motor_type: MotorType = DM4310
+
     # Identifiers (motor's manual: the factory setting of these grippers).
     can_id: int = 0x08
     master_id: int = 0x18
@@ -46,13 +52,13 @@ class SimulatorParameters:
     initial_opening_mm: float = 60.0
 
     # Inertia (maker's table; gripper's model files: 2 x 35.45 g at about 31 mm/rad each).
-    rotor_inertia_kg_m2: float = 1.8e-3
+    rotor_inertia_kg_m2: float = DM4310.rotor_inertia_kg_m2
     finger_inertia_kg_m2: float = 6.9e-5
 
     # Friction (motor's manual for the breakaway, estimates for the rest).
-    breakaway_nm: float = 0.21
-    coulomb_nm: float = 0.15
-    viscous_nm_s_rad: float = 0.02
+    breakaway_nm: float = DM4310.breakaway_nm
+    coulomb_nm: float = DM4310.coulomb_nm
+    viscous_nm_s_rad: float = DM4310.viscous_nm_s_rad
 
     # Close-side stick-slip (field measurements: a dead band of about 0.010 rad at the stock
     # stiffness of 100 N·m/rad). A little under 1 N·m, because the calibration's probe
@@ -72,12 +78,12 @@ class SimulatorParameters:
     open_damping_nm_s_rad: float = 0.4
 
     # Drive (maker's table; the braking of the shorted phases from field measurements).
-    torque_constant_nm_a: float = 0.945
-    current_limit_a: float = 10.26
-    phase_resistance_ohm: float = 0.85
-    no_load_speed_rad_s: float = 20.9
+    torque_constant_nm_a: float = DM4310.torque_constant_nm_a
+    current_limit_a: float = DM4310.current_limit_a
+    phase_resistance_ohm: float = DM4310.phase_resistance_ohm
+    no_load_speed_rad_s: float = DM4310.no_load_speed_rad_s
     rated_supply_v: float = 24.0
-    braking_nm_s_rad: float = 0.7
+    braking_nm_s_rad: float = DM4310.braking_nm_s_rad
     current_lag_s: float = 1.0e-3
     torque_filter_s: float = 4.5e-3
 
@@ -91,10 +97,10 @@ class SimulatorParameters:
 
     # Heat (estimates: 4.3 K/W in all, of which the housing, 750 s, holds the smaller part).
     ambient_c: float = 25.0
-    winding_k_w: float = 2.8
-    winding_time_s: float = 60.0
-    housing_k_w: float = 1.5
-    housing_time_s: float = 750.0
+    winding_k_w: float = DM4310.winding_k_w
+    winding_time_s: float = DM4310.winding_s
+    housing_k_w: float = DM4310.housing_k_w
+    housing_time_s: float = DM4310.housing_s
     driver_k_w: float = 0.4
     driver_time_s: float = 30.0
     driver_trip_c: float = 120.0  # firmware; the coil's limit is register 2
@@ -102,6 +108,8 @@ class SimulatorParameters:
     def __post_init__(self) -> None:
         for field in fields(self):
             value = getattr(self, field.name)
+            if isinstance(value, MotorType):
+                continue
             if not math.isfinite(value):
                 raise ValueError(f"{field.name} must be a finite number, not {value!r}")
             if field.name not in _MAY_BE_ANY_SIGN and value < 0:
@@ -127,6 +135,28 @@ class SimulatorParameters:
             raise ValueError("closed_springback_press_nm must be more than twice coulomb_nm")
         if self.press_torque_nm <= self.coulomb_nm:
             raise ValueError("press_torque_nm must be more than coulomb_nm")
+
+    def of_motor(self, motor_type: MotorType) -> SimulatorParameters:
+        """Return the same gripper with a motor of this type; its ends stay as stiff as they are."""
+        useful_nm = self.closed_springback_press_nm - 2 * motor_type.coulomb_nm
+        return replace(
+            self,
+            motor_type=motor_type,
+            rotor_inertia_kg_m2=motor_type.rotor_inertia_kg_m2,
+            breakaway_nm=motor_type.breakaway_nm,
+            coulomb_nm=motor_type.coulomb_nm,
+            viscous_nm_s_rad=motor_type.viscous_nm_s_rad,
+            closed_springback_rad=useful_nm / self.closed_stiffness_nm_rad,
+            torque_constant_nm_a=motor_type.torque_constant_nm_a,
+            current_limit_a=motor_type.current_limit_a,
+            phase_resistance_ohm=motor_type.phase_resistance_ohm,
+            no_load_speed_rad_s=motor_type.no_load_speed_rad_s,
+            braking_nm_s_rad=motor_type.braking_nm_s_rad,
+            winding_k_w=motor_type.winding_k_w,
+            winding_time_s=motor_type.winding_s,
+            housing_k_w=motor_type.housing_k_w,
+            housing_time_s=motor_type.housing_s,
+        )
 
     @property
     def close_sign(self) -> int:

@@ -10,6 +10,7 @@ import struct
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.sim.codec import Ranges
 from litegripd.sim.parameters import SPEED_FILTER_MAX_HZ
 
@@ -20,7 +21,7 @@ HW_VER, SW_VER, SN, NPP, RS, GR = 13, 14, 15, 16, 17, 20
 PMAX, VMAX, TMAX = 21, 22, 23
 KP_ASR, KI_ASR, KP_APR, KI_APR, OV_VALUE = 25, 26, 27, 28, 29
 V_BW, CAN_BR, SUB_VER = 32, 35, 36
-VBUS, TPCB, TMTR = 60, 61, 62
+IMAX, VBUS, TPCB, TMTR = 59, 60, 61, 62
 P_M, XOUT = 80, 81
 
 TIMEOUT_UNIT_S = 50e-6
@@ -54,7 +55,7 @@ def _measured(name: str, first: float = 0.0) -> Register:
 # cascade make a calm loop, the offsets from 50 on are what a healthy motor may have.
 TABLE: dict[int, Register] = {
     UV_VALUE: Register("UV_Value", 15.0, True, 10.0, _FLOAT_MAX),
-    KT_VALUE: Register("KT_Value", 0.945, True, 0.0, _FLOAT_MAX),
+    KT_VALUE: Register("KT_Value", DM4310.torque_constant_nm_a, True, 0.0, _FLOAT_MAX),
     OT_VALUE: Register("OT_Value", 100.0, True, 80.0, 199.0),
     OC_VALUE: Register("OC_Value", 0.98, True, 0.01, 0.99),
     ACC: Register("ACC", 50.0, True, _TINY, _FLOAT_MAX),
@@ -70,13 +71,13 @@ TABLE: dict[int, Register] = {
     SW_VER: Register("sw_ver", 5015, False, writable=False),
     SN: Register("SN", 0x4310_0001, False, writable=False),
     NPP: Register("NPP", 14, False, writable=False),
-    RS: _measured("Rs", 0.85),
+    RS: _measured("Rs", DM4310.phase_resistance_ohm),
     18: _measured("Ls", 3.4e-4),
     19: _measured("Flux", 0.0045),
-    GR: _measured("Gr", 10.0),
-    PMAX: Register("PMAX", 12.5, True, 0.1, _FLOAT_MAX),
-    VMAX: Register("VMAX", 30.0, True, 0.1, _FLOAT_MAX),
-    TMAX: Register("TMAX", 10.0, True, 0.1, _FLOAT_MAX),
+    GR: _measured("Gr", DM4310.gear_ratio),
+    PMAX: Register("PMAX", DM4310.ranges.position_rad, True, 0.1, _FLOAT_MAX),
+    VMAX: Register("VMAX", DM4310.ranges.velocity_rad_s, True, 0.1, _FLOAT_MAX),
+    TMAX: Register("TMAX", DM4310.ranges.torque_nm, True, 0.1, _FLOAT_MAX),
     24: Register("I_BW", 1000.0, True, 100.0, 10000.0),
     KP_ASR: Register("KP_ASR", 0.0035, True, 0.0, _FLOAT_MAX),
     KI_ASR: Register("KI_ASR", 0.05, True, 0.0, _FLOAT_MAX),
@@ -97,7 +98,7 @@ TABLE: dict[int, Register] = {
     54: _measured("m_off", 1.37),
     55: _measured("dir", 1.0),
     56: _measured("m_off", -0.42),  # the maker's name for two registers
-    59: _measured("Imax", 10.26),
+    IMAX: _measured("Imax", DM4310.current_limit_a),
     VBUS: _measured("VBus"),
     TPCB: _measured("Tpcb"),
     TMTR: _measured("Tmtr"),
@@ -125,6 +126,21 @@ def encode(rid: int, value: float) -> bytes:
         raise ValueError(f"register {rid} cannot hold {value:g}") from None
 
 
+def _of_type(motor_type: MotorType) -> dict[int, float]:
+    """Return the registers that depend on the type of the motor."""
+    ratio = motor_type.gear_ratio / DM4310.gear_ratio
+    return {
+        KT_VALUE: motor_type.torque_constant_nm_a,
+        RS: motor_type.phase_resistance_ohm,
+        GR: motor_type.gear_ratio,
+        PMAX: motor_type.ranges.position_rad,
+        VMAX: motor_type.ranges.velocity_rad_s,
+        TMAX: motor_type.ranges.torque_nm,
+        IMAX: motor_type.current_limit_a,
+        MAX_SPD: TABLE[MAX_SPD].first / ratio,
+    }
+
+
 class Registers:
     """The registers of one motor. Writes live in RAM until they are saved to the flash.
 
@@ -138,9 +154,11 @@ class Registers:
         master_id: int,
         watchdog_s: float = 0.1,
         speed_filter_hz: float = 0.0,
+        motor_type: MotorType = DM4310,
         sources: Mapping[int, Callable[[], float]] | None = None,
     ) -> None:
         self._live: dict[int, float] = {rid: entry.first for rid, entry in TABLE.items()}
+        self._live |= _of_type(motor_type)
         self._live[ESC_ID] = can_id
         self._live[MST_ID] = master_id
         self._live[TIMEOUT] = round(watchdog_s / TIMEOUT_UNIT_S)

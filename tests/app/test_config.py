@@ -133,7 +133,7 @@ MISTAKES = {
     "[bus]\nchannel = 0\n": ("[bus] channel", "a string"),
     "[bus]\nbitrate = 1e6\n": ("[bus] bitrate", "an integer"),
     "[bus]\nbitrate = 8000000\n": ("[bus] bitrate", "10000 to 1e+06"),
-    '[motor]\ntype = "DM4340"\n': ("[motor] type", "DM4310"),
+    '[motor]\ntype = "DM4350"\n': ("[motor] type", "DM4310, DM4340"),
     '[motor]\ncan_id = "8"\n': ("[motor] can_id", "an integer"),
     "[motor]\ncan_id = true\n": ("[motor] can_id", "an integer"),
     "[motor]\ncan_id = 0\n": ("[motor] can_id", "1 to 2046"),
@@ -222,6 +222,12 @@ def test_simulate_takes_the_simulated_gripper_of_the_same_mount(
     expected = mount or "normal"
     assert config.bus == BusSettings("litegrip_sim", "can0", 1_000_000, {"mount": expected})
     assert config.gripper.mount == expected
+
+
+def test_simulate_takes_the_configured_type_of_motor(tmp_path: Path) -> None:
+    path = written(tmp_path, '[motor]\ntype = "DM4340"\n')
+    config = override(load("can0", path), socket=None, interface=None, simulate=True)
+    assert config.bus.options == {"mount": "normal", "motor_type": "DM4340"}
 
 
 @pytest.mark.parametrize(

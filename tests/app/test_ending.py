@@ -6,7 +6,8 @@ import pytest
 
 from litegripd.app.ending import Ending
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import MitCommand, MotorPhase, Ranges, Status
+from litegripd.model.motor import MitCommand, MotorPhase, Status
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.motor.registers import TIMEOUT, write_request
 from tests.world import CAN_ID, World
@@ -17,9 +18,11 @@ def left_enabled() -> World:
     world = World()
     for frame in (
         write_request(CAN_ID, TIMEOUT, 0),
-        CanFrame(CAN_ID, codec.encode_zero_gains(-0.7, Ranges())),
+        CanFrame(CAN_ID, codec.encode_zero_gains(-0.7, DM4310.ranges)),
         CanFrame(CAN_ID, codec.ENABLE),
-        CanFrame(CAN_ID, codec.encode_command(MitCommand(-0.7, 0.0, 20.0, 2.0, 0.0), Ranges())),
+        CanFrame(
+            CAN_ID, codec.encode_command(MitCommand(-0.7, 0.0, 20.0, 2.0, 0.0), DM4310.ranges)
+        ),
     ):
         world.gripper.receive(world.now_s, frame)
     assert world.gripper.motor.status == Status.ENABLED

@@ -4,11 +4,13 @@ from typing import Any, TypeAlias
 
 from hypothesis import strategies as st
 
-from litegripd.model.motion_config import RANGES, MotionConfig
+from litegripd.model.motion_config import MotionConfig, ranges_of
+from litegripd.model.motor_types import DM4310
 from tests.trajectories import lgt, pieces
 
 Values: TypeAlias = dict[str, Any]
 
+RANGES = ranges_of(DM4310)
 _DEFAULTS = MotionConfig().as_fields(0.0)
 _LEVELS = st.sampled_from(["hold", "relax", "disable"])
 _STEPS = st.sampled_from(["begin", "closed", "open", "finish", "cancel"])

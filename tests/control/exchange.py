@@ -6,7 +6,6 @@ from typing import Any
 from litegripd.app import handover
 from litegripd.app.machine import Machine
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.unit import Unit
 from litegripd.rpc.service import RpcService
 from tests.world import PERIOD_S, FixedFacts, World
 
@@ -27,7 +26,7 @@ def exchange(world: World) -> dict[str, Any]:
     """Exchange the machine between two ticks; return what was handed over."""
     assert handover.why_not_restartable(world.machine) is None
     plain = exported(world)
-    machine = Machine(Unit(), None, MotionConfig(), PERIOD_S)
+    machine = Machine(world.engine.unit, None, MotionConfig(), PERIOD_S)
     service = RpcService(machine.engine, FixedFacts(), PERIOD_S)
     handover.adopt(machine, service, plain["state"])
     handover.adopt_history(machine, service, plain["history"])

@@ -18,6 +18,7 @@ from litegripd.model.calibration import CalibrationError, read_content
 from litegripd.model.frame import CanFrame
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
 from litegripd.model.motor import MotorPhase, Ranges, ZeroView
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.parameters import MOUNTS
 from tests.control.any_requests import (
@@ -77,7 +78,7 @@ courses = st.builds(
     is_silent=st.sampled_from([False] * 6 + [True]),
     zero=st.sampled_from([None] * 20 + [ZeroView("done", 0.5, 0.0), ZeroView("failed")]),
 )
-spans = st.just(Ranges()) | st.builds(Ranges, *[st.floats(0.125, 1000.0, width=32)] * 3)
+spans = st.just(DM4310.ranges) | st.builds(Ranges, *[st.floats(0.125, 1000.0, width=32)] * 3)
 
 
 QUIET = Course(False, (), 0.0, 1, None, 0.0, {}, False, None)
@@ -98,17 +99,17 @@ def measures(ticks: int = 1, **measured: Any) -> Course:
     spans,
     st.lists(courses, min_size=5, max_size=30),
 )
-@example({}, NORMAL, Ranges(), [asks("motion.hold"), measures(600, position_rad=-1.2)])
+@example({}, NORMAL, DM4310.ranges, [asks("motion.hold"), measures(600, position_rad=-1.2)])
 @example(
     {},
     NORMAL,
-    Ranges(),
+    DM4310.ranges,
     [asks("motion.set_force", force_n=30.0, ticks=100), asks("stop", ticks=100)],
 )
 @example(
     {},
     NORMAL,
-    Ranges(),
+    DM4310.ranges,
     [
         asks("calibration.zero"),
         measures(velocity_rad_s=2.0, torque_nm=-2.0),

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegripd.control.actions.grasp import BUDGET_NM
-from litegripd.control.actions.replay import FASTEST_MM_S, Replay, ReplayRequest
+from litegripd.control.actions.replay import Replay, ReplayRequest
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.holds import Slack
 from litegripd.control.limiter import torque_bound_nm
@@ -21,6 +21,7 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.grips import TaughtGrip, pack
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
+from litegripd.model.motor_types import DM4310, FASTEST_MM_S
 from litegripd.model.results import ReplayResult, Result
 from tests.trajectories import Point, lgt, pieces, sampled, swing
 from tests.world import PERIOD_S
@@ -53,6 +54,7 @@ class Jaws:
             config=MotionConfig(),
             gains=DEFAULT_GAINS,
             period_s=PERIOD_S,
+            motor_type=DM4310,
             resting=Slack,
         )
         self.follows = follows

@@ -8,9 +8,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.control.limiter import (
-    PEAK_IMPULSE_NM_S,
-    PEAK_TORQUE_NM,
-    RATED_TORQUE_NM,
     UNSEEN_RAD_S,
     VENDOR_KD_NM_S_RAD,
     Bounds,
@@ -21,14 +18,17 @@ from litegripd.control.limiter import (
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, Ranges
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from tests.properties import examples
 
 PERIOD_S = 0.005
 CONFIG = MotionConfig()
 GEOMETRY = Geometry(0.114, -1.491, 74.8)
+PEAK_TORQUE_NM, RATED_TORQUE_NM = DM4310.peak_nm, DM4310.rated_nm
+PEAK_IMPULSE_NM_S = DM4310.peak_impulse_nm_s
 BOUNDS = bounds_of(GEOMETRY, CONFIG)
-RANGES = Ranges()
+RANGES = DM4310.ranges
 NEAR = 1.0 + 1e-9
 
 anything = st.floats() | st.floats(-20.0, 20.0)

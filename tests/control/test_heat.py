@@ -8,8 +8,9 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from litegripd.control.heat import COIL_LIMIT_C, LEAST_NM, Course, HeatChange, HeatGuard, HeatModel
+from litegripd.control.heat import Course, HeatChange, HeatGuard, HeatModel
 from litegripd.model.motor import Feedback
+from litegripd.model.motor_types import DM4310
 from litegripd.sim.parameters import SimulatorParameters
 from litegripd.sim.thermal import Thermal
 
@@ -23,6 +24,7 @@ OTHERS = [  # the resistances of winding and housing and the winding's time, as 
     (1.4, 1.4, 1.4),
     (1.4, 1.4, 0.6),
 ]
+COIL_LIMIT_C, LEAST_NM = DM4310.coil_limit_c, DM4310.least_useful_nm
 ROOMS_C = [25.0, 40.0, 60.0]
 
 

@@ -14,8 +14,10 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.grips import MOST_GRIPS, grips_of
 from litegripd.model.jobs import Owner
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor_types import DM4310, DM4340
 from tests.control.grips import beside, both, gripper, grips, picked
 from tests.trajectories import fetched, points_of, send
+from tests.world import World
 
 
 def test_a_grip_is_noted_with_its_contact_its_force_and_who_commanded_it() -> None:
@@ -175,6 +177,19 @@ def calls_of(do: Callable[[], object]) -> int:
     return calls
 
 
+def test_a_grip_that_no_file_can_hold_is_counted() -> None:
+    """Files go from gripper to gripper; a stronger motor may grip harder than they can say."""
+    world = World(motor_type=DM4340)
+    client = world.enabled()
+    world.gripper.put_object(width_mm=50.0)
+    client.result("trajectory.record_start", zero_gravity=False)
+    rate = {"force_rate_n_s": 200.0}
+    assert client.result("motion.grasp", force_n=40.0, until="verdict", config=rate)["ok"]
+    world.run(1.0)
+    stopped = client.result("trajectory.record_stop")
+    assert (stopped["grips"], stopped["grips_left_out"]) == (0, 1)
+
+
 def test_more_grips_than_are_kept_are_counted() -> None:
     geometry, jobs, notes = Geometry(0.114, -1.491, 74.8), JobBook(), GripNotes()
     owner = Owner(1, 2, 3, "pick\x07place " + "é" * 200)
@@ -182,7 +197,7 @@ def test_more_grips_than_are_kept_are_counted() -> None:
     for number in range(MOST_GRIPS + 5):
         job = jobs.add("grasp", owner, False, 10.0 + number)
         jobs.begin(job, 10.0 + number)
-        grip = Grip(settings, 5.0, 0.0, watched=True)
+        grip = Grip(settings, 5.0, 0.0, DM4310, watched=True)
         notes.see(number + 0.4, 10.0, -0.5, grip, jobs)
         notes.see(number + 0.8, 10.0, -0.5, None, jobs)
         jobs.end(job, Refusal("cancelled", "done"), 10.8 + number)

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.motion_config import LEAST_DAMPING_S
-from litegripd.model.motor import Ranges
+from litegripd.model.motor_types import DM4310
 from tests.control.any_requests import NORMAL, REVERSE, Values, calls
 from tests.control.bench import Bench, Course, Request
 from tests.control.teleop_scene import CODE_RAD, MM_RAD, Follower, TeleopWorld, packed
@@ -144,6 +144,6 @@ courses = st.builds(
 def test_beside_any_other_requests_every_limit_is_kept(
     content: Values, course: list[Course]
 ) -> None:
-    bench = Bench({}, content, Ranges())
+    bench = Bench({}, content, DM4310.ranges)
     for part in course:
         bench.run(part)

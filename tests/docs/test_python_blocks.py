@@ -8,7 +8,7 @@ import pytest
 from litegrip_client import LiteGrip
 from tests.docs.test_pages import NAMES, text_of
 from tests.drop_in import Daemon, Site, a_site
-from tests.seed import blocks
+from tests.sdk_compat import blocks
 
 BLOCKS = [
     (name, code)
@@ -35,7 +35,8 @@ def run(site: Site, code: str) -> None:
 
 
 def test_there_are_blocks() -> None:
-    assert [name for name, _ in BLOCKS].count("README.md") == 3
+    assert [name for name, _ in BLOCKS].count("README.md") == 1
+    assert [name for name, _ in BLOCKS].count("docs/python.md") == 3
     assert [name for name, _ in BLOCKS].count("docs/tutorial.md") == 1
 
 

@@ -5,6 +5,7 @@ import types
 from collections import deque
 
 from litegripd.model.motor import MitCommand, MotorPhase, Ranges
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.motor import ENABLED
 from tests.control.limits import LimitWatch
@@ -58,7 +59,7 @@ class ChaosWatch:
             assert running is not None, "armed unasked"
             assert (running.kind, latched) == ("enable", None), "armed unasked"
         identity = engine.motor.identity
-        ranges = Ranges() if identity is None else identity.ranges
+        ranges = DM4310.ranges if identity is None else identity.ranges
         commands = [codec.decode_command(f.data, ranges) for f in own if is_command(f)]
         is_motion = action is not None and engine.action is action
         self._check_commands(commands, ranges, is_motion=is_motion)

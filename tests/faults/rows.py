@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import can
 
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import MitCommand, Ranges
+from litegripd.model.motor import MitCommand
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.motor import REGISTER_CAN_ID
 from tests.faults.fault_world import FaultWorld
@@ -69,8 +70,8 @@ BUFFER_FULL = can.CanOperationError("Transmit buffer full")
 NO_CODE = can.CanOperationError("the adapter answers nonsense")
 CLOSED = ValueError("file descriptor cannot be a negative integer (-1)")
 LIKE_FEEDBACK = bytes([0x10 | CAN_ID]) + bytes(7)
-PULL = codec.encode_command(MitCommand(-1.0, 0.0, 20.0, 1.0, 0.0), Ranges())
-FREE = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), Ranges())
+PULL = codec.encode_command(MitCommand(-1.0, 0.0, 20.0, 1.0, 0.0), DM4310.ranges)
+FREE = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), DM4310.ranges)
 
 
 def clear_frames(world: FaultWorld) -> None:

@@ -198,6 +198,7 @@ def test_a_defect_of_who_asked_does_not_leave_the_helper_unserved(
 
 def test_what_was_posted_before_the_end_is_still_done(capfd: pytest.CaptureFixture[str]) -> None:
     rig = Rig()
+    assert rig.ask("double", x=1).error is None, "it has begun: the end does not wait for that"
     for number in range(50):
         assert rig.helper.post("log", {"text": f"line {number} \udcff\n"})
     rig.helper.close()

@@ -24,15 +24,15 @@ class Greedy:
         self.used_s = 0.0
         self.ends: list[float] = []
 
-    def serve(self, until_s: float) -> None:
+    def serve(self, until_s: float, *, light_only: bool = False) -> None:
+        if light_only:
+            assert not self.pending_light, until_s
+            return
         began_s = time.monotonic()
         while time.monotonic() < until_s:
             pass
         self.ends.append(until_s)
         self.used_s += time.monotonic() - began_s
-
-    def serve_light(self, until_s: float) -> None:
-        assert not self.pending_light, until_s
 
 
 class Failing:
@@ -40,10 +40,8 @@ class Failing:
 
     pending = pending_light = True
 
-    def serve(self, until_s: float) -> None:
+    def serve(self, until_s: float, *, light_only: bool = False) -> None:
         raise ZeroDivisionError("a defect")
-
-    serve_light = serve
 
 
 class Pipe:

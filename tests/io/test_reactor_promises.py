@@ -111,17 +111,15 @@ class Work:
     def pending_light(self) -> bool:
         return self.light > 0
 
-    def serve(self, until_s: float) -> None:
-        self.until_s.append(until_s)
-        if self.light:
-            self.serve_light(until_s)
-        elif self.count and self._clock.now_s < until_s:
-            self.count -= 1
-            self._serve_one()
-
-    def serve_light(self, until_s: float) -> None:
-        if self.light and self._clock.now_s < until_s:
+    def serve(self, until_s: float, *, light_only: bool = False) -> None:
+        if not light_only:
+            self.until_s.append(until_s)
+        is_in_time = self._clock.now_s < until_s
+        if self.light and is_in_time:
             self.light -= 1
+            self._serve_one()
+        elif self.count and is_in_time and not light_only and not self.light:
+            self.count -= 1
             self._serve_one()
 
     def _serve_one(self) -> None:

@@ -160,7 +160,7 @@ def test_who_used_much_waits_for_the_next_period(loop: Loop, users: Users) -> No
     much_s = 1e6 * loop.reactor.period_s  # ticks that are lost let it fade
     loop.server._turns.charge(POLITE, much_s)
     assert (before, loop.server.pending, loop.server.pending_light) == (True, True, False)
-    loop.server.serve_light(float("inf"))
+    loop.server.serve(float("inf"), light_only=True)
     assert loop.service.served == []
     loop.read(client, 3)
 

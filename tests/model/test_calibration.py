@@ -109,10 +109,27 @@ def test_some_nesting_is_kept() -> None:
 BENCH = Geometry(0.104334, -1.513123, 74.19)
 
 
-def content_of(calibration: Calibration, master_id: int | None = 24) -> dict[str, object]:
+def content_of(
+    calibration: Calibration, master_id: int | None = 24, motor_type: str = "DM4310"
+) -> dict[str, object]:
     return calibration.file_content(
-        channel="can1", can_id=9, master_id=master_id, kp_nm_rad=100.0, kd_nm_s_rad=2.0
+        channel="can1",
+        can_id=9,
+        master_id=master_id,
+        motor_type=motor_type,
+        kp_nm_rad=100.0,
+        kd_nm_s_rad=2.0,
     )
+
+
+@pytest.mark.parametrize(
+    ("before", "after"), [("DM4310", "DM4340"), (None, "DM4340"), ("DM9999", "DM9999")]
+)
+def test_the_file_names_the_configured_type_in_place_of_another_known_one(
+    before: str | None, after: str
+) -> None:
+    calibration = Calibration(BENCH, content={"motor_type": before})
+    assert content_of(calibration, motor_type="DM4340")["motor_type"] == after
 
 
 def test_a_calibration_without_a_file_makes_the_vendors_whole_file() -> None:

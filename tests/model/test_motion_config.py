@@ -9,7 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.geometry import Geometry
-from litegripd.model.motion_config import RANGES, MotionConfig, MotionConfigError, move_conflict
+from litegripd.model.motion_config import (
+    WIDEST,
+    MotionConfig,
+    MotionConfigError,
+    move_conflict,
+    ranges_of,
+)
+from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 
 CONFIG = MotionConfig()
 GEOMETRY = Geometry(0.114, -1.491, 74.8)
@@ -43,6 +50,7 @@ VENDOR = {
     "calib_stall_cycles": 5,
     "calib_max_iter": 200,
 }
+RANGES = ranges_of(DM4310)
 FIELD = {"force_rate_n_s": 20.0, "stop_torque_nm": 0.7, "stop_torque_cycles": 3}
 FIELD["stop_release_s"] = 0.2
 TOGETHER = {"max_lead_mm": {"stop_lead_mm": 0.1}, "stop_lead_mm": {"max_lead_mm": 6.0}}
@@ -53,16 +61,33 @@ def test_the_defaults_are_the_vendors() -> None:
     assert CONFIG.as_fields(0.005) == VENDOR | FIELD
 
 
+@pytest.mark.parametrize("motor_type", MOTOR_TYPES.values(), ids=MOTOR_TYPES)
 @pytest.mark.parametrize("name", sorted(RANGES))
-def test_each_field_has_its_range(name: str) -> None:
-    lowest, highest = RANGES[name]
+def test_each_field_has_its_range(name: str, motor_type: MotorType) -> None:
+    lowest, highest = ranges_of(motor_type)[name]
+    kind = type(getattr(CONFIG, name))
     for allowed in (lowest, highest):
-        changed: dict[str, Any] = {**TOGETHER.get(name, {}), name: allowed}
-        assert getattr(MotionConfig(**changed), name) == allowed
+        changed: dict[str, Any] = {**TOGETHER.get(name, {}), name: kind(allowed)}
+        assert getattr(CONFIG.changed(changed, 0.005, motor_type), name) == allowed
     for bad in (lowest - 1e-6, highest * 1.001, math.nan, math.inf):
         wrong: dict[str, Any] = {name: bad}
-        with pytest.raises(ValueError, match=name):
+        with pytest.raises(MotionConfigError, match=name):
+            CONFIG.changed(wrong, 0.005, motor_type)
+
+
+@pytest.mark.parametrize("name", sorted(RANGES))
+def test_no_configuration_has_what_no_motor_bears(name: str) -> None:
+    lowest, highest = WIDEST[name]
+    for bad in (lowest - 1e-6, highest * 1.001, math.nan, math.inf):
+        wrong: dict[str, Any] = {name: bad}
+        with pytest.raises(MotionConfigError, match=name):
             MotionConfig(**wrong)
+
+
+@pytest.mark.parametrize("motor_type", MOTOR_TYPES.values(), ids=MOTOR_TYPES)
+def test_the_defaults_suit_every_motor(motor_type: MotorType) -> None:
+    fields_of = {name: getattr(CONFIG, name) for name in RANGES}
+    assert CONFIG.changed(fields_of, 0.005, motor_type) == CONFIG
 
 
 def conflict_of(config: MotionConfig = CONFIG, speed_mm_s: float = 50.0) -> str | None:

@@ -17,6 +17,7 @@ from litegripd.model.motor import (
     RegisterRequest,
     SetZero,
 )
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
 from tests.motor.helpers import MASTER_ID, Registers
@@ -108,7 +109,7 @@ def test_it_never_raises_and_energises_nothing_unasked(
             asked = True
         elif period.request == "disable":
             asked = False
-        spans = before.identity.ranges if before.identity is not None else Ranges()
+        spans = before.identity.ranges if before.identity is not None else DM4310.ranges
         sent = bus.tick(order_of(period.request, period.register), answers=period.answers)
         own = [frame.data for frame in sent if frame.can_id == CAN_ID]
         assert asked or codec.ENABLE not in own

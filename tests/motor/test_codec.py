@@ -7,9 +7,11 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from litegripd.model.motor import MitCommand, Ranges
+from litegripd.model.motor_types import DM4310, DM4340, MOTOR_TYPES
 from litegripd.motor import codec
+from litegripd.sim import codec as sim_codec
 
-RANGES = Ranges()
+RANGES = DM4310.ranges
 LSB_12 = 1.0 / 4095
 GOLDEN = [  # published by the maker, which truncates; then what rounding to the nearest gives
     (MitCommand(-0.6, 0.0, 100.0, 2.0, 0.0), "79DA7FF3336667FF", "79DB800333666800"),
@@ -17,7 +19,8 @@ GOLDEN = [  # published by the maker, which truncates; then what rounding to the
 ]
 
 span = st.floats(0.125, 100.0, width=32)  # as a register holds it
-ranges = st.builds(Ranges, span, span, span)
+of_a_type = st.sampled_from([row.ranges for row in MOTOR_TYPES.values()])
+ranges = of_a_type | st.builds(Ranges, span, span, span)
 shares = st.floats(-1.0, 1.0)
 
 
@@ -36,6 +39,31 @@ def test_golden_frames(command: MitCommand, makers: str, ours: str) -> None:
     assert decoded.position_rad == pytest.approx(command.position_rad, abs=25.0 / 65535)
     assert decoded.kp_nm_rad == pytest.approx(command.kp_nm_rad, abs=500.0 * LSB_12)
     assert decoded.kd_nm_s_rad == pytest.approx(command.kd_nm_s_rad, abs=5.0 * LSB_12)
+
+
+def test_the_same_bytes_mean_something_else_to_another_type() -> None:
+    """A quarter above the middle of speed and torque: 5 rad/s and 14 N·m of a DM4340."""
+    data = codec.encode_command(MitCommand(-0.6, 5.0, 100.0, 2.0, 14.0), DM4340.ranges)
+    assert data.hex().upper() == "79DBBFF333666BFF"
+    usual = codec.decode_command(data, DM4310.ranges)
+    assert usual.velocity_rad_s == pytest.approx(15.0, abs=0.02)
+    assert usual.torque_nm == pytest.approx(5.0, abs=0.01)
+
+
+@given(of_a_type, shares, shares, shares)
+def test_the_simulated_firmware_reads_what_the_daemon_writes(
+    spans: Ranges, q: float, dq: float, tau: float
+) -> None:
+    """Two codecs that share no code."""
+    command = MitCommand(
+        q * spans.position_rad, dq * spans.velocity_rad_s, 100.0, 2.0, tau * spans.torque_nm
+    )
+    firmware = sim_codec.Ranges(spans.position_rad, spans.velocity_rad_s, spans.torque_nm)
+    read = sim_codec.decode_command(codec.encode_command(command, spans), firmware)
+    assert read.position_rad == pytest.approx(command.position_rad, abs=spans.position_rad / 65000)
+    speed = command.velocity_rad_s
+    assert read.velocity_rad_s == pytest.approx(speed, abs=spans.velocity_rad_s / 4000)
+    assert read.torque_nm == pytest.approx(command.torque_nm, abs=spans.torque_nm / 4000)
 
 
 def test_zero_torque_is_as_near_as_the_codes_allow() -> None:

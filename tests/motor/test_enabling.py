@@ -5,7 +5,8 @@ import struct
 import pytest
 
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import MitCommand, MotorPhase, Ranges, Status
+from litegripd.model.motor import MitCommand, MotorPhase, Status
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from tests.world import CAN_ID, PERIOD_S, World, is_command
 
@@ -17,7 +18,7 @@ def own_frames(world: World, since_s: float = 0.0) -> list[bytes]:
 
 
 def is_slack(data: bytes) -> bool:
-    command = codec.decode_command(data, Ranges())
+    command = codec.decode_command(data, DM4310.ranges)
     return (
         command.kp_nm_rad == 0.0
         and command.kd_nm_s_rad == 0.0
@@ -73,7 +74,7 @@ def test_enabling_sends_zero_gains_before_enable_and_then_holds_what_is_measured
     assert all(is_slack(data) for data in sent[:index])
     assert CLEAR not in sent
     world.run(0.1)
-    after = [codec.decode_command(d, Ranges()) for d in own_frames(world)[index + 1 :]]
+    after = [codec.decode_command(d, DM4310.ranges) for d in own_frames(world)[index + 1 :]]
     held = [command for command in after if command.kp_nm_rad > 0.0]
     assert len(held) > 10
     assert {round(c.position_rad, 3) for c in held} == {round(world.gripper.position_rad, 3)}
@@ -85,7 +86,7 @@ def test_the_jaws_do_not_jump_on_enable(phase: str) -> None:
     """A set-point that came while the motor was disabled is applied by enable at once."""
     world = World().start()
     if phase == "stored":
-        stored = codec.encode_command(MitCommand(-1.4, 0.0, 300.0, 0.0, 0.0), Ranges())
+        stored = codec.encode_command(MitCommand(-1.4, 0.0, 300.0, 0.0, 0.0), DM4310.ranges)
         world.gripper.receive(world.now_s, CanFrame(CAN_ID, stored))
     else:  # moved by hand between looking and enabling
         world.gripper.push(1.0)
@@ -204,7 +205,7 @@ def test_a_motor_that_never_confirms_is_said_to_be_not_disabled() -> None:
     world = World()
     client = world.enabled()
     world.lose_to_motor = loses(DISABLE, 10_000)
-    feed = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), Ranges())
+    feed = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), DM4310.ranges)
 
     def somebody_else_keeps_it_awake(frame: CanFrame) -> bool:
         if frame.data == DISABLE:

@@ -7,6 +7,7 @@ import pytest
 
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import EnableMotor, MotorIdentity, MotorOrder, MotorPhase, Ranges
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import registers as reg
 from litegripd.motor.identity import LONGEST_WATCHDOG_S, RegisterScan, unsuitable, warnings
 from litegripd.motor.motor import Motor
@@ -84,7 +85,7 @@ def identity_with(**changes: object) -> MotorIdentity:
     values: dict[str, object] = {
         "can_id": 8,
         "master_id": 0x18,
-        "ranges": Ranges(),
+        "ranges": DM4310.ranges,
         "timeout_s": 0.1,
         "control_mode": 1,
     }
@@ -203,7 +204,7 @@ def test_one_disturbed_answer_is_not_believed(number: int, raw: bytes) -> None:
     assert world.start().client().result("motor.enable")["ok"]
     identity = world.machine.motor.view().identity
     assert identity is not None
-    assert identity.ranges == Ranges()
+    assert identity.ranges == DM4310.ranges
     assert identity.control_mode == 1
     assert identity.timeout_s == pytest.approx(0.1)
 
@@ -228,7 +229,7 @@ def test_another_process_that_reads_registers_gives_no_answers() -> None:
         bus.tick()
     identity = motor.view().identity
     assert identity is not None
-    assert identity.ranges == Ranges()
+    assert identity.ranges == DM4310.ranges
     assert identity.timeout_s == pytest.approx(0.1)
     assert identity.control_mode == 1
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.frame import CanFrame
-from litegripd.model.motor import Ranges
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import registers as reg
 from litegripd.motor.codec import decode_feedback
 from tests.motor.helpers import answer, world_with
@@ -108,7 +108,7 @@ def test_a_register_answer_never_becomes_feedback(opcode: int) -> None:
     world = World().start()
     before = world.state.position_rad
     frame = answer(9, struct.pack("<I", 2000), opcode)
-    assert decode_feedback(frame.data, Ranges(), 0.0).position_rad < -12.4
+    assert decode_feedback(frame.data, DM4310.ranges, 0.0).position_rad < -12.4
     counters = world.machine.motor.counters
     counted = counters.ignored_frames + counters.foreign_commands
     for _ in range(3):

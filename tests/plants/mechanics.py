@@ -11,9 +11,8 @@ from tests.plants.parameters import MM_RAD, PRESS_NM, TRAVEL_RAD, Item, PlantPar
 
 STEP_S = 1e-4
 STEPS_PER_S = 10_000
-ENCODER_RAD = 2.0 * math.pi / (16384 * 10)
-"""14 bits per turn of the motor, behind a gear of 10."""
-BRAKE_NM_S_RAD = 0.7  # a disabled motor: its phases are shorted
+ENCODER_COUNTS = 16384  # per turn of the rotor
+BRAKE_NM_S_RAD = 0.7 / 10.0**2  # at the rotor of a disabled motor: its phases are shorted
 CLOSED_DAMPING, OPEN_DAMPING = 0.13, 0.4  # N·m·s/rad, estimates
 HAND_NM_RAD, HAND_DAMPING = 3000.0, 1.0  # a hand that moves the jaws is stiff
 _SETTLED = 1e-6  # N·m and rad/s: below this a lag has ended
@@ -24,6 +23,7 @@ class Mechanics:
 
     def __init__(self, parameters: PlantParameters, opening_mm: float) -> None:
         p = self._p = parameters
+        self._count_rad = 2.0 * math.pi / (ENCODER_COUNTS * p.gear)
         self._half = 0.5 * p.backlash_mm / MM_RAD
         self._cable = p.cable_nm_rad
         lags_s = (p.current_lag_s, p.report_lag_s, max(p.speed_lag_s, 1e-6))
@@ -71,7 +71,7 @@ class Mechanics:
     @property
     def encoder_rad(self) -> float:
         """The rotor's angle as the motor counts it."""
-        return math.floor(self.rotor_rad / ENCODER_RAD) * ENCODER_RAD
+        return math.floor(self.rotor_rad / self._count_rad) * self._count_rad
 
     @property
     def clamp_nm(self) -> float:
@@ -104,7 +104,7 @@ class Mechanics:
         """Make no torque, and brake."""
         self._command = (0.0, 0.0, 0.0, 0.0, 0.0)
         self.torque_nm = 0.0
-        self._rotor_damping = self._p.viscous_nm_s_rad + BRAKE_NM_S_RAD
+        self._rotor_damping = self._p.viscous_nm_s_rad + BRAKE_NM_S_RAD * self._p.gear**2
 
     def put(self, item: Item | None) -> None:
         """Put an object between the jaws, or take it away."""
@@ -143,10 +143,10 @@ class Mechanics:
         rotor_coulomb, rotor_extra, finger_coulomb, finger_extra = self._drags
         rotor_factor = 1.0 / (1.0 + gr * self._rotor_damping)
         free_from, free_to = self._free_from, self._free_to
-        done = stood = 0
+        done, stood, count_rad = 0, 0, self._count_rad
         for done in range(1, steps + 1):
             speed += (vr - speed) * speed_gain
-            wanted = kp * (at - xr // ENCODER_RAD * ENCODER_RAD) + kd * (dq - speed) + forward
+            wanted = kp * (at - xr // count_rad * count_rad) + kd * (dq - speed) + forward
             if not -limit < wanted < limit or not -no_load < vr < no_load:
                 wanted = self._attainable(wanted, vr)
             torque += (wanted - torque) * current_gain

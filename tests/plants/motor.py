@@ -16,7 +16,7 @@ from tests.plants.parameters import LIMITS_RAD, PlantParameters
 ENABLED, COMMUNICATION_LOST = 0x1, 0xD
 FOR_ALL_ID = 0x7FF
 TIMEOUT_UNIT_S = 50e-6
-MST_ID, ESC_ID, TIMEOUT, CTRL_MODE, PMAX, VMAX, TMAX, V_BW = 7, 8, 9, 10, 21, 22, 23, 32
+MST_ID, ESC_ID, TIMEOUT, CTRL_MODE, GR, PMAX, VMAX, TMAX, V_BW = 7, 8, 9, 10, 20, 21, 22, 23, 32
 
 # Number, name, type (with r: read-only), first value, lowest, highest.
 _TABLE = """
@@ -61,6 +61,8 @@ class PlantMotor:
         self.mechanics = Mechanics(parameters, opening_mm)
         self.registers = {number: row.first for number, row in REGISTERS.items()}
         self.registers[TIMEOUT] = round(parameters.timeout_s / TIMEOUT_UNIT_S)
+        self.registers[GR] = parameters.gear
+        self.registers |= zip((PMAX, VMAX, TMAX), parameters.ranges, strict=True)
         lag_s = parameters.speed_lag_s
         self.registers[V_BW] = min(500.0, 1.0 / (2.0 * math.pi * lag_s)) if lag_s else 500.0
         self.status = 0

@@ -7,6 +7,7 @@ backlash and the firmware's lags are estimates, and so the ranges in `random_pla
 import math
 import random
 from dataclasses import dataclass
+from typing import Any
 
 TRAVEL_RAD, MM_RAD = 1.605, 74.8
 LIMITS_RAD = {"normal": (0.114, -1.491), "reverse": (-1.491, 0.114)}
@@ -50,11 +51,30 @@ class PlantParameters:
     delay_s: float = 0.0
     jitter_s: float = 0.0
     timeout_s: float = 0.1
+    gear: float = 10.0
+    ranges: tuple[float, float, float] = (12.5, 30.0, 10.0)
+    """Of position, velocity and torque, as the motor's frames have them."""
 
     @property
     def breakaway_nm(self) -> float:
         """What it takes to move standing jaws, outside the close-side stick zone."""
         return self.coulomb_nm * self.breakaway_ratio
+
+
+def dm4340(**others: Any) -> PlantParameters:
+    """Return a gripper whose motor is a DM4340: rotor and winding of a DM4310 behind a gear of 40.
+
+    The maker's ranges and speed; the friction is an estimate.
+    """
+    figures: dict[str, Any] = {"coulomb_nm": 0.3, "viscous_nm_s_rad": 0.3, "rotor_share": 0.8}
+    return PlantParameters(
+        rotor_kg_m2=1.8e-5 * 40.0**2,
+        torque_limit_nm=28.0,
+        no_load_rad_s=5.5,
+        gear=40.0,
+        ranges=(12.5, 10.0, 28.0),
+        **(figures | others),
+    )
 
 
 @dataclass(frozen=True, slots=True)

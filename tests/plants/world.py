@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 from litegripd.model.frame import CanFrame
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor_types import DM4310, MotorType
 from tests.plants.motor import PlantMotor
 from tests.plants.parameters import MM_RAD, PlantParameters
 from tests.world import FRAME_TIME_S, Sent, World
@@ -44,8 +45,9 @@ class PlantWorld(World):
         *,
         opening_mm: float = 60.0,
         config: MotionConfig | None = None,
+        motor_type: MotorType = DM4310,
     ) -> None:
-        super().__init__(mount, config=config, period_s=1.0 / rate_hz)
+        super().__init__(mount, config=config, period_s=1.0 / rate_hz, motor_type=motor_type)
         del self.gripper  # that of the simulator: nothing moves it
         self.parameters = parameters
         self.plant = PlantMotor(parameters, mount, opening_mm)

@@ -6,12 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from litegripd.model.motor import MitCommand, Ranges
+from litegripd.model.motor import MitCommand
+from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from tests.process.daemon_process import SLCAN, Client, daemon
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
-NO_GAINS = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), Ranges())
+NO_GAINS = codec.encode_command(MitCommand(0.0, 0.0, 0.0, 0.0, 0.0), DM4310.ranges)
 FOREIGN = f"inject 008#{NO_GAINS.hex()}"
 
 

@@ -1,4 +1,4 @@
-"""The README's lines for socat, as they stand there, against a daemon with a simulated gripper."""
+"""The lines for socat of docs/shell.md, as they stand there, against a simulated gripper."""
 
 import contextlib
 import json
@@ -19,20 +19,20 @@ pytestmark = pytest.mark.skipif(
     shutil.which("socat") is None, reason="socat is not installed: apt-get install socat"
 )
 
-README = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+PAGE = (Path(__file__).parents[2] / "docs" / "shell.md").read_text(encoding="utf-8")
 PLACE = "/run/litegripd/can0"
-LINES = [line for line in README.splitlines() if "| socat" in line]
+LINES = [line for line in PAGE.splitlines() if "| socat" in line]
 
 
 def command(running: DaemonProcess, *words: str) -> str:
-    """Return the one line of the README with these words, for the socket of this daemon."""
+    """Return the one line of the page with these words, for the socket of this daemon."""
     (found,) = [line for line in LINES if all(word in line for word in words)]
     assert found.count(PLACE) == 1
     return found.replace(PLACE, str(running.socket_path.with_suffix("")))
 
 
 def run(running: DaemonProcess, *words: str) -> dict[str, Any]:
-    """Run a line of the README in a shell; return what it prints, one line of JSON."""
+    """Run a line of the page in a shell; return what it prints, one line of JSON."""
     done = subprocess.run(
         ["sh", "-c", command(running, *words)],
         capture_output=True,
@@ -48,7 +48,7 @@ def run(running: DaemonProcess, *words: str) -> dict[str, Any]:
 
 @contextlib.contextmanager
 def printing(running: DaemonProcess, *words: str) -> Iterator["subprocess.Popen[bytes]"]:
-    """Let a line of the README print until Ctrl-C, which all processes of the shell get."""
+    """Let a line of the page print until Ctrl-C, which all processes of the shell get."""
     with subprocess.Popen(
         ["sh", "-c", command(running, *words)], stdout=subprocess.PIPE, start_new_session=True
     ) as process:
@@ -78,12 +78,12 @@ def assert_stopped(client: Client, motion: int) -> None:
     assert client.refusal("motion.close") == "stopped"
 
 
-def test_every_line_of_the_readme_is_run_here() -> None:
+def test_every_line_of_the_page_is_run_here() -> None:
     words = ("state.get", "motor.enable", "motion.open", '"stop"', "stop.clear", "subscribe")
     tried = [line for line in LINES for word in (*words, "can0.stop.sock") if word in line]
     assert tried == LINES
     assert len(LINES) == len(words) + 1
-    assert README.count("socat -") + README.count("socat STDIO") == len(LINES)
+    assert PAGE.count("socat -") + PAGE.count("socat STDIO") == len(LINES)
 
 
 def test_state_enable_and_a_motion(simulated: DaemonProcess) -> None:

@@ -189,9 +189,8 @@ def test_taking_over_tells_the_loser_and_ends_its_motion() -> None:
 
 
 def test_only_the_same_user_or_an_admin_takes_over() -> None:
-    world, _, other, _ = pair()
-    object.__setattr__(other.session.peer, "uid", 1001)
-    other.session.role = "operator"
+    world, _, _, _ = pair()
+    other = world.client(uid=1001, role="operator")
     assert other.refusal("lease.take", why="I want it") == "not_permitted"
     other.session.role = "admin"
     other.result("lease.take", why="maintenance")

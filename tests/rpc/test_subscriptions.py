@@ -154,6 +154,7 @@ def test_a_closed_connection_is_sent_nothing_more() -> None:
     world = World().start()
     client = world.client()
     client.result("state.subscribe", hz=200)
+    world.client().result("events.subscribe")
     world.now_s += 0.005
     world.service.after_tick(world.now_s)
     client.leave()

@@ -9,6 +9,7 @@ import can
 import pytest
 
 from litegripd.model.frame import CanFrame
+from litegripd.model.motor_types import DM4340
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.interface import FRAME_TIME_S, QUEUE_FRAMES, SimulatedBus
 from tests.sim.driving import ENABLE, STATUS, command, decode
@@ -203,6 +204,11 @@ def test_options_build_the_gripper() -> None:
             SimulatedBus("sim3", mount="normal")
 
 
+def test_it_has_the_type_of_motor_that_is_asked_for() -> None:
+    with SimulatedBus("sim3", motor_type="DM4340") as bus:
+        assert bus.gripper.parameters.motor_type is DM4340
+
+
 @pytest.mark.parametrize(
     ("options", "error"),
     [
@@ -216,6 +222,7 @@ def test_options_build_the_gripper() -> None:
         ({"object_mm": 3, "object_stiffness_nm_rad": 0}, "stiffness_nm_rad must be more than 0"),
         ({"object_stiffness_nm_rad": 5}, "needs object_mm"),
         ({"mount": "sideways"}, "mount must be one of"),
+        ({"motor_type": "DM1"}, "motor_type must be one of DM4310, DM4340"),
         ({"bitrate": 500_000}, "bitrate must be 1000000"),
         ({"channel": ""}, "channel must be a name"),
         ({"gripper": SimulatedGripper(), "seed": 1}, "not both"),

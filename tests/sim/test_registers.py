@@ -3,6 +3,7 @@ import struct
 
 import pytest
 
+from litegripd.model.motor_types import MOTOR_TYPES, MotorType
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters
 from litegripd.sim.registers import TABLE
@@ -32,6 +33,18 @@ def test_first_values(rid: int, value: float) -> None:
     driver = Driver()
     found = driver.read_float(rid) if isinstance(value, float) else driver.read_int(rid)
     assert found == value
+
+
+@pytest.mark.parametrize("motor_type", MOTOR_TYPES.values(), ids=MOTOR_TYPES)
+def test_a_motor_tells_its_type(motor_type: MotorType) -> None:
+    driver = Driver(SimulatedGripper(SimulatorParameters().of_motor(motor_type)))
+    spans = motor_type.ranges
+    assert [driver.read_float(rid) for rid in (20, 21, 22, 23)] == [
+        motor_type.gear_ratio,
+        spans.position_rad,
+        spans.velocity_rad_s,
+        spans.torque_nm,
+    ]
 
 
 @pytest.mark.parametrize("rid", [0, 2, 3, 7, 8, 9, 10, 13, 14, 15, 20, 21, 22, 23, 35])

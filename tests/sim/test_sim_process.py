@@ -30,6 +30,7 @@ from tests.sim.driving import (
     Feedback,
     command,
     decode,
+    read,
     write,
 )
 from tests.sim.simulator_process import DEADLINE_S, simulator
@@ -67,6 +68,19 @@ def test_it_serves_a_gripper_on_a_terminal_to_an_slcan_bus() -> None:
                 assert time.monotonic() < deadline_s
             assert ask(bus, command(kd=2.0, tau=1.0)).position_rad > start_rad
             assert ask(bus, DISABLE).status == 0
+        assert process.end() == (0, "")
+
+
+def test_it_has_the_type_of_motor_that_is_asked_for() -> None:
+    with simulator("--pty", "--motor-type", "DM4340") as process:
+        with open_slcan(process.first_line) as bus:
+            frame = read(20)
+            bus.send(
+                can.Message(arbitration_id=frame.can_id, is_extended_id=False, data=frame.data)
+            )
+            answer = bus.recv(DEADLINE_S)
+        assert answer is not None
+        assert bytes(answer.data) == bytes((8, 0, 0x33, 20)) + struct.pack("<f", 40.0)
         assert process.end() == (0, "")
 
 
@@ -232,6 +246,7 @@ def test_the_process_on_a_bus_of_python_can_ends_cleanly() -> None:
     ("arguments", "error"),
     [
         (["--pty", "--object-mm", "500"], "less than 120 mm wide"),
+        (["--pty", "--motor-type", "DM4340", "--can-id", "0"], "can_id must be 1 to 0x7FE"),
         (["--pty", "--can-id", "0x7FF"], "can_id must be 1 to 0x7FE"),
         (["--pty", "--channel", "can0"], "belong to --interface"),
         (["--interface", "virtual"], "needs --channel"),
@@ -246,7 +261,10 @@ def test_bad_usage_is_explained_with_exit_code_2(
     assert error in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("arguments", [[], ["--pty", "--interface", "virtual"], ["--mount", "up"]])
+@pytest.mark.parametrize(
+    "arguments",
+    [[], ["--pty", "--interface", "virtual"], ["--mount", "up"], ["--pty", "--motor-type", "DM1"]],
+)
 def test_the_parser_refuses_with_exit_code_2(arguments: list[str]) -> None:
     with pytest.raises(SystemExit) as ended:
         main(arguments)

@@ -20,6 +20,7 @@ from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, Hol
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
+from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.results import GraspOutcome, GraspResult, Progress
 
 Verdict: TypeAlias = Literal["contact", "stalled", "empty", "timed_out"]
@@ -57,6 +58,8 @@ class Approach:
         gains: Gains,
         speed_mm_s: float,
         period_s: float,
+        *,
+        motor_type: MotorType = DM4310,
     ) -> None:
         self._sign = geometry.close_sign
         self.target_rad = geometry.closed_rad - self._sign * config.margin * geometry.travel_rad
@@ -75,7 +78,7 @@ class Approach:
         self._slow = Lasting(CONTACT_S)
         self._contact = Lasting(CONTACT_S)
         self._window = SpeedWindow(STANDS_S)
-        self.friction = FrictionGauge()
+        self.friction = FrictionGauge(motor_type)
 
     @property
     def ramp_s(self) -> float:
@@ -187,6 +190,7 @@ class Grasp(PlainAction):
         config: MotionConfig,
         gains: Gains,
         period_s: float,
+        motor_type: MotorType,
         held: Grip | None = None,
     ) -> None:
         self._request = request
@@ -194,7 +198,10 @@ class Grasp(PlainAction):
         self._config = config
         self._gains = gains
         self._period_s = period_s
-        self._approach = Approach(geometry, config, gains, request.speed_mm_s, period_s)
+        self._motor_type = motor_type
+        self._approach = Approach(
+            geometry, config, gains, request.speed_mm_s, period_s, motor_type=motor_type
+        )
         self._grip: Grip | None = None
         self._verdict: Verdict | None = None
         self._width_mm: float | None = None
@@ -280,7 +287,8 @@ class Grasp(PlainAction):
         self._note_contact(now_s, feedback)
         settings = self._settings(self._approach.friction.friction_nm)
         in_flight_nm = self._geometry.close_sign * feedback.torque_nm
-        return Grip(settings, self._request.force_n, in_flight_nm, watched=True)
+        force_n = self._request.force_n
+        return Grip(settings, force_n, in_flight_nm, self._motor_type, watched=True)
 
     def _note_contact(self, now_s: float, feedback: Feedback) -> None:
         self._held_since_s = now_s

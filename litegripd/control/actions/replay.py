@@ -22,8 +22,9 @@ from litegripd.control.loading import Loading
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.grips import TaughtGrip
-from litegripd.model.motion_config import RANGES, MotionConfig
+from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
+from litegripd.model.motor_types import MotorType
 from litegripd.model.results import (
     GraspResult,
     Progress,
@@ -80,9 +81,6 @@ class Follower:
 
 Force: TypeAlias = Literal["path", "replay"]
 
-FASTEST_MM_S = RANGES["speed_mm_s"][1]
-"""No path is replayed faster than any other motion may be."""
-
 CATCH_UP = 1.2
 """Jaws that were held up go so much faster than the path's fastest part, to reach it again."""
 
@@ -124,26 +122,36 @@ def check_fits(
     return Refusal("out_of_limits", text, data)
 
 
-def speed_refusal(speed: float, max_rate_s: float, geometry: Geometry) -> Refusal | None:
-    """Say that the fastest part of a path, `max_rate_s` of the travel, is too fast, if so."""
+def speed_refusal(
+    speed: float, max_rate_s: float, geometry: Geometry, motor_type: MotorType
+) -> Refusal | None:
+    """Say that the fastest part of a path, `max_rate_s` of the travel, is too fast, if so.
+
+    No path is replayed faster than any other motion may be.
+    """
+    fastest_mm_s = motor_type.fastest_mm_s
     rate_mm_s = max_rate_s * geometry.travel_mm
-    if rate_mm_s * speed <= FASTEST_MM_S:
+    if rate_mm_s * speed <= fastest_mm_s:
         return None
-    most = FASTEST_MM_S / rate_mm_s
+    most = fastest_mm_s / rate_mm_s
     text = (
         f"speed is {speed:g}, with which the fastest part of the trajectory has"
-        f" {rate_mm_s * speed:.4g} mm/s; at most {most:.3g} goes, {FASTEST_MM_S:g} mm/s"
+        f" {rate_mm_s * speed:.4g} mm/s; at most {most:.3g} goes, {fastest_mm_s:g} mm/s"
     )
     return Refusal("out_of_limits", text, {"field": "speed", "requested": speed, "limit": most})
 
 
 def fastest_rad_s(
-    speed: float, max_rate_s: float, geometry: Geometry, config: MotionConfig
+    speed: float,
+    max_rate_s: float,
+    geometry: Geometry,
+    config: MotionConfig,
+    motor_type: MotorType,
 ) -> float:
     """Return how fast commands may move along a path whose fastest part is `max_rate_s`."""
     taught_rad_s = max_rate_s * geometry.travel_rad * speed
     usual_rad_s = geometry.to_rad(config.speed_mm_s)
-    return min(CATCH_UP * max(taught_rad_s, usual_rad_s), geometry.to_rad(FASTEST_MM_S))
+    return min(CATCH_UP * max(taught_rad_s, usual_rad_s), geometry.to_rad(motor_type.fastest_mm_s))
 
 
 def grips_refusal(force: Force, loading: Loading) -> Refusal | None:
@@ -172,8 +180,14 @@ class ReplayGrips:
     """
 
     def __init__(
-        self, geometry: Geometry, config: MotionConfig, gains: Gains, period_s: float
+        self,
+        geometry: Geometry,
+        config: MotionConfig,
+        gains: Gains,
+        period_s: float,
+        motor_type: MotorType,
     ) -> None:
+        self._motor_type = motor_type
         self.done = 0
         self.width_mm: float | None = None
         self.width_difference_mm: float | None = None
@@ -253,6 +267,7 @@ class ReplayGrips:
             config=self._config,
             gains=self._gains,
             period_s=self._period_s,
+            motor_type=self._motor_type,
         )
 
     def _note(self, width_mm: float) -> None:
@@ -285,6 +300,7 @@ class Replay(PlainAction):
         config: MotionConfig,
         gains: Gains,
         period_s: float,
+        motor_type: MotorType,
         resting: Callable[[], Rest],
     ) -> None:
         self.speed = request.speed
@@ -299,7 +315,8 @@ class Replay(PlainAction):
         self._period_s = period_s
         self._resting = resting
         self._follower = Follower(gains, request.torque_nm, period_s)
-        self.grips = ReplayGrips(geometry, config, gains, period_s)
+        self._motor_type = motor_type
+        self.grips = ReplayGrips(geometry, config, gains, period_s, motor_type)
         self._loading = Loading(request.source)
         self._path: Path | None = None
         self._last_s: float | None = None
@@ -391,7 +408,8 @@ class Replay(PlainAction):
         return Step()
 
     def _speed_refusal(self, speed: float) -> Refusal | None:
-        return speed_refusal(speed, self._loading.max_rate_s, self._geometry)
+        rate_s, motor_type = self._loading.max_rate_s, self._motor_type
+        return speed_refusal(speed, rate_s, self._geometry, motor_type)
 
     def _go(self, now_s: float, elapsed_s: float, feedback: Feedback, path: Path) -> Step:
         if self.phase == "align":
@@ -510,7 +528,13 @@ class Replay(PlainAction):
 
     def _fastest_rad_s(self) -> float:
         """Return how fast the command may move: enough for the path, and to catch up with it."""
-        return fastest_rad_s(self.speed, self._loading.max_rate_s, self._geometry, self._config)
+        return fastest_rad_s(
+            self.speed,
+            self._loading.max_rate_s,
+            self._geometry,
+            self._config,
+            self._motor_type,
+        )
 
     def _is_pose(self, path: Path) -> bool:
         """Whether the path is over before a tick has passed."""

@@ -11,7 +11,7 @@ from litegripd.control.engine import Engine
 from litegripd.control.motions import Motions
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import STOP_LEVELS, Job, StopLevel
-from litegripd.model.motion_config import RANGES, MotionConfig
+from litegripd.model.motion_config import MotionConfig, ranges_of
 from litegripd.model.results import (
     ClearFaultResult,
     DisableResult,
@@ -33,6 +33,7 @@ from litegripd.rpc.method import (
     Method,
     Refused,
     accepted,
+    config_param,
     later,
     speed_param,
     target_params,
@@ -62,12 +63,8 @@ class Stopped(Cleared):
     level: StopLevel
 
 
-_FORCE = Param(
-    "force_n",
-    "number",
-    "Squeezing force, about 0.1 N·m a newton (default: force_n of the configuration).",
-    minimum=RANGES["force_n"][0],
-    maximum=RANGES["force_n"][1],
+_FORCE = config_param(
+    "force_n", "Squeezing force, about 0.1 N·m a newton (default: force_n of the configuration)."
 )
 _FORCE_DUE = replace(_FORCE, description="Squeezing force.", required=True)
 
@@ -81,7 +78,7 @@ class MotionMethods:
         self._motions = Motions(engine)
 
     def _config(self, call: Call) -> MotionConfig:
-        return call.config(self._engine.config, self._engine.period_s)
+        return call.config(self._engine.config, self._engine.period_s, self._engine.unit.motor_type)
 
     @Method(
         "motor.enable",
@@ -102,7 +99,7 @@ class MotionMethods:
     def _enable(self, call: Call) -> Answer:
         config = self._config(call)
         if "retries" in call.params:
-            config = config.changed({"enable_retries": call.params["retries"]}, 0.0)
+            config = replace(config, enable_retries=call.params["retries"])
         return later(self._motions.enable(call.owner, config, call.detached))
 
     @Method(
@@ -180,6 +177,7 @@ class MotionMethods:
                 "Closing speed (default: grasp_speed_mm_s of the configuration).",
                 minimum=0.1,
                 maximum=200,
+                maximum_of=lambda motor: ranges_of(motor)["grasp_speed_mm_s"][1],
             ),
             Param(
                 "hold_s",
@@ -328,6 +326,7 @@ class MotionMethods:
                 "How hard to press on whatever is in the way (default 1).",
                 minimum=0.1,
                 maximum=3,
+                maximum_of=lambda motor: motor.rated_nm,
             ),
         ),
         role="operator",

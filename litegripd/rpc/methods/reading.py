@@ -123,7 +123,7 @@ class ReadingMethods:
         (Param("client", "string", "The program's name, for the log and for other clients."),),
     )
     def _hello(self, call: Call) -> Answer:
-        call.session.name = call.params.get("client", call.session.name)
+        call.session.rename(call.params.get("client", call.session.name))
         session, generation = call.session, self._engine.stop_latch.generation
         own = {"client": session.identity, "role": session.role, "monotonic_s": call.now_s}
         return {**self._facts.hello(), **own, "stop_generation": generation}

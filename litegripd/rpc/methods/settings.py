@@ -12,7 +12,7 @@ from litegripd.model.calibration import CalibrationError, Saved, from_plain, rea
 from litegripd.model.errands import Errand, ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
-from litegripd.model.motion_config import RANGES, fast_conflict
+from litegripd.model.motion_config import fast_conflict, ranges_of
 from litegripd.model.motor import RegisterReply
 from litegripd.model.results import SetZeroResult, ZeroResult
 from litegripd.motor.registers import REGISTERS, Register
@@ -275,7 +275,8 @@ class SettingsMethods:
         waits=True,
     )
     def _zero(self, call: Call) -> Answer:
-        config = call.config(self._engine.config, self._engine.period_s)
+        engine = self._engine
+        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
         return later(
             self._calibrating.zero(
                 call.owner,
@@ -359,9 +360,10 @@ class SettingsMethods:
 
     def _config(self) -> ConfigView:
         engine = self._engine
+        ranges = ranges_of(engine.unit.motor_type)
         return {
             "config": MotionFields(engine.config.as_fields(engine.period_s)),
-            "ranges": {name: list(limits) for name, limits in RANGES.items()},
+            "ranges": {name: list(limits) for name, limits in ranges.items()},
             "kept": engine.config_is_kept,
         }
 
@@ -380,7 +382,7 @@ class SettingsMethods:
     )
     def _set_config(self, call: Call) -> Answer:
         engine = self._engine
-        config = call.config(engine.config, engine.period_s)
+        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
         # No motion could use such defaults; what depends on the calibration is the motions' to say.
         refusal = conflict_refusal(fast_conflict(config, config.speed_mm_s, engine.period_s))
         if refusal is not None:

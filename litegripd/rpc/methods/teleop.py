@@ -90,6 +90,7 @@ _HOW = (
         "A slave lets go when its torque is at or over it for 60 ms; 0, the default: never.",
         minimum=0,
         maximum=10,
+        maximum_of=lambda motor: motor.ranges.torque_nm,
     ),
     Param(
         "force_limit_n",
@@ -115,6 +116,7 @@ _HOW = (
         f" (default {DEFAULT_DQ_MAX_RAD_S:g}).",
         minimum=0,
         maximum=30,
+        maximum_of=lambda motor: motor.ranges.velocity_rad_s,
     ),
     Param(
         "reflect",
@@ -160,7 +162,7 @@ class TeleopMethods:
     )
     def _start(self, call: Call) -> Answer:
         engine, params = self._engine, call.params
-        config = call.config(engine.config, engine.period_s)
+        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
         wish = _wish(params)
         job = self._teleoperation.start(
             wish,

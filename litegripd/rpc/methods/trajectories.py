@@ -233,6 +233,7 @@ class TrajectoryMethods:
                 f" {DEFAULT_TORQUE_NM:g}).",
                 minimum=0.3,
                 maximum=3,
+                maximum_of=lambda motor: motor.rated_nm,
             ),
             Param("loop", "boolean", "Repeat it until it is cancelled (default false)."),
             Param("repeat", "integer", "So many passes (default 1).", minimum=1, maximum=1_000_000),
@@ -259,7 +260,8 @@ class TrajectoryMethods:
     )
     def _play(self, call: Call) -> Answer:
         params = call.params
-        config = call.config(self._engine.config, self._engine.period_s)
+        engine = self._engine
+        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
         source = self._files.source("trajectory.play", call)
         if "repeat" in params and params.get("loop"):
             text = "trajectory.play takes loop or repeat, not both"

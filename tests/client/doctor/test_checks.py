@@ -17,6 +17,7 @@ from litegrip_client.doctor.gripper_checks import (
 from litegrip_client.doctor.link_checks import BITRATE
 from litegrip_client.doctor.table import CHECKS
 from litegripd.control import admission
+from litegripd.model.motor_types import MOTOR_TYPES
 from litegripd.motor import identity, registers
 from tests.client.doctor.case import Case
 from tests.client.doctor.daemon_cases import DAEMON_CASES
@@ -68,11 +69,10 @@ def test_a_shell_understands_every_command() -> None:
 
 
 def test_what_is_expected_of_the_motor_is_what_the_daemon_expects() -> None:
-    expected = identity.MODEL_RANGES
+    ranges = {name: row.ranges for name, row in MOTOR_TYPES.items()}
     assert {
-        "PMAX": expected.position_rad,
-        "VMAX": expected.velocity_rad_s,
-        "TMAX": expected.torque_nm,
+        name: {"PMAX": of.position_rad, "VMAX": of.velocity_rad_s, "TMAX": of.torque_nm}
+        for name, of in ranges.items()
     } == MODEL_RANGES
     assert (TIMEOUT_UNIT_S, LONGEST_WATCHDOG_S) == (
         registers.TIMEOUT_UNIT_S,

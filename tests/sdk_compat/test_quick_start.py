@@ -8,8 +8,8 @@ import pytest
 from litegrip_client import LiteGrip
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site
-from tests.seed import blocks
-from tests.seed.scenes import content, jaws_are_loose, own_file, speed_mm_s
+from tests.sdk_compat import blocks
+from tests.sdk_compat.scenes import content, jaws_are_loose, own_file, speed_mm_s
 
 
 def test_the_example_on_an_object(

@@ -7,7 +7,15 @@ import pytest
 from litegrip_client import HardwareError, LiteGrip, MotionConfig
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
-from tests.seed.scenes import CODE_RAD, MM_RAD, content, lead_mm, load_content, speed_mm_s, tuned
+from tests.sdk_compat.scenes import (
+    CODE_RAD,
+    MM_RAD,
+    content,
+    lead_mm,
+    load_content,
+    speed_mm_s,
+    tuned,
+)
 
 LEAD_CODE_MM = CODE_RAD * MM_RAD
 TRAVEL_RAD = 1.605

@@ -10,7 +10,7 @@ from litegrip_client import HardwareError, LiteGrip, MotionConfig, MoveResult
 from litegripd.model.frame import CanFrame
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
-from tests.seed.scenes import CODE_RAD, CODE_RAD_S, MM_RAD, content, lead_mm, load_content
+from tests.sdk_compat.scenes import CODE_RAD, CODE_RAD_S, MM_RAD, content, lead_mm, load_content
 
 LEAD_CODE_MM = CODE_RAD * MM_RAD
 RAMPS: dict[str, Callable[[LiteGrip], object]] = {

@@ -19,7 +19,7 @@ from litegrip_client import (
 from litegripd.control.teleop.link import InProcessLink, InProcessLinks
 from litegripd.model.teleop import Arrival, LinkWish
 from tests.drop_in import Daemon, Site, a_site
-from tests.seed.scenes import bench_unit, jaws_are_loose
+from tests.sdk_compat.scenes import bench_unit, jaws_are_loose
 from tests.world import PERIOD_S
 
 KEY = "litearm/v4/gripA/gripper_teleop"

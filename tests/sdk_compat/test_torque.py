@@ -8,7 +8,7 @@ import pytest
 from litegrip_client import CommandError, LiteGrip, MotionConfig, UnitConversion
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Site
-from tests.seed.scenes import MM_RAD, content, jaws_are_loose, load_content, write_file
+from tests.sdk_compat.scenes import MM_RAD, content, jaws_are_loose, load_content, write_file
 
 TIGHT = SimulatorParameters(
     breakaway_nm=1.2,

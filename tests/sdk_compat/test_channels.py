@@ -7,9 +7,9 @@ import pytest
 
 from litegrip_client import CommandError, LiteGrip
 from tests.drop_in import Daemon, Site, a_site
-from tests.seed.conftest import MOUNTS
-from tests.seed.motions import MOTIONS
-from tests.seed.scenes import bench_unit, own_file, write_file
+from tests.sdk_compat.conftest import MOUNTS
+from tests.sdk_compat.motions import MOTIONS
+from tests.sdk_compat.scenes import bench_unit, own_file, write_file
 
 
 def test_the_channel_is_the_only_key_of_two_grippers_with_the_same_can_id(site: Site) -> None:

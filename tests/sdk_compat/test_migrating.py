@@ -17,7 +17,7 @@ from litegrip_client import (
 )
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Site, a_site
-from tests.seed.scenes import content, own_file, write_file
+from tests.sdk_compat.scenes import content, own_file, write_file
 
 OLD_CALLS: dict[str, tuple[str, tuple[float, ...], dict[str, float]]] = {
     "open by position": ("open", (100.0, 2.0, 1.0), {}),

@@ -9,7 +9,7 @@ import pytest
 
 from litegrip_client import CommandError, HardwareError, LiteGrip, MotionConfig, MoveProgress
 from tests.drop_in import Daemon, Moment, Site
-from tests.seed.scenes import CODE_RAD, MM_RAD, bench_unit, lead_mm
+from tests.sdk_compat.scenes import CODE_RAD, MM_RAD, bench_unit, lead_mm
 
 
 def probe(

@@ -1,0 +1,146 @@
+"""The types of motor that the daemon can drive: all that is true of one type is in its row.
+
+A further type of the family is a further row of `MOTOR_TYPES`, and nothing else: limits, budgets,
+the heat model, the configuration's choices and the simulator follow from it.
+
+Sources. DM4310: the maker's data sheet of the DM-J4310-2EC (10:1; 3 N·m rated, 7 peak; 120 and 200
+rpm at 24 V) and register ranges; friction by the gripper's manual; thermal resistances and time
+constants are estimates. DM4340: the maker's data sheet of the DM-J4340-2EC (40:1; 9 N·m rated, 27
+peak; 36 and 52.5 rpm at 24 V) and register ranges. Taken to have the frame, winding and driver of
+the DM4310, so that torque constant, inertia, braking and heat come from there by the ratio; its
+friction is an estimate. The gripper comes with a DM4310. NO DM4340 HAS EVER BEEN TRIED in it, nor
+with this daemon on any hardware: the row says so by `is_untried`.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from types import MappingProxyType
+
+from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, NOMINAL_RAD_TO_MM
+from litegripd.model.motor import Ranges
+
+PEAK_S = 0.5
+"""The peak torque is for so long, less of it for longer."""
+
+FINGERS_KG_M2 = 7e-5
+"""Of the gripper, at the motor's output (its model files)."""
+
+FASTEST_MM_S = 500.0
+"""Of the gripper; a slow motor allows less."""
+
+
+@dataclass(frozen=True)
+class MotorType:
+    """One type of motor. Torques, speeds and inertias are at the output, after the gear.
+
+    `ranges` are what frames span as the motor leaves the factory; the motor's own are used.
+    `rated_nm` is for long, `peak_nm` for `PEAK_S`. `coil_limit_c` is where the daemon lowers the
+    torque, well below the firmware's own limit. `braking_nm_s_rad` is that of a disabled motor.
+    """
+
+    name: str
+    is_untried: bool
+    ranges: Ranges
+    gear_ratio: float
+    rated_nm: float
+    peak_nm: float
+    rated_speed_rad_s: float
+    no_load_speed_rad_s: float
+    rotor_inertia_kg_m2: float
+    breakaway_nm: float
+    coulomb_nm: float
+    viscous_nm_s_rad: float
+    braking_nm_s_rad: float
+    torque_constant_nm_a: float
+    current_limit_a: float
+    phase_resistance_ohm: float
+    winding_k_w: float = 2.8
+    winding_s: float = 60.0
+    housing_k_w: float = 1.5
+    housing_s: float = 750.0
+    coil_limit_c: float = 80.0
+
+    @cached_property
+    def most_nm(self) -> float:
+        """The torque at the current limit."""
+        return self.torque_constant_nm_a * self.current_limit_a
+
+    @cached_property
+    def watts_per_nm2(self) -> float:
+        """The loss of three phases: 1.5·R·I² at an amplitude I."""
+        return 1.5 * self.phase_resistance_ohm / self.torque_constant_nm_a**2
+
+    @cached_property
+    def peak_impulse_nm_s(self) -> float:
+        """How much above the rating the peak is, in all."""
+        return PEAK_S * (self.peak_nm - self.rated_nm)
+
+    @cached_property
+    def least_useful_nm(self) -> float:
+        """A torque that still overcomes the friction of standing jaws, in tenths of N·m."""
+        return math.ceil(14.0 * self.breakaway_nm) / 10.0
+
+    @cached_property
+    def inertia_kg_m2(self) -> float:
+        """Rotor and fingers."""
+        return round(self.rotor_inertia_kg_m2 + FINGERS_KG_M2, 5)
+
+    @cached_property
+    def largest_acceleration_rad_s2(self) -> float:
+        """What the largest torque of a frame does to rotor and fingers, and a tenth in reserve."""
+        largest = 1.1 * self.ranges.torque_nm / self.inertia_kg_m2
+        return math.ceil(largest / 1000.0) * 1000.0
+
+    @cached_property
+    def most_force_n(self) -> float:
+        """The force that may be asked for: the rated torque's."""
+        return self.rated_nm * FORCE_PER_TORQUE_N_NM
+
+    @cached_property
+    def fastest_mm_s(self) -> float:
+        """The speed that may be asked for: the rated one, where the gripper bears it."""
+        return min(FASTEST_MM_S, math.floor(self.rated_speed_rad_s * NOMINAL_RAD_TO_MM))
+
+
+DM4310 = MotorType(
+    name="DM4310",
+    is_untried=False,
+    ranges=Ranges(position_rad=12.5, velocity_rad_s=30.0, torque_nm=10.0),
+    gear_ratio=10.0,
+    rated_nm=3.0,
+    peak_nm=7.0,
+    rated_speed_rad_s=12.57,
+    no_load_speed_rad_s=20.9,
+    rotor_inertia_kg_m2=1.8e-3,
+    breakaway_nm=0.21,
+    coulomb_nm=0.15,
+    viscous_nm_s_rad=0.02,
+    braking_nm_s_rad=0.7,
+    torque_constant_nm_a=0.945,
+    current_limit_a=10.26,
+    phase_resistance_ohm=0.85,
+)
+
+DM4340 = MotorType(
+    name="DM4340",
+    is_untried=True,
+    ranges=Ranges(position_rad=12.5, velocity_rad_s=10.0, torque_nm=28.0),
+    gear_ratio=40.0,
+    rated_nm=9.0,
+    peak_nm=27.0,
+    rated_speed_rad_s=3.77,
+    no_load_speed_rad_s=5.5,
+    rotor_inertia_kg_m2=2.88e-2,
+    breakaway_nm=0.42,
+    coulomb_nm=0.30,
+    viscous_nm_s_rad=0.30,
+    braking_nm_s_rad=11.2,
+    torque_constant_nm_a=3.78,
+    current_limit_a=10.26,
+    phase_resistance_ohm=0.85,
+)
+
+MOTOR_TYPES: Mapping[str, MotorType] = MappingProxyType({row.name: row for row in (DM4310, DM4340)})
+"""By the name that `[motor] type` has in the configuration."""

@@ -1,1 +1,0 @@
-"""A scene for every sentence of the SDK's own description; docs/seed.md is the table."""
