@@ -11,9 +11,9 @@ import statistics
 import sys
 import time
 
-from litegripd.control.recording import read
-from litegripd.io.recorder_mcap import to_mcap
 from litegripd.model.events import Event
+from litegripd.recorder.mcap import to_mcap
+from litegripd.recorder.reader import read
 from tests.world import World
 
 TICKS = 2000

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from bench.rig import DEFAULTS, PERIOD_S, Rig
 from litegripd.control.actions.base import Action, PlainAction, Step
 from litegripd.control.gains import DEFAULT_GAINS
-from litegripd.control.teleop.follower import Course, TeleopFollower
-from litegripd.control.teleop.intake import MAX_FRAME_GAP_S
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import MitCommand, MotorView
 from litegripd.model.teleop import (
@@ -23,6 +21,8 @@ from litegripd.model.teleop import (
     decode_frame,
     encode_frame,
 )
+from litegripd.teleop.follower import Course, TeleopFollower
+from litegripd.teleop.intake import MAX_FRAME_GAP_S
 
 ON_ITS_WAY_S = 0.0005
 """What zenoh and two schedulers take on one machine or a quiet network."""

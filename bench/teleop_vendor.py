@@ -18,7 +18,6 @@ from pathlib import Path
 
 from bench.teleop_follow import SEED_PERIOD_S
 from litegripd.control.gains import DEFAULT_GAINS
-from litegripd.control.teleop.intake import MAX_FRAME_GAP_S
 from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import MitCommand
@@ -26,6 +25,7 @@ from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from litegripd.sim.parameters import limits_of_mount
+from litegripd.teleop.intake import MAX_FRAME_GAP_S
 
 CAN_ID = 0x08
 DQ_MAX_RAD_S = 10.0

@@ -14,7 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from litegripd.control.actions.replay import Replay
+from litegripd.trajectories.replay import Replay
 from tests.process.daemon_process import Client, daemon
 from tests.trajectories import Point, sampled, swing, uploaded
 from tests.world import World

@@ -21,7 +21,6 @@ from litegrip_client.stream import SLICE_S, StreamEndedError
 from litegripd.app.config import Config
 from litegripd.app.facts import DaemonFacts
 from litegripd.app.starting import load_at_start
-from litegripd.control.teleop.link import Links
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.main import OPERATIONS
 from litegripd.model.errands import Errand, ErrandResult
@@ -33,6 +32,7 @@ from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters
+from litegripd.teleop.link import Links
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
 _CLOCKED = (

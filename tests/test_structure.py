@@ -9,8 +9,8 @@ def test_no_modules_import_each_other_in_a_circle() -> None:
 
 def test_a_circle_would_be_found() -> None:
     """The search sees what a module imports."""
-    path = ROOT / "litegripd/control/recorder.py"
-    modules = {"litegripd.control.ring": path, "litegripd.model.events": path}
+    path = ROOT / "litegripd/recorder/recorder.py"
+    modules = {"litegripd.recorder.ring": path, "litegripd.model.events": path}
     assert set(imported(path, modules)) == set(modules)
 
 

@@ -16,12 +16,9 @@ from typing import Any, ClassVar
 
 from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
-from litegripd.control.recorder import memory_bytes, tick_slots
-from litegripd.control.recording import Recording, read
+from litegripd.handover.methods import OnRestart, OnRestarted, no_restart
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.files import load_operation, templates_operation
-from litegripd.io.trajectory_owners import Limits
-from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.bus import UP
 from litegripd.model.calibration import Calibration
 from litegripd.model.errands import Errand, ErrandResult
@@ -34,12 +31,15 @@ from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.state import GripperState
 from litegripd.model.unit import Unit
 from litegripd.motor import codec
+from litegripd.recorder.reader import Recording, read
+from litegripd.recorder.recorder import memory_bytes, tick_slots
 from litegripd.rpc.facts import Hello, Info, MotionFields
-from litegripd.rpc.methods.restart import OnRestart, OnRestarted, no_restart
 from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.trajectories.owners import Limits
+from litegripd.trajectories.store import TrajectoryStore
 from tests.answers import described
 
 PERIOD_S = 0.005

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
+import grp
+import json
+import os
+import pwd
 import shlex
+import shutil
+import stat
+import subprocess
+import sys
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import litegrip_client
@@ -16,9 +25,285 @@ from litegrip_client.discovery import (
     is_unit_installed,
     socket_paths,
 )
-from litegrip_client.doctor import gather_configuration, gather_system
-from litegrip_client.doctor.facts import Daemon, Facts, System
+from litegrip_client.doctor.facts import (
+    SIMULATED,
+    Configuration,
+    Daemon,
+    Device,
+    Facts,
+    Link,
+    Socket,
+    System,
+    User,
+)
 from litegrip_client.errors import LiteGripError
+
+ARPHRD_CAN = 280
+"""The type of a CAN interface in /sys/class/net/<name>/type (linux/if_arp.h)."""
+
+_IFF_UP = 0x1
+
+
+def from_ip(text: str) -> Link:
+    """Read the answer of `ip -details -statistics -json link show <name>`.
+
+    Raises `ValueError` for what is no such answer: other programs named ip know no JSON.
+    """
+    links = json.loads(text)
+    if not isinstance(links, list) or len(links) != 1 or not isinstance(links[0], dict):
+        raise ValueError("not the description of one interface")
+    link = links[0]
+    info = _mapping(link, "linkinfo")
+    data, counters = _mapping(info, "info_data"), _mapping(info, "info_xstats")
+    timing, errors = _mapping(data, "bittiming"), _mapping(data, "berr_counter")
+    return Link(
+        name=str(link.get("ifname")),
+        is_can=link.get("link_type") == "can",
+        is_up="UP" in link.get("flags", ()),
+        kind=info.get("info_kind"),
+        queue_frames=_integer(link.get("txqlen")),
+        bitrate=_integer(timing.get("bitrate")),
+        sample_point=_number(timing.get("sample_point")),
+        restart_ms=_integer(data.get("restart_ms")),
+        state=data.get("state"),
+        tx_errors=_integer(errors.get("tx")),
+        rx_errors=_integer(errors.get("rx")),
+        history={name: value for name, value in counters.items() if isinstance(value, int)},
+    )
+
+
+def from_files(name: str, files: Mapping[str, str]) -> Link:
+    """Read /sys/class/net/<name>/: the contents of `type`, `flags` and `tx_queue_len`.
+
+    They tell no bit rate and no error counters. Raises `ValueError` for what is no number.
+    """
+    return Link(
+        name=name,
+        is_can=int(files["type"]) == ARPHRD_CAN,
+        is_up=bool(int(files["flags"], 16) & _IFF_UP),
+        queue_frames=int(files["tx_queue_len"]),
+    )
+
+
+def _mapping(data: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    value = data.get(name)
+    return value if isinstance(value, Mapping) else {}
+
+
+def _integer(value: object) -> int | None:
+    return value if isinstance(value, int) else None
+
+
+def _number(value: object) -> float | None:
+    """Read a number that iproute2 prints as a text: "0.750"."""
+    return float(value) if isinstance(value, str | int | float) else None
+
+
+DIRECTORY = Path("/etc/litegripd")
+CHECK_WITHIN_S = 10.0
+USER = "litegrip"
+"""As whom systemd runs the daemons."""
+_WRONG = 2
+"""The exit code of litegripd for a configuration that is wrong, and for its usage."""
+
+
+def configuration_file(channel: str) -> Configuration | None:
+    """Have the file of `channel` checked, or the common one; None where there is neither."""
+    candidates = (DIRECTORY / f"{channel}.toml", DIRECTORY / "litegripd.toml")
+    path = next((str(path) for path in candidates if os.path.isfile(path)), None)  # noqa: PTH113
+    if path is None:
+        return None
+    if not os.access(path, os.R_OK):
+        return Configuration(path, unchecked="this user may not read it")
+    program = _program()
+    if program is None:
+        return Configuration(path, unchecked="the program litegripd is not found here")
+    identity = _daemons_identity()
+    as_user = USER if identity else None
+    command = [program, channel, "--config", path, "--check"]
+    try:
+        done = subprocess.run(
+            command,
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=CHECK_WITHIN_S,
+            check=False,
+            **identity,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return Configuration(
+            path, unchecked=f"litegripd cannot be run{f' as {USER}' if identity else ''}: {error}"
+        )
+    told = done.stderr.decode(errors="replace").strip()
+    if done.returncode == _WRONG and not told.startswith("usage:"):  # of an older litegripd
+        why = told.rpartition("\n")[2].removeprefix("litegripd: ")
+        return Configuration(path, error=why, as_user=as_user)
+    try:
+        return Configuration(path, content=json.loads(done.stdout), as_user=as_user)
+    except ValueError:
+        last = told.rpartition("\n")[2] or "no word"
+        why = f"litegripd --check ended with {done.returncode}: {last}"
+        return Configuration(path, unchecked=why)
+
+
+def _daemons_identity() -> dict[str, Any]:
+    """Return how a program is run as the daemons' user by root, who may read what that one may not.
+
+    Empty for everybody else, and where there is no such user.
+    """
+    if os.getuid() != 0:
+        return {}
+    try:
+        entry = pwd.getpwnam(USER)
+    except KeyError:
+        return {}
+    groups = os.getgrouplist(USER, entry.pw_gid)
+    return {"user": entry.pw_uid, "group": entry.pw_gid, "extra_groups": groups}
+
+
+def _program() -> str | None:
+    """Find litegripd beside the Python that runs this program, else where a shell finds it."""
+    beside = shutil.which("litegripd", path=str(Path(sys.executable).parent))
+    return beside or shutil.which("litegripd")
+
+
+NET = Path("/sys/class/net")
+IP_WITHIN_S = 5.0
+_ADMIN_PATHS = ("/usr/sbin", "/sbin")
+_FILES = ("type", "flags", "tx_queue_len")
+
+
+class IpError(Exception):
+    """iproute2 is not there, or told nothing that can be used; the message says which."""
+
+
+def system(interface: str, bus_channel: str, net: Path = NET) -> System:
+    """Ask about the bus that python-can's `interface` opens as `bus_channel`."""
+    if interface in SIMULATED:
+        return System()
+    if interface != "socketcan":
+        return System(device=_device(bus_channel))
+    link, problem = _link(bus_channel, net)
+    driver, adapter = _hardware(net / bus_channel / "device")
+    return System(link, problem, _can_links(net), driver, adapter)
+
+
+def is_can(name: str) -> bool:
+    """Whether there is a CAN interface of a name."""
+    return name in _can_links(NET)
+
+
+def user(group: str) -> User:
+    """Ask who runs this program, and whether that is somebody of `group`."""
+    uid = os.getuid()
+    try:
+        entry = pwd.getpwuid(uid)
+    except KeyError:  # in a container, say
+        name, listed = str(uid), []
+    else:
+        name, listed = entry.pw_name, os.getgrouplist(entry.pw_name, entry.pw_gid)
+    try:
+        gid = grp.getgrnam(group).gr_gid
+    except KeyError:
+        return User(name, uid, group, group_exists=False, is_member=False, has_group=False)
+    has_group = gid in (os.getegid(), *os.getgroups())
+    return User(name, uid, group, is_member=has_group or gid in listed, has_group=has_group)
+
+
+def sockets(paths: list[str]) -> tuple[Socket, ...]:
+    """Look at those of the daemon's sockets that there are, without connecting to any."""
+    found = []
+    for path in paths:
+        for one in (path, f"{path.removesuffix('.sock')}.stop.sock"):
+            try:
+                owner_uid = Path(one).stat().st_uid
+            except FileNotFoundError:
+                continue
+            except OSError:  # a directory above is closed to this user
+                found.append(Socket(one, is_accessible=False, owner_uid=-1))
+                continue
+            found.append(Socket(one, os.access(one, os.W_OK), owner_uid))
+    return tuple(found)
+
+
+def ask_ip(name: str) -> str | None:
+    """Let iproute2 describe an interface; None where there is none. Raises `IpError`."""
+    path = os.pathsep.join([os.environ.get("PATH", os.defpath), *_ADMIN_PATHS])
+    program = shutil.which("ip", path=path)
+    if program is None:
+        raise IpError("ip (iproute2) is not installed")
+    command = [program, "-details", "-statistics", "-json", "link", "show", name]
+    environment = {**os.environ, "LC_ALL": "C"}
+    try:
+        done = subprocess.run(
+            command, env=environment, capture_output=True, timeout=IP_WITHIN_S, check=False
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        raise IpError(f"ip cannot be run: {error}") from error
+    if done.returncode == 0:
+        return done.stdout.decode(errors="replace")
+    complaint = done.stderr.decode(errors="replace").strip()
+    if "does not exist" in complaint:
+        return None
+    raise IpError(f"ip ended with {done.returncode}: {complaint or 'no word'}")
+
+
+def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
+    """Return the link and why iproute2 told nothing of it, if so."""
+    try:
+        told = ask_ip(name)
+        return (None if told is None else from_ip(told)), None
+    except IpError as error:
+        problem = str(error)
+    except ValueError:
+        problem = "ip gives no JSON: it is not iproute2's, or older than 4.14"
+    try:
+        files = {file: (net / name / file).read_text(encoding="ascii").strip() for file in _FILES}
+    except FileNotFoundError:
+        return None, problem
+    return from_files(name, files), problem
+
+
+def _can_links(net: Path) -> tuple[str, ...]:
+    found = []
+    for kind in sorted(net.glob("*/type")):
+        try:
+            is_can = kind.read_text(encoding="ascii").strip() == str(ARPHRD_CAN)
+        except OSError:  # unplugged meanwhile
+            continue
+        if is_can:
+            found.append(kind.parent.name)
+    return tuple(found)
+
+
+def _hardware(device: Path) -> tuple[str | None, str | None]:
+    """Return the driver of a network interface, and what its USB device calls itself."""
+    try:
+        driver = (device / "driver").readlink().name
+    except OSError:
+        return None, None
+    try:  # `device` is the USB interface, the directory above it the USB device
+        return driver, (device.resolve().parent / "product").read_text(encoding="utf-8").strip()
+    except (OSError, ValueError):
+        return driver, None
+
+
+def _device(bus_channel: str) -> Device | None:
+    """Look at the adapter's file; python-can takes a bit rate behind it: /dev/ttyACM0@115200."""
+    path = bus_channel.partition("@")[0]
+    if not path.startswith("/"):
+        return None
+    try:
+        status = Path(path).stat()
+    except OSError:
+        return Device(path, is_there=False)
+    try:
+        group = grp.getgrgid(status.st_gid).gr_name
+    except KeyError:
+        group = None
+    accessible = os.access(path, os.R_OK | os.W_OK)
+    return Device(path, True, stat.S_ISCHR(status.st_mode), accessible, group)
+
 
 ANSWER_WITHIN_S = 5.0
 
@@ -38,11 +323,11 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         channel = str(daemon.hello.get("channel", channel))
         configuration = daemon.info.get("configuration", {})
     elif is_channel_known:
-        file = gather_configuration.configuration(channel)
+        file = configuration_file(channel)
         configuration = (file.content if file is not None else None) or {}
     bus = configuration.get("bus", {})
     is_read = is_channel_known and (file is None or file.content is not None)
-    may_be_it = file is not None and file.unchecked is not None and gather_system.is_can(channel)
+    may_be_it = file is not None and file.unchecked is not None and is_can(channel)
     interface = str(bus.get("interface", "socketcan")) if is_read or may_be_it else None
     bus_channel = str(bus.get("channel", channel))
     where = f" -c {channel}" if is_channel_known else ""
@@ -51,9 +336,9 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     return Facts(
         channel=channel,
         version=litegrip_client.__version__,
-        user=gather_system.user(configuration.get("rpc", {}).get("group", GROUP)),
-        system=gather_system.system(interface, bus_channel) if interface else System(),
-        sockets=gather_system.sockets(paths),
+        user=user(configuration.get("rpc", {}).get("group", GROUP)),
+        system=system(interface, bus_channel) if interface else System(),
+        sockets=sockets(paths),
         daemon=daemon,
         failure=failure,
         ctl=f"litegripctl{where}",

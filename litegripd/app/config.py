@@ -15,9 +15,9 @@ from litegripd.app.config_table import KEYS, MAX_CPUS, TABLES
 from litegripd.app.roles import ALLOWED, Access, UnknownEntryError, access_of
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import TEMPLATES
-from litegripd.io.trajectory_owners import MB, Limits
 from litegripd.model.motor_types import DM4310
 from litegripd.rpc.facts import Configuration
+from litegripd.trajectories.owners import MB, Limits
 
 if sys.version_info >= (3, 11):
     import tomllib

@@ -25,12 +25,12 @@ from litegripd.io.loop import Reactor, Signals, Urgent
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import MAX_CONNECTIONS, Server
 from litegripd.io.stop_socket import StopListener, clients_within_limit
-from litegripd.io.teleop_links import TeleopLinks
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor_types import MOTOR_TYPES
 from litegripd.model.unit import Unit
 from litegripd.rpc.service import RpcService
+from litegripd.teleop.links import TeleopLinks
 
 _log = logging.getLogger(__name__)
 

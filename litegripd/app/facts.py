@@ -13,7 +13,6 @@ from litegripd.app.machine import Machine
 from litegripd.app.parts import Parts
 from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
-from litegripd.control.teleop.base import TeleopAction
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
 from litegripd.model.motor import MotorIdentity, MotorPhase
 from litegripd.motor.identity import warnings
@@ -29,6 +28,7 @@ from litegripd.rpc.facts import (
 )
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
 from litegripd.rpc.openrpc import PROTOCOL_VERSION
+from litegripd.teleop.base import TeleopAction
 
 _LATE_SHARE = 0.4
 """When one tick in a hundred starts later than this share of a period, health says so."""

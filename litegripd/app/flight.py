@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from litegripd.app.config import Config
 from litegripd.app.facts import daemon_version
 from litegripd.app.machine import Machine
-from litegripd.control.dumps import Dumps
-from litegripd.control.recorder import Recorder, memory_bytes, tick_slots
 from litegripd.io.shared_memory import SharedMemory
 from litegripd.model.events import Event
+from litegripd.recorder.causes import Dumps
+from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
 from litegripd.rpc.service import RpcService
 
 

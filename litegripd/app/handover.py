@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from litegripd.app.machine import Machine
-from litegripd.control import handover as control
+from litegripd.handover import controller as control
+from litegripd.handover import motor
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import PlainError, plain_of, value_of
-from litegripd.motor import handover as motor
 from litegripd.rpc.service import Numbers, RpcService
 
 FORMAT = 4

@@ -15,9 +15,9 @@ from litegripd.io.log import LogHandler
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
-from litegripd.io.teleop_links import TeleopLinks
 from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
 from litegripd.rpc.service import RpcService
+from litegripd.teleop.links import TeleopLinks
 
 
 def page_bytes(field: int) -> int:

@@ -9,7 +9,7 @@ import time
 from litegripd.app.ending import Ending
 from litegripd.app.succession import Succession
 from litegripd.control.engine import Engine
-from litegripd.io.handover_link import Link
+from litegripd.handover.link import Link
 from litegripd.io.loop import Urgent
 from litegripd.io.server import Server
 from litegripd.io.stop_socket import StopListener

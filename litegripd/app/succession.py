@@ -19,15 +19,15 @@ from typing import Any
 from litegripd.app import handover
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
+from litegripd.handover.link import Link, Packet, write_document
+from litegripd.handover.methods import OnRestarted
 from litegripd.io.can.bus import IN_PROCESS_INTERFACES, FrameBus
-from litegripd.io.handover_link import Link, Packet, write_document
 from litegripd.io.helper.helper import Helper, HelperResult
 from litegripd.io.sockets import Places
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
 from litegripd.model.results import Restarted
-from litegripd.rpc.methods.restart import OnRestarted
 from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)

@@ -16,8 +16,8 @@ from litegripd.app.daemon import Daemon
 from litegripd.app.machine import Machine
 from litegripd.app.making import Legacy, socket_path
 from litegripd.app.succession import same_settings
+from litegripd.handover.link import Link, Packet, read_document
 from litegripd.io.can.bus import DIRECT_INTERFACES
-from litegripd.io.handover_link import Link, Packet, read_document
 from litegripd.io.sockets import take_over
 from litegripd.model.jobs import Stop
 from litegripd.model.motion_config import MotionConfig

@@ -22,7 +22,6 @@ from litegripd.control.admission import (
     stopped_under_way,
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_errand
-from litegripd.control.capture import Capture
 from litegripd.control.gains import Gains
 from litegripd.control.holds import Grip, Hold, Rest, Slack
 from litegripd.control.inquiries import Inquiries
@@ -51,6 +50,7 @@ from litegripd.model.motor import (
 )
 from litegripd.model.results import Progress, Result
 from litegripd.model.unit import Unit
+from litegripd.trajectories.capture import Capture
 
 _SAFE_JOBS = ("disable", "clear_fault")
 """What goes on though another program commands the motor: it energises nothing."""

@@ -8,11 +8,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from secrets import token_urlsafe
 
-from litegripd.control.dumps import Dumps
 from litegripd.control.engine import Engine
-from litegripd.control.teleop.link import InProcessLinks, Links
+from litegripd.handover.methods import OnRestart, RestartMethods, no_restart
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
+from litegripd.recorder.causes import Dumps
+from litegripd.recorder.methods import RecorderMethods
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.jsonrpc import (
@@ -32,17 +33,16 @@ from litegripd.rpc.methods import METHODS
 from litegripd.rpc.methods.lease import LeaseMethods, Tokens
 from litegripd.rpc.methods.motion import MotionMethods
 from litegripd.rpc.methods.reading import ReadingMethods
-from litegripd.rpc.methods.recorder import RecorderMethods
-from litegripd.rpc.methods.restart import OnRestart, RestartMethods, no_restart
 from litegripd.rpc.methods.settings import SettingsMethods
-from litegripd.rpc.methods.teleop import TeleopMethods
-from litegripd.rpc.methods.trajectories import TrajectoryMethods
-from litegripd.rpc.methods.trajectory_files import TrajectoryFileMethods
 from litegripd.rpc.openrpc import encoded_document
 from litegripd.rpc.reports import Reporter, Waiter, Waiters, defect
 from litegripd.rpc.requests import Requests
 from litegripd.rpc.sessions import Clients, Peer, Role, Session
 from litegripd.rpc.subscriptions import Subscriptions
+from litegripd.teleop.link import InProcessLinks, Links
+from litegripd.teleop.methods import TeleopMethods
+from litegripd.trajectories.file_methods import TrajectoryFileMethods
+from litegripd.trajectories.methods import TrajectoryMethods
 
 
 @dataclass(frozen=True, slots=True)

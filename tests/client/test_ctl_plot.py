@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client.ctl.block_chart import block_chart
+from litegrip_client.ctl.commands.recorder import block_chart
 from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import CONTENT, FakeTrajectories

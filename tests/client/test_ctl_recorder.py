@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.ctl.plot.drawing import labels
 from litegrip_client.ctl.plot.dump import Happening, read
-from litegrip_client.ctl.plot.labels import labels
-from litegripd.control.recording import read as read_memory
-from litegripd.io.recorder_mcap import to_mcap
+from litegripd.recorder.mcap import to_mcap
+from litegripd.recorder.reader import read as read_memory
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
 from tests.world import World

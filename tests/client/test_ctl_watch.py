@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from litegrip_client.ctl.live.view import picture
+from litegrip_client.ctl.live import picture
 from litegrip_client.ctl.parser import for_gripper
 from litegrip_client.ctl.render import state_line
 from litegrip_client.ctl.watching import Scene

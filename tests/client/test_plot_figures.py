@@ -15,12 +15,10 @@ from matplotlib.lines import Line2D
 from mcap.reader import make_reader
 
 from litegrip_client import Trajectory
-from litegrip_client.ctl.plot.axes import png
-from litegrip_client.ctl.plot.draw import draw
+from litegrip_client.ctl.plot.drawing import draw, draw_trajectory, png
 from litegrip_client.ctl.plot.dump import Dump, read
-from litegrip_client.ctl.plot.trajectory import draw_trajectory
-from litegripd.control.recording import read as read_memory
-from litegripd.io.recorder_mcap import to_mcap
+from litegripd.recorder.mcap import to_mcap
+from litegripd.recorder.reader import read as read_memory
 from tests.client.helpers import Ctl
 from tests.client.taught import TAUGHT
 from tests.trajectories import HEADER_BYTES, lgt

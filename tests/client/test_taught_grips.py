@@ -16,13 +16,12 @@ from litegrip_client import (
     list_trajectories,
     taught_grips,
 )
-from litegrip_client.ctl.block_chart import block_chart
+from litegrip_client.ctl.commands.recorder import block_chart
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.plot.axes import png
-from litegrip_client.ctl.plot.trajectory import draw_trajectory
+from litegrip_client.ctl.plot.drawing import draw_trajectory, png
 from litegrip_client.ctl.render_trajectories import played, recorded
-from litegripd.model import grips as daemons
-from litegripd.model.trajectory import TrajectoryError
+from litegripd.trajectories import grips as daemons
+from litegripd.trajectories.values import TrajectoryError
 from tests.client.aio_helpers import with_gripper
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories

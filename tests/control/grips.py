@@ -3,8 +3,8 @@
 import json
 from typing import Any
 
-from litegripd.control.actions.replay import Replay
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.trajectories.replay import Replay
 from tests.trajectories import fetched, send
 from tests.world import Client, World
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from litegripd.model.trajectory import read
+from litegripd.trajectories.values import read
 from tests.trajectories import fetched, points_of
 from tests.world import Client, World
 

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from litegripd.control.actions.replay import Replay
+from litegripd.trajectories.replay import Replay
 from tests.trajectories import Point, sampled, swing, uploaded
 from tests.world import Client, World
 

@@ -10,19 +10,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegripd.control.actions.grasp import BUDGET_NM
-from litegripd.control.actions.replay import Replay, ReplayRequest
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.holds import Slack
 from litegripd.control.limiter import torque_bound_nm
-from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.errands import ErrandResult
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.grips import TaughtGrip, pack
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
 from litegripd.model.motor_types import DM4310, FASTEST_MM_S
 from litegripd.model.results import ReplayResult, Result
+from litegripd.trajectories.grips import TaughtGrip, pack
+from litegripd.trajectories.replay import Replay, ReplayRequest
+from litegripd.trajectories.store import TrajectoryStore
 from tests.trajectories import Point, lgt, pieces, sampled, swing
 from tests.world import PERIOD_S
 

@@ -1,9 +1,9 @@
 """What makes the daemon dump by itself though no motor faults: silence, reset, jump, stranger."""
 
-from litegripd.control.dumps import APART_S
 from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MotorPhase
 from litegripd.motor import codec
+from litegripd.recorder.causes import APART_S
 from tests.control.test_dumps import causes, recover, watching
 from tests.world import CAN_ID, World
 

@@ -2,9 +2,9 @@
 
 import pytest
 
-from litegripd.control.dumps import AFTER_S, APART_S
 from litegripd.model.bus import BusCondition
 from litegripd.model.motor import MotorPhase
+from litegripd.recorder.causes import AFTER_S, APART_S
 from tests.world import PERIOD_S, Client, World
 
 

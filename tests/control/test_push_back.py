@@ -6,8 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.control.teleop.intake import MOST_FOLLOWERS, ForceIntake
-from litegripd.control.teleop.leader import (
+from litegripd.model.geometry import Geometry
+from litegripd.model.motor import Feedback, MitCommand
+from litegripd.model.teleop import Arrival
+from litegripd.teleop.intake import MOST_FOLLOWERS, ForceIntake
+from litegripd.teleop.leader import (
     DEAD_BAND_N,
     GRANT_J,
     MOST_N,
@@ -15,9 +18,6 @@ from litegripd.control.teleop.leader import (
     RAMP_S,
     PushBack,
 )
-from litegripd.model.geometry import Geometry
-from litegripd.model.motor import Feedback, MitCommand
-from litegripd.model.teleop import Arrival
 from tests.control.reflection_pair import force_frame
 from tests.properties import examples
 from tests.world import PERIOD_S

@@ -5,12 +5,12 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.control.capture import Capture
 from litegripd.control.jobs import JobBook
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
-from litegripd.model.trajectory import read
 from litegripd.motor import codec
+from litegripd.trajectories.capture import Capture
+from litegripd.trajectories.values import read
 from tests.control.recordings import recording, taken
 from tests.control.states import is_slack
 from tests.trajectories import fetched

@@ -6,8 +6,8 @@ from itertools import pairwise
 import pytest
 
 from litegripd.app import handover
-from litegripd.control.handover import adopt_jobs, export_jobs
-from litegripd.io.trajectory_owners import Limits
+from litegripd.handover.controller import adopt_jobs, export_jobs
+from litegripd.trajectories.owners import Limits
 from tests.control.recordings import recording, taken
 from tests.control.states import in_state
 from tests.trajectories import fetched, lgt, send

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.control import recorder
-from litegripd.control.recorder import Recorder, memory_bytes, tick_slots
-from litegripd.control.recording import Recording, read
-from litegripd.io.recorder_mcap import tick_fields
 from litegripd.model.events import Event
 from litegripd.motor import codec
+from litegripd.recorder import recorder
+from litegripd.recorder.mcap import tick_fields
+from litegripd.recorder.reader import Recording, read
+from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
 from tests.world import CAN_ID, PERIOD_S, World
 
 

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from litegripd.control.teleop.intake import Backlog
+from litegripd.teleop.intake import Backlog
 from tests.control.teleop_scene import Follower, following, packed, sweep
 from tests.world import PERIOD_S
 

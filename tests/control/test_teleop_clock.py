@@ -4,8 +4,8 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.control.teleop.intake import Intake
 from litegripd.model.teleop import Arrival
+from litegripd.teleop.intake import Intake
 from tests.control.teleop_scene import CODE_RAD, MM_RAD, following, packed
 from tests.world import PERIOD_S
 

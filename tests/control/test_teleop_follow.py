@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from litegripd.control.gains import Gains
-from litegripd.control.teleop.follower import FollowerCommand
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, Status
+from litegripd.teleop.follower import FollowerCommand
 from tests.control.teleop_scene import (
     CODE_RAD,
     MM_RAD,

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.control.teleop.follower import PressGuard
+from litegripd.teleop.follower import PressGuard
 from tests.control.states import is_slack
 from tests.control.teleop_scene import Follower, TeleopWorld, following, sweep
 from tests.world import PERIOD_S

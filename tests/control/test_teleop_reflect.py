@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.control.teleop.leader import DEAD_BAND_N
-from litegripd.control.teleop.link import InProcessLinks
 from litegripd.model.teleop import Arrival, LinkWish
+from litegripd.teleop.leader import DEAD_BAND_N
+from litegripd.teleop.link import InProcessLinks
 from tests.control.reflection_pair import FORCE, force_frame, pair
 from tests.control.teleop_scene import TeleopWorld, following, packed
 from tests.properties import examples

@@ -25,13 +25,12 @@ from tests.process.daemon_process import DEADLINE_S, daemon
 PACKAGE = Path(litegripd.__file__).parent
 PURE = ("model", "motor", "control", "rpc")
 LABELS = {
-    "io/recorder_files.py": "when a dump was made, in its name and in the file",
-    "io/saved_files.py": "when a calibration was saved",
-    "io/calibration_files.py": "when a calibration was saved, as its file says",
-    "io/trajectory_store.py": "when a trajectory was recorded; whether its file is still the same",
-    "io/teleop_zenoh.py": "none of its own: who sent a sample, which is in zenoh's time stamp",
-    "io/messages.py": "none: takes it away from python-can",
-    "sim/channel.py": "the time stamps of simulated frames",
+    "recorder/files.py": "when a dump was made, in its name and in the file",
+    "io/helper/files.py": "when a calibration was saved, as its file says, too",
+    "trajectories/store.py": "when a trajectory was recorded; whether its file is still the same",
+    "teleop/zenoh.py": "none of its own: who sent a sample, which is in zenoh's time stamp",
+    "io/can/bus.py": "none: takes it away from python-can",
+    "sim/interface.py": "the time stamps of simulated frames",
 }
 """Who reads the wall clock, or what it left in the file system, and what for."""
 

@@ -14,14 +14,14 @@ from typing import Any
 import pytest
 from mcap.reader import make_reader
 
-from litegripd.control.recorder import memory_bytes, tick_slots
-from litegripd.control.recording import read
-from litegripd.io import recorder_files
 from litegripd.io.helper.atomic_file import FileError
 from litegripd.io.helper.child import start_here
-from litegripd.io.recorder_files import dump, prune
-from litegripd.io.recorder_mcap import EVENT_SCHEMA, TICK_SCHEMA, to_mcap
 from litegripd.io.shared_memory import SharedMemory, copy_of
+from litegripd.recorder import files as recorder_files
+from litegripd.recorder.files import dump, prune
+from litegripd.recorder.mcap import EVENT_SCHEMA, TICK_SCHEMA, to_mcap
+from litegripd.recorder.reader import read
+from litegripd.recorder.recorder import memory_bytes, tick_slots
 from tests.io.test_helper import DEADLINE_S, Rig
 from tests.world import PERIOD_S, World
 

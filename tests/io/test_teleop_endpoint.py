@@ -6,10 +6,10 @@ from queue import SimpleQueue
 
 import pytest
 
-from litegripd.io.teleop_endpoint import UdpFollower, UdpLeader
-from litegripd.io.teleop_link_main import Station
-from litegripd.io.teleop_wire import FRAME, STATUS, Order, unpack_arrival, unpack_status
 from litegripd.model.teleop import LinkStatus, LinkWish, TeleopMode
+from litegripd.teleop.process import Station
+from litegripd.teleop.udp import UdpFollower, UdpLeader
+from litegripd.teleop.wire import FRAME, STATUS, Order, unpack_arrival, unpack_status
 
 DEADLINE_S = 30.0
 

@@ -15,11 +15,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.control.teleop.link import Link
 from litegripd.io.helper.child import Child
-from litegripd.io.teleop_link_main import Flood, Station
-from litegripd.io.teleop_links import ProcessLink, TeleopLinks
-from litegripd.io.teleop_wire import (
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.teleop.link import Link
+from litegripd.teleop.links import ProcessLink, TeleopLinks
+from litegripd.teleop.process import Flood, Station
+from litegripd.teleop.wire import (
     Order,
     pack_arrival,
     pack_open,
@@ -28,7 +29,6 @@ from litegripd.io.teleop_wire import (
     unpack_open,
     unpack_status,
 )
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
 
 DEADLINE_S = 30.0
 FRAME = struct.pack(">4d", 0.25, 30.0, 0.0, 1.0)

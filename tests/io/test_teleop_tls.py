@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.control.teleop.link import Link
-from litegripd.io.teleop_links import TeleopLinks
 from litegripd.model.teleop import LinkWish
+from litegripd.teleop.link import Link
+from litegripd.teleop.links import TeleopLinks
 from tests.control.reflection_pair import force_frame
 from tests.io.test_teleop_links import free_port, until
 

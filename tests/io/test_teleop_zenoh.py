@@ -11,8 +11,8 @@ from collections.abc import Callable
 import pytest
 import zenoh
 
-from litegripd.io.teleop_links import TeleopLinks
 from litegripd.model.teleop import LinkKind, LinkWish
+from litegripd.teleop.links import TeleopLinks
 from tests.control.reflection_pair import force_frame
 from tests.io.test_teleop_links import DEADLINE_S, free_port, until
 

@@ -13,9 +13,9 @@ import pytest
 
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.child import MAX_PACKET_BYTES, start_here
-from litegripd.io.trajectory_owners import Limits
-from litegripd.io.trajectory_store import TrajectoryStore
-from litegripd.model.trajectory import MAX_BYTES, MAX_NAME, PIECE_BYTES
+from litegripd.trajectories.owners import Limits
+from litegripd.trajectories.store import TrajectoryStore
+from litegripd.trajectories.values import MAX_BYTES, MAX_NAME, PIECE_BYTES
 from tests.trajectories import HEADER_BYTES, lgt, pieces, sampled, swing
 
 DEADLINE_MS = 30_000

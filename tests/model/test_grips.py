@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.grips import (
+from litegripd.trajectories.grips import (
     MAX_GRIP_BYTES,
     MOST_GRIPS,
     TaughtGrip,
@@ -17,7 +17,7 @@ from litegripd.model.grips import (
     pack,
     read,
 )
-from litegripd.model.trajectory import TrajectoryError
+from litegripd.trajectories.values import TrajectoryError
 from tests.mutations import MUTATIONS, mutated
 
 DIGEST = "ab" * 32

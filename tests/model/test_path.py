@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.trajectory import PIECE_BYTES, PIECE_SAMPLES, Path
+from litegripd.trajectories.values import PIECE_BYTES, PIECE_SAMPLES, Path
 from tests.trajectories import HEADER_BYTES, Point, lgt, sampled, swing
 
 points = st.lists(st.tuples(st.floats(0.0, 100.0), st.floats(0.0, 1.0)), min_size=1, max_size=30)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.geometry import Mount
-from litegripd.model.trajectory import (
+from litegripd.trajectories.values import (
     HEADER,
     MAX_SAMPLES,
     SAMPLE,

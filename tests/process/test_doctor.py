@@ -11,7 +11,7 @@ import pytest
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
 from litegrip_client import metrics
-from litegrip_client.doctor import gather_configuration
+from litegrip_client.doctor import gather
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess
 
 NO_METRICS = {"control.cpus", "helper.pid", "spawner.pid", "bus.error", "teleop.pid", "teleop.link"}
@@ -75,10 +75,10 @@ def test_a_configuration_is_checked_by_the_daemons_program(
     program.write_text(f'#!/bin/sh\nexec {sys.executable} -m litegripd.app.main "$@"\n')
     program.chmod(0o755)
     file.write_text(content, encoding="utf-8")
-    monkeypatch.setattr(gather_configuration, "DIRECTORY", tmp_path)
-    monkeypatch.setattr(gather_configuration, "CHECK_WITHIN_S", DEADLINE_S)
-    monkeypatch.setattr(gather_configuration, "_program", lambda: str(program))
-    found = gather_configuration.configuration("can0")
+    monkeypatch.setattr(gather, "DIRECTORY", tmp_path)
+    monkeypatch.setattr(gather, "CHECK_WITHIN_S", DEADLINE_S)
+    monkeypatch.setattr(gather, "_program", lambda: str(program))
+    found = gather.configuration_file("can0")
     assert found is not None
     assert found.unchecked is None
     if told is None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from litegrip_client.ctl.plot.draw import draw
+from litegrip_client.ctl.plot.drawing import draw
 from litegrip_client.ctl.plot.dump import read
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
 

@@ -95,7 +95,7 @@ def begin_to_lead(leading: DaemonProcess, **params: object) -> None:
 
 def nothing_but_one_connection(leading: DaemonProcess, following: DaemonProcess, port: int) -> None:
     """No discovery: the leader listens at its port, the follower at none."""
-    module = "litegripd.io.teleop_link_main"
+    module = "litegripd.teleop.process"
     own = network_sockets(children(leading.process.pid)[module])
     assert own == {("tcp", port, "listens"), ("tcp", port, "connected")}
     others = network_sockets(children(following.process.pid)[module])
@@ -271,12 +271,12 @@ def test_a_killed_link_process_is_started_again(tmp_path: Path) -> None:
         socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending,
     ):
         client.enabled()
-        assert "litegripd.io.teleop_link_main" not in children(running.process.pid)
+        assert "litegripd.teleop.process" not in children(running.process.pid)
         sending.connect(("127.0.0.1", port))
         client.result("teleop.start", mode="slave", link="udp", port=port)
         put = quiet(sending.send)
         say_until(put, 0.55, lambda: is_at(client, 0.55))
-        os.kill(children(running.process.pid)["litegripd.io.teleop_link_main"], signal.SIGKILL)
+        os.kill(children(running.process.pid)["litegripd.teleop.process"], signal.SIGKILL)
         status = until(client, lambda s: bool(s["link_state"] == "failed"))
         assert "died" in status["link_error"]
         say_until(put, 0.6, lambda: is_at(client, 0.6))

@@ -21,7 +21,7 @@ from tests.process.teleop_pair import Samples, children, free_port, gripper, unt
 from tests.process.test_teleop import CAP_RAD, KEY, QUICK, largest_lead_rad, peer, swing
 
 FORCE_KEY = f"{KEY}_force"
-LINK_PROCESS = "litegripd.io.teleop_link_main"
+LINK_PROCESS = "litegripd.teleop.process"
 
 
 def follow(client: Client, link: str, port: int) -> None:

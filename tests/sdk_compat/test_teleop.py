@@ -16,8 +16,8 @@ from litegrip_client import (
     TeleopBusyError,
     TeleopNotReady,
 )
-from litegripd.control.teleop.link import InProcessLink, InProcessLinks
 from litegripd.model.teleop import Arrival, LinkWish
+from litegripd.teleop.link import InProcessLink, InProcessLinks
 from tests.drop_in import Daemon, Site, a_site
 from tests.sdk_compat.scenes import bench_unit, jaws_are_loose
 from tests.world import PERIOD_S

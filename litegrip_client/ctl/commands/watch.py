@@ -59,7 +59,7 @@ def _live_view(run: Run) -> Show | None:
     if run.options.plain or not run.output.live or os.environ.get("TERM", "dumb") == "dumb":
         return None
     try:
-        from litegrip_client.ctl.live.screen import show  # noqa: PLC0415 - needs the extra
+        from litegrip_client.ctl.live import show  # noqa: PLC0415 - needs the extra
     except ModuleNotFoundError as error:
         text = f"lines only: the live view needs the library {error.name}: {installing('rich')}"
         run.output.note(text)

@@ -37,9 +37,9 @@ from litegripd.io.helper.helper import GOODBYE, LOG, LOG_STATE
 from litegripd.io.helper.spawner import MODULE as SPAWNER
 from litegripd.io.helper.spawner import OPERATION as START_SPAWNER
 from litegripd.io.log import LineWriter
-from litegripd.io.trajectory_owners import Limits
-from litegripd.io.trajectory_store import TrajectoryStore
 from litegripd.model.calibration import Dumped
+from litegripd.trajectories.owners import Limits
+from litegripd.trajectories.store import TrajectoryStore
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]
@@ -66,7 +66,7 @@ def write_log(parameters: Parameters) -> None:
 def dump_recorder(parameters: Parameters) -> Dumped:
     """Write the flight recorder, as the operation `recorder.dump`."""
     # What a dump needs takes longer to import than all the rest of the helper.
-    from litegripd.io.recorder_files import dump  # noqa: PLC0415
+    from litegripd.recorder.files import dump  # noqa: PLC0415
 
     return dump(str(parameters["cause"]), str(parameters["note"]))
 

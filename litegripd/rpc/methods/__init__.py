@@ -6,16 +6,16 @@ and made by the service.
 
 from collections.abc import Mapping
 
+from litegripd.handover.methods import RestartMethods
+from litegripd.recorder.methods import RecorderMethods
 from litegripd.rpc.method import Method, methods_of
 from litegripd.rpc.methods.lease import LeaseMethods
 from litegripd.rpc.methods.motion import MotionMethods
 from litegripd.rpc.methods.reading import ReadingMethods
-from litegripd.rpc.methods.recorder import RecorderMethods
-from litegripd.rpc.methods.restart import RestartMethods
 from litegripd.rpc.methods.settings import SettingsMethods
-from litegripd.rpc.methods.teleop import TeleopMethods
-from litegripd.rpc.methods.trajectories import TrajectoryMethods
-from litegripd.rpc.methods.trajectory_files import TrajectoryFileMethods
+from litegripd.teleop.methods import TeleopMethods
+from litegripd.trajectories.file_methods import TrajectoryFileMethods
+from litegripd.trajectories.methods import TrajectoryMethods
 
 GROUPS: tuple[type, ...] = (
     ReadingMethods,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from litegrip_client.doctor.facts import Daemon, Facts, Link, Socket, System, User
-from litegrip_client.doctor.link_reading import from_ip
+from litegrip_client.doctor.gather import from_ip
 
 LINKS = Path(__file__).parent / "links"
 NOW_S = 1_800_000_000.0

@@ -6,6 +6,7 @@ from collections import defaultdict
 import damiao_motor
 import pytest
 
+from litegrip_client.ctl.commands.doctor import CHECKS
 from litegrip_client.doctor.findings import Finding
 from litegrip_client.doctor.gripper_checks import (
     CAN_BR_1_MBIT_S,
@@ -15,7 +16,6 @@ from litegrip_client.doctor.gripper_checks import (
     TIMEOUT_UNIT_S,
 )
 from litegrip_client.doctor.link_checks import BITRATE
-from litegrip_client.doctor.table import CHECKS
 from litegripd.control import admission
 from litegripd.model.motor_types import MOTOR_TYPES
 from litegripd.motor import identity, registers

@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 import litegrip_client
+from litegrip_client.ctl.commands.doctor import findings_text
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.render_doctor import findings_text
-from litegrip_client.doctor import gather, gather_configuration, gather_system
+from litegrip_client.doctor import gather
 from litegrip_client.doctor.facts import Configuration, System, User
 from litegrip_client.doctor.findings import error, ok, warning
 from litegrip_client.doctor.link_checks import _IF_LOST
@@ -32,11 +32,11 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
         assert isinstance(found, System)
         return found
 
-    monkeypatch.setattr(gather_configuration, "DIRECTORY", tmp_path / "etc")
-    monkeypatch.setattr(gather_system, "system", system)
+    monkeypatch.setattr(gather, "DIRECTORY", tmp_path / "etc")
+    monkeypatch.setattr(gather, "system", system)
     monkeypatch.setattr(gather, "is_unit_installed", lambda: True)
-    monkeypatch.setattr(gather_system, "is_can", lambda name: name in asked.get("links", ()))
-    monkeypatch.setattr(gather_system, "user", lambda group: User("alice", 1000, group))
+    monkeypatch.setattr(gather, "is_can", lambda name: name in asked.get("links", ()))
+    monkeypatch.setattr(gather, "user", lambda group: User("alice", 1000, group))
     return asked
 
 
@@ -161,7 +161,7 @@ def test_a_configuration_tells_the_bus_of_a_daemon_that_does_not_run(
 ) -> None:
     bus = {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 1_000_000}
     told = Configuration("/x.toml", content={"bus": bus, "rpc": {"group": "robots"}})
-    monkeypatch.setattr(gather_configuration, "configuration", lambda channel: told)
+    monkeypatch.setattr(gather, "configuration_file", lambda channel: told)
     machine["system"] = System()
     assert main(["-c", "nodaemon7", "doctor", "--json"]) == 1
     found = levels(capsys.readouterr().out)
@@ -178,7 +178,7 @@ def test_a_configuration_that_was_not_checked_hides_no_interface_of_the_channels
     capsys: pytest.CaptureFixture[str], machine: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = Configuration("/x.toml", unchecked="it takes too long")
-    monkeypatch.setattr(gather_configuration, "configuration", lambda channel: told)
+    monkeypatch.setattr(gather, "configuration_file", lambda channel: told)
     assert main(["-c", "nodaemon7", "doctor", "--json"]) == 1
     assert "link" not in levels(capsys.readouterr().out)
     machine["links"] = ["nodaemon7"]
@@ -258,5 +258,5 @@ def test_an_interrupt_ends_it(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(interface: str, bus_channel: str) -> System:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(gather_system, "system", interrupted)
+    monkeypatch.setattr(gather, "system", interrupted)
     assert main(["-c", "nodaemon7", "doctor"]) == 130

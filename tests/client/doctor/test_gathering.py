@@ -9,9 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from litegrip_client.doctor import gather_configuration, gather_system
+from litegrip_client.doctor import gather
 from litegrip_client.doctor.facts import Configuration, Device, Link, Socket, System
-from litegrip_client.doctor.gather import gather
 from tests.client.doctor.known import LINKS, link
 
 
@@ -39,7 +38,7 @@ def programs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     path = tmp_path / "bin"
     path.mkdir()
     monkeypatch.setenv("PATH", str(path))
-    monkeypatch.setattr(gather_system, "_ADMIN_PATHS", ())
+    monkeypatch.setattr(gather, "_ADMIN_PATHS", ())
     return path
 
 
@@ -53,7 +52,7 @@ def test_iproute2_is_asked_for_one_link(net: Path, programs: Path) -> None:
     expected = "-details -statistics -json link show can0"
     answer = (LINKS / "healthy.json").read_text(encoding="utf-8")
     ip_says(programs, f"[ \"$*\" = '{expected}' ] && [ $LC_ALL = C ] && echo '{answer}'")
-    assert gather_system.system("socketcan", "can0", net) == System(
+    assert gather.system("socketcan", "can0", net) == System(
         link("healthy"), None, ("can0", "can1"), "gs_usb", "candleLight USB to CAN adapter"
     )
 
@@ -63,9 +62,9 @@ def test_whether_systemd_has_the_unit_is_asked(
 ) -> None:
     directories = (str(tmp_path / "a"), str(programs))
     monkeypatch.setattr("litegrip_client.discovery.UNIT_DIRECTORIES", directories)
-    assert not gather("can4", None, channel_chosen=True).is_unit_installed
+    assert not gather.gather("can4", None, channel_chosen=True).is_unit_installed
     (programs / "litegripd@.service").touch()
-    assert gather("can4", None, channel_chosen=True).is_unit_installed
+    assert gather.gather("can4", None, channel_chosen=True).is_unit_installed
 
 
 def test_whether_systemd_should_run_the_daemon_is_asked(
@@ -74,8 +73,8 @@ def test_whether_systemd_should_run_the_daemon_is_asked(
     monkeypatch.setattr("litegrip_client.discovery.ENABLED_DIRECTORY", str(programs))
     monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path))
     (programs / "litegripd@can3.service").symlink_to("/usr/lib/litegripd@.service")
-    assert gather("can3", None, channel_chosen=True).is_unit_enabled
-    assert not gather("can4", None, channel_chosen=True).is_unit_enabled
+    assert gather.gather("can3", None, channel_chosen=True).is_unit_enabled
+    assert not gather.gather("can4", None, channel_chosen=True).is_unit_enabled
 
 
 CONTENT = {"bus": {"interface": "slcan", "channel": "/dev/ttyACM0", "bitrate": 1_000_000}}
@@ -87,7 +86,7 @@ def directory(tmp_path: Path, programs: Path, monkeypatch: pytest.MonkeyPatch) -
     path = tmp_path / "etc"
     path.mkdir()
     (path / "can0.toml").write_text("[bus]\n", encoding="utf-8")
-    monkeypatch.setattr(gather_configuration, "DIRECTORY", path)
+    monkeypatch.setattr(gather, "DIRECTORY", path)
     monkeypatch.setattr("sys.executable", str(tmp_path / "nowhere/python"))
     return path
 
@@ -100,18 +99,18 @@ def litegripd_says(programs: Path, script: str) -> None:
 
 def test_litegripd_is_asked_what_a_configuration_says(directory: Path, programs: Path) -> None:
     own, common = directory / "can0.toml", directory / "litegripd.toml"
-    assert gather_configuration.configuration("can1") is None
+    assert gather.configuration_file("can1") is None
     for channel, path in (("can0", own), ("can1", common)):
         path.touch()
         expected = f"{channel} --config {path} --check"
         litegripd_says(programs, f"[ \"$*\" = '{expected}' ] && echo '{json.dumps(CONTENT)}'")
-        found = gather_configuration.configuration(channel)
+        found = gather.configuration_file(channel)
         assert found == Configuration(str(path), content=CONTENT)
 
 
 def test_a_configuration_that_is_wrong(directory: Path, programs: Path) -> None:
     litegripd_says(programs, "echo 'litegripd: x.toml: [bus] baud is unknown' >&2; exit 2")
-    found = gather_configuration.configuration("can0")
+    found = gather.configuration_file("can0")
     path = str(directory / "can0.toml")
     assert found == Configuration(path, error="x.toml: [bus] baud is unknown")
 
@@ -129,12 +128,10 @@ def test_a_configuration_that_is_wrong(directory: Path, programs: Path) -> None:
 def test_a_configuration_that_cannot_be_checked_is_not_called_wrong(
     directory: Path, programs: Path, script: str | None, why: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        gather_configuration, "CHECK_WITHIN_S", 0.05 if why == "cannot be run" else 9
-    )
+    monkeypatch.setattr(gather, "CHECK_WITHIN_S", 0.05 if why == "cannot be run" else 9)
     if script is not None:
         litegripd_says(programs, script)
-    found = gather_configuration.configuration("can0")
+    found = gather.configuration_file("can0")
     assert found is not None
     assert (found.content, found.error) == (None, None)
     assert why in str(found.unchecked)
@@ -145,7 +142,7 @@ def test_a_configuration_that_this_user_may_not_read(
 ) -> None:
     monkeypatch.setattr("os.access", lambda path, mode: False)
     path = str(directory / "can0.toml")
-    found = gather_configuration.configuration("can0")
+    found = gather.configuration_file("can0")
     assert found == Configuration(path, unchecked="this user may not read it")
 
 
@@ -166,7 +163,7 @@ def test_root_has_a_configuration_read_as_the_user_that_the_daemons_run_as(
     litegripd_says(programs, "exit 0")
     entry = pwd.struct_passwd(("litegrip", "x", 991, 992, "", "/", ""))
     monkeypatch.setattr("pwd.getpwnam", {"litegrip": entry}.__getitem__)
-    found = gather_configuration.configuration("can0")
+    found = gather.configuration_file("can0")
     why = "can0.toml: cannot be read: Permission denied"
     assert found == Configuration(str(directory / "can0.toml"), error=why, as_user="litegrip")
     assert (asked["user"], asked["group"], asked["extra_groups"]) == (991, 992, [992, 20])
@@ -174,7 +171,7 @@ def test_root_has_a_configuration_read_as_the_user_that_the_daemons_run_as(
         asked.clear()
         monkeypatch.setattr("os.getuid", lambda uid=uid: uid)
         monkeypatch.setattr("pwd.getpwnam", users.__getitem__)
-        found = gather_configuration.configuration("can0")
+        found = gather.configuration_file("can0")
         assert found is not None
         assert (found.as_user, "user" in asked) == (None, False)
 
@@ -182,13 +179,13 @@ def test_root_has_a_configuration_read_as_the_user_that_the_daemons_run_as(
 def test_whether_there_is_a_can_interface_is_asked(
     net: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gather_system, "NET", net)
-    assert [gather_system.is_can(name) for name in ("can0", "eth0", "can9")] == [True, False, False]
+    monkeypatch.setattr(gather, "NET", net)
+    assert [gather.is_can(name) for name in ("can0", "eth0", "can9")] == [True, False, False]
 
 
 def test_a_link_that_there_is_not(net: Path, programs: Path) -> None:
     ip_says(programs, "echo 'Device \"can9\" does not exist.' >&2; exit 1")
-    assert gather_system.system("socketcan", "can9", net) == System(None, None, ("can0", "can1"))
+    assert gather.system("socketcan", "can9", net) == System(None, None, ("can0", "can1"))
 
 
 @pytest.mark.parametrize(
@@ -205,35 +202,35 @@ def test_without_iproute2_the_kernels_files_tell(
 ) -> None:
     if script is not None:
         ip_says(programs, script)
-    found = gather_system.system("socketcan", "can1", net)
+    found = gather.system("socketcan", "can1", net)
     assert found.link == Link("can1", True, True, queue_frames=10)
     assert problem in str(found.ip_problem)
     assert (found.driver, found.adapter) == (None, None)
-    assert gather_system.system("socketcan", "can9", net).link is None
+    assert gather.system("socketcan", "can9", net).link is None
 
 
 def test_an_iproute2_that_hangs_is_not_waited_for(
     net: Path, programs: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(gather_system, "IP_WITHIN_S", 0.05)
+    monkeypatch.setattr(gather, "IP_WITHIN_S", 0.05)
     ip_says(programs, "read line < /dev/zero")
-    assert "cannot be run" in str(gather_system.system("socketcan", "can1", net).ip_problem)
+    assert "cannot be run" in str(gather.system("socketcan", "can1", net).ip_problem)
 
 
 def test_a_machine_without_can(tmp_path: Path, programs: Path) -> None:
     problem = "ip (iproute2) is not installed"
-    assert gather_system.system("socketcan", "can0", tmp_path / "none") == System(None, problem)
+    assert gather.system("socketcan", "can0", tmp_path / "none") == System(None, problem)
 
 
 def test_the_simulator_has_no_adapter(programs: Path) -> None:
-    assert gather_system.system("litegrip_sim", "sim0") == System()
+    assert gather.system("litegrip_sim", "sim0") == System()
 
 
 def test_the_file_of_an_adapter(tmp_path: Path) -> None:
     controller, terminal = os.openpty()
     try:
         path = os.ttyname(terminal)
-        found = gather_system.system("slcan", f"{path}@115200").device
+        found = gather.system("slcan", f"{path}@115200").device
         assert found is not None
         assert (found.path, found.is_there, found.is_character_device) == (path, True, True)
         assert found.is_accessible
@@ -241,12 +238,12 @@ def test_the_file_of_an_adapter(tmp_path: Path) -> None:
         os.close(controller)
         os.close(terminal)
     missing = tmp_path / "ttyACM7"
-    assert gather_system.system("slcan", str(missing)).device == Device(str(missing), False)
+    assert gather.system("slcan", str(missing)).device == Device(str(missing), False)
     missing.touch()
-    found = gather_system.system("slcan", str(missing)).device
+    found = gather.system("slcan", str(missing)).device
     assert found is not None
     assert (found.is_there, found.is_character_device) == (True, False)
-    assert gather_system.system("pcan", "PCAN_USBBUS1").device is None
+    assert gather.system("pcan", "PCAN_USBBUS1").device is None
 
 
 def test_the_user_and_a_group() -> None:
@@ -255,41 +252,41 @@ def test_the_user_and_a_group() -> None:
 
     entry = pwd.getpwuid(os.getuid())
     own = grp.getgrgid(os.getgid()).gr_name
-    found = gather_system.user(own)
+    found = gather.user(own)
     assert (found.name, found.uid, found.group) == (entry.pw_name, os.getuid(), own)
     assert (found.group_exists, found.is_member, found.has_group) == (True, True, True)
-    found = gather_system.user("no-such-group-7")
+    found = gather.user("no-such-group-7")
     assert (found.group_exists, found.is_member, found.has_group) == (False, False, False)
 
 
 def test_a_group_of_which_this_session_does_not_know(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grp.getgrnam", lambda name: type("G", (), {"gr_gid": 4321}))
     monkeypatch.setattr("os.getgrouplist", lambda name, gid: [gid, 4321])
-    found = gather_system.user("litegrip")
+    found = gather.user("litegrip")
     assert (found.is_member, found.has_group) == (True, False)
     monkeypatch.setattr("os.getgroups", lambda: [4321])
-    assert gather_system.user("litegrip").has_group
+    assert gather.user("litegrip").has_group
 
 
 def test_a_user_without_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.getuid", lambda: 54321)
-    assert gather_system.user("no-such-group-7").name == "54321"
+    assert gather.user("no-such-group-7").name == "54321"
 
 
 def test_sockets_are_looked_at_and_not_connected_to(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = tmp_path / "can0.sock"
-    assert gather_system.sockets([str(path)]) == ()
+    assert gather.sockets([str(path)]) == ()
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind(str(path))
         (tmp_path / "can0.stop.sock").touch()
-        found = gather_system.sockets([str(path)])
+        found = gather.sockets([str(path)])
         assert found == (
             Socket(str(path), True, os.getuid()),
             Socket(str(tmp_path / "can0.stop.sock"), True, os.getuid()),
         )
         monkeypatch.setattr("os.access", lambda path, mode: False)
-        assert [one.is_accessible for one in gather_system.sockets([str(path)])] == [False, False]
-    within_a_file = gather_system.sockets([str(path / "can0.sock")])
+        assert [one.is_accessible for one in gather.sockets([str(path)])] == [False, False]
+    within_a_file = gather.sockets([str(path / "can0.sock")])
     assert [one.is_accessible for one in within_a_file] == [False, False]

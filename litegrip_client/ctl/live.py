@@ -1,0 +1,127 @@
+"""The live view of one gripper or of several, drawn with rich."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator
+
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.progress_bar import ProgressBar
+from rich.table import Table
+from rich.text import Text
+
+from litegrip_client.ctl import render
+from litegrip_client.ctl.watching import Scene
+from litegrip_client.voices import in_shell
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: typing takes long to import
+    from typing import Any
+
+_BAR_WIDTH = 40
+_STYLES = {"ok": "bold green", "degraded": "bold yellow", "down": "bold red"}
+_ALARMING = {"stop", "limited", "age"}
+
+
+def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) -> RenderableType:
+    """Show a scene of the gripper `name`; `for_gripper` names it in what can be typed."""
+    parts: list[RenderableType] = [_head(scene, name), Text()]
+    if scene.state is not None:
+        parts += [_bar(scene.state), _figures(scene.state, for_gripper)]
+    parts += [Text(), _company(scene)]
+    if scene.health is not None:
+        parts += [
+            Text(f"- {render.plain(for_gripper(in_shell(str(reason))))}", "yellow")
+            for reason in scene.health.get("reasons", ())
+        ]
+    return Group(*parts, Text(), *_events(scene))
+
+
+def _head(scene: Scene, name: str) -> Text:
+    if scene.trouble is not None:
+        text = f"NO DAEMON, trying again: {render.plain(scene.trouble)}"
+        return Text.assemble((name, "bold"), "  ", (text, "bold red"))
+    verdict = str((scene.health or {}).get("verdict", "--"))
+    return Text.assemble((name, "bold"), "  ", (render.plain(verdict), _STYLES.get(verdict, "")))
+
+
+def _bar(state: dict[str, Any]) -> RenderableType:
+    openness = state.get("openness")
+    known = openness if isinstance(openness, int | float) else 0.0
+    grid = Table.grid(padding=(0, 1))
+    bar = ProgressBar(total=1.0, completed=min(max(known, 0.0), 1.0), width=_BAR_WIDTH)
+    grid.add_row("closed", bar, "open")
+    return grid
+
+
+def _figures(state: dict[str, Any], for_gripper: Callable[[str], str]) -> RenderableType:
+    grid = Table.grid(padding=(0, 2))
+    is_old = bool(state.get("stale"))
+    for label, text in render.state_rows(state):
+        alarming = label in _ALARMING and (label != "age" or is_old)
+        style = "bold red" if alarming else "dim" if is_old else ""
+        grid.add_row(Text(label, "cyan"), Text(render.plain(for_gripper(text)), style))
+    return grid
+
+
+def _company(scene: Scene) -> RenderableType:
+    grid = Table.grid(padding=(0, 2))
+    lease = "--" if scene.lease is None else render.lease(scene.lease)
+    others = "--" if scene.others is None else f"{scene.others} besides this one"
+    grid.add_row(Text(f"{'lease':<11}", "cyan"), Text(lease))
+    grid.add_row(Text("clients", "cyan"), Text(others))
+    return grid
+
+
+def _events(scene: Scene) -> list[RenderableType]:
+    """Show the last events, the newest at the end, with their age by the state's time."""
+    now_s = (scene.state or {}).get("monotonic_s")
+    grid = Table.grid(padding=(0, 2))
+    for event in scene.events:
+        age_s = None if now_s is None else max(0.0, now_s - event.monotonic_s)
+        age = Text(f"{render.figure(age_s, '.0f', 's')} ago", "dim", justify="right")
+        grid.add_row(age, Text(render.plain(event.message), no_wrap=True, overflow="ellipsis"))
+    return [Text("events", "cyan"), grid] if scene.events else []
+
+
+_SHORTEST_S = 0.05
+"""Between two pictures: nobody sees more, and a slow terminal has time for them."""
+
+_TERMINATED = 128 + signal.SIGTERM
+
+
+def show(scenes: Iterable[Scene], name: str, for_gripper: Callable[[str], str]) -> None:
+    """Show scenes of the gripper `name` until there are no more of them; see `Output`."""
+    shown_s = 0.0
+    with (
+        Live(console=Console(), screen=True, auto_refresh=False) as live,
+        _giving_back(live),
+    ):
+        for scene in scenes:
+            now_s = time.monotonic()
+            if now_s - shown_s >= _SHORTEST_S:
+                live.update(picture(scene, name, for_gripper), refresh=True)
+                shown_s = now_s
+
+
+@contextlib.contextmanager
+def _giving_back(live: Live) -> Iterator[None]:
+    """Give the terminal back on SIGTERM, and while Ctrl-Z stops this program."""
+
+    def pause(*_: object) -> None:
+        live.stop()
+        os.kill(os.getpid(), signal.SIGSTOP)
+        live.start(refresh=True)
+
+    handlers = {signal.SIGTERM: lambda *_: sys.exit(_TERMINATED), signal.SIGTSTP: pause}
+    before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,142 @@
+"""When the flight recorder is written to disk: asked for by a client, or by itself for a `Cause`.
+
+Only says so, by an errand; the helper process does it. Nothing is asked for twice at a time, and
+by itself at most once in `APART_S`: what happens meanwhile is in the next dump.
+"""
+
+from collections.abc import Callable
+from typing import Literal, TypeAlias
+
+from litegripd.control.engine import Engine
+from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
+from litegripd.model.events import Event
+from litegripd.model.motor import MotorPhase
+from litegripd.recorder.recorder import KEPT_S
+
+Cause: TypeAlias = Literal[
+    "demand",
+    "motor_fault",
+    "motor_silent",
+    "motor_reset",
+    "implausible",
+    "second_master",
+    "bus_lost",
+    "tick_error",
+]
+"""`motor_silent`: one that may be energised answers no more, though the bus works. `motor_reset`:
+an enabled one says that it is disabled, though nobody here asked for that; its supply was away for
+a moment, or another program did it. `implausible`: it is disabled because its position jumped.
+"""
+
+AFTER_S = 1.0
+"""So long after its cause the dump is made, so that it shows what came of it."""
+
+APART_S = KEPT_S - 5.0
+"""Less than what is recorded: a fault right after a dump is still in the next one."""
+
+_MOST_CAUSES = 10
+_POWERED = (MotorPhase.ENABLING, MotorPhase.ENABLED, MotorPhase.DISABLING)
+
+
+class Dumps:
+    """Asks for dumps; `step` is called once per tick with what could be a reason for one."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._is_busy = False
+        self._causes: list[Cause] = []
+        self._due_s = 0.0
+        self._dumped_s = float("-inf")
+        self._phase = MotorPhase.UNKNOWN
+        self._has_worked = False
+        self._is_powered = False
+        self._bus_was_up = True
+        self._seen_s: dict[Cause, float] = {}
+
+    def ask(self, cause: Cause, note: str, then: Callable[[ErrandResult], None]) -> Refusal | None:
+        """Have the recorder written; `then` is called with what became of it, unless refused."""
+        if self._is_busy:
+            text = "a dump of the recorder is being written already: ask again when it is done"
+            return Refusal("too_many_requests", text, {"limit": 1})
+        self._is_busy = True
+
+        def done(result: ErrandResult) -> None:
+            self._is_busy = False
+            self._engine.events.append(_told(cause, result))
+            then(result)
+
+        parameters = {"cause": cause, "note": note}
+        self._engine.errands.append(Errand("recorder.dump", parameters, done))
+        return None
+
+    def step(self, now_s: float, *, failed: bool, bus_is_up: bool) -> None:
+        """Look for a reason to dump; `failed` tells that this tick did, by a defect."""
+        before, phase = self._phase, self._engine.motor.phase
+        if phase is not before:
+            self._phase = phase
+            self._note_phase(before, phase, now_s, bus_is_up=bus_is_up)
+        if bus_is_up is not self._bus_was_up:
+            self._bus_was_up = bus_is_up
+            if not bus_is_up and self._is_powered:
+                self._note("bus_lost", now_s)
+        other = self._engine.second_master
+        if other.is_active and not other.is_tolerated:
+            self._note_once("second_master", now_s)
+        if failed:
+            self._note_once("tick_error", now_s)
+        if self._causes and now_s >= self._due_s and not self._is_busy:
+            self._dump(now_s)
+
+    def finish(self, now_s: float) -> None:
+        """Ask for the dump that is still due, before the daemon ends."""
+        if self._causes and not self._is_busy:
+            self._dump(now_s)
+
+    def _note_phase(
+        self, before: MotorPhase, phase: MotorPhase, now_s: float, *, bus_is_up: bool
+    ) -> None:
+        """Tell what begins from what was found, or what the motor cannot get rid of."""
+        has_jumped = self._engine.motor.has_jumped
+        if phase in _POWERED:
+            self._is_powered = True
+        elif phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
+            self._is_powered = False
+            self._seen_s.pop("motor_silent", None)  # a client has to enable it before the next one
+        if phase is MotorPhase.FAULT and self._has_worked:
+            self._has_worked = False
+            self._note("motor_fault", now_s)
+        elif phase in (MotorPhase.ENABLED, MotorPhase.DISABLED):
+            self._has_worked = True
+        elif phase is MotorPhase.SILENT and self._is_powered and bus_is_up:
+            self._note_once("motor_silent", now_s)
+        elif phase is MotorPhase.UNKNOWN and before is MotorPhase.ENABLED:
+            self._note("motor_reset", now_s)
+        elif (before, phase) == (MotorPhase.ENABLED, MotorPhase.DISABLING) and has_jumped:
+            self._note("implausible", now_s)
+
+    def _note_once(self, cause: Cause, now_s: float) -> None:
+        """Note what stays, or comes again and again, when it begins: one dump shows it."""
+        if now_s - self._seen_s.get(cause, float("-inf")) > APART_S:
+            self._note(cause, now_s)
+        self._seen_s[cause] = now_s
+
+    def _note(self, cause: Cause, now_s: float) -> None:
+        if not self._causes:
+            self._due_s = max(now_s + AFTER_S, self._dumped_s + APART_S)
+        if len(self._causes) < _MOST_CAUSES:
+            self._causes.append(cause)
+
+    def _dump(self, now_s: float) -> None:
+        causes, self._causes, self._dumped_s = self._causes, [], now_s
+        self.ask(causes[0], ", then ".join(causes), lambda _result: None)
+
+
+def _told(cause: Cause, result: ErrandResult) -> Event:
+    """Tell where the dump is, or why there is none."""
+    if isinstance(result.value, dict):
+        value = result.value
+        text = f"the last {value['seconds']:.0f} s are recorded in {value['path']} ({cause})"
+        return Event("recorder", text, {"cause": cause, "path": value["path"]})
+    text = f"the last minute could NOT be recorded ({cause}): {result.error}"
+    return Event("recorder", text, {"cause": cause, "error": result.error})

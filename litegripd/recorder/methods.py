@@ -1,0 +1,37 @@
+"""The method on the flight recorder: have it written to disk, and tell where it is."""
+
+from litegripd.model.calibration import Dumped
+from litegripd.model.errands import ErrandResult
+from litegripd.model.errors import Refusal
+from litegripd.recorder.causes import Dumps
+from litegripd.rpc.method import Answer, Call, Deferred, Method
+from litegripd.rpc.schema import Param
+
+
+class RecorderMethods:
+    """Methods on the recorder."""
+
+    def __init__(self, dumps: Dumps) -> None:
+        self._dumps = dumps
+
+    @Method(
+        "recorder.dump",
+        "Write the last minute, tick by tick, and its events to a file of the daemon's machine, in"
+        " the format MCAP.",
+        "path, ticks, seconds, bytes.",
+        Dumped,
+        (Param("note", "string", "Kept in the file: why it was asked for."),),
+        role="operator",
+        waits=True,
+    )
+    def _dump(self, call: Call) -> Answer:
+        deferred = Deferred()
+
+        def done(result: ErrandResult) -> None:
+            if isinstance(result.value, dict):
+                deferred.resolve(result.value)
+            else:
+                text = f"the recorder could not be written: {result.error}"
+                deferred.resolve(Refusal(result.reason or "not_saved", text))
+
+        return self._dumps.ask("demand", call.params.get("note", ""), done) or deferred

@@ -1,0 +1,235 @@
+"""The flight recorder: every tick and every event of the last minute, in a memory of fixed size.
+
+Writes only: what is in the memory is read by `recording`, mostly in another process, and it is for
+one version of the daemon only. Nothing here decides when a dump is made.
+"""
+
+import json
+import struct
+from collections.abc import Mapping
+from typing import get_args
+
+from litegripd.control.engine import Engine
+from litegripd.control.holds import Slack
+from litegripd.model.events import Event
+from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import JobKind, Owner
+from litegripd.model.motor import Feedback, MitCommand, MotorPhase
+from litegripd.recorder.ring import OVERHEAD_BYTES, Ring
+
+KEPT_S = 60.0
+EVENTS = 1024
+REFUSALS = 256
+"""Refused requests have a ring of their own: a flood of them must not push out what happened."""
+
+HEADER = struct.Struct("<8sI")
+MAGIC = b"LGREC\x00\x00\x01"
+TICK = struct.Struct("<QdfQBBBBB8s3f3B4f2d2fQQIII")
+"""Number, time, lateness in µs, lost ticks, flags, two phases, frames, kind of the job, payload;
+ranges, feedback, what was wanted, geometry; unanswered requests, frames lost, job, its owner's pid
+and client.
+"""
+
+TEXT = struct.Struct("<QdH")
+TEXT_BYTES = 490
+TEXT_RECORD_BYTES = TEXT.size + TEXT_BYTES
+PHASES: tuple[MotorPhase, ...] = tuple(MotorPhase)
+KINDS: tuple[JobKind, ...] = get_args(JobKind)
+
+BUS_UP, FAILED, HAS_FEEDBACK, HAS_REQUEST, CALIBRATED, HAS_SENT, IS_SLACK, IS_STOPPED = (
+    1 << bit for bit in range(8)
+)
+_NO_FEEDBACK = Feedback(0, 0.0, 0.0, 0.0, 0, 0, 0.0)
+_NO_COMMAND = MitCommand(0.0, 0.0, 0.0, 0.0, 0.0)
+_NOBODY = Owner(0, 0, 0, "")
+_PHASE_NUMBERS: Mapping[MotorPhase, int] = {phase: n for n, phase in enumerate(PHASES)}
+_KIND_NUMBERS: Mapping[JobKind, int] = {kind: n for n, kind in enumerate(KINDS)}
+
+
+def tick_slots(period_s: float) -> int:
+    """Return how many ticks are kept at this period."""
+    return round(KEPT_S / period_s)
+
+
+def memory_bytes(slots: int) -> int:
+    """Return how much memory a recorder of so many ticks needs."""
+    return sum(part_bytes(slots))
+
+
+def part_bytes(slots: int) -> tuple[int, ...]:
+    """Return the sizes of header, description, ticks, events and refusals, in this order."""
+    text_bytes = TEXT_RECORD_BYTES + OVERHEAD_BYTES
+    tick_bytes = TICK.size + OVERHEAD_BYTES
+    return (
+        HEADER.size,
+        text_bytes,
+        slots * tick_bytes,
+        EVENTS * text_bytes,
+        REFUSALS * text_bytes,
+    )
+
+
+def parts(memory: memoryview, slots: int) -> list[memoryview]:
+    """Cut a memory into its parts; `ValueError` where it has another size."""
+    if len(memory) != memory_bytes(slots):
+        raise ValueError(f"a recorder of {slots} ticks needs {memory_bytes(slots)} bytes")
+    found, begin = [], 0
+    for size in part_bytes(slots):
+        found.append(memory[begin : begin + size])
+        begin += size
+    return found
+
+
+class Recorder:
+    """Writes into `memory`, of `memory_bytes(slots)`; `about` describes the daemon to the reader.
+
+    `tick` is called once per tick, at its end, and costs a few microseconds.
+    """
+
+    def __init__(self, memory: memoryview, slots: int, about: Mapping[str, object]) -> None:
+        header, description, ticks, events, refusals = parts(memory, slots)
+        self._ticks = Ring(ticks, TICK.size)
+        self._events = Ring(events, TEXT_RECORD_BYTES)
+        self._refusals = Ring(refusals, TEXT_RECORD_BYTES)
+        self._owner = _NOBODY
+        self._named: tuple[int, str] | None = None
+        self._phase = PHASES[0]
+        self._phase_number = 0
+        self._geometry: Geometry | None = None
+        self._geometry_flag = 0
+        self._closed_rad = 0.0
+        self._mm_per_rad = 0.0
+        _put_text(Ring(description, TEXT_RECORD_BYTES), 0.0, {}, about)
+        HEADER.pack_into(header, 0, MAGIC, slots)
+
+    def tick(
+        self,
+        now_s: float,
+        engine: Engine,
+        *,
+        late_s: float,
+        lost_ticks: int,
+        failed: bool,
+        bus_is_up: bool,
+        phase: int,
+        frames: int,
+        sent: bytes,
+        unanswered: int,
+        send_failures: int,
+    ) -> None:
+        """Record one tick.
+
+        `sent` is the payload of the last frame to the motor's own id that the bus was given, empty
+        without one, `frames` how many it was given in all, `send_failures` how many it has lost
+        since the start; `phase` is the finer phase of the motor as a number.
+        """
+        motor = engine.motor
+        feedback, requested = motor.feedback or _NO_FEEDBACK, engine.output.requested
+        identity, job = motor.identity, engine.jobs.running
+        ranges = engine.unit.motor_type.ranges if identity is None else identity.ranges
+        self._note_changes(now_s, engine)
+        owner = self._owner
+        flags = self._flags(engine)
+        if bus_is_up:
+            flags |= BUS_UP
+        if failed:
+            flags |= FAILED
+        if sent:
+            flags |= HAS_SENT
+        wanted = requested or _NO_COMMAND
+        self._ticks.put(
+            TICK.pack(
+                self._ticks.next_number,
+                now_s,
+                late_s * 1e6,
+                lost_ticks,
+                flags,
+                self._phase_number,
+                phase,
+                frames,
+                0 if job is None else _KIND_NUMBERS[job.kind],
+                sent,
+                ranges.position_rad,
+                ranges.velocity_rad_s,
+                ranges.torque_nm,
+                feedback.status,
+                feedback.driver_temperature_c,
+                feedback.coil_temperature_c,
+                feedback.position_rad,
+                feedback.velocity_rad_s,
+                feedback.torque_nm,
+                now_s - feedback.at_s,
+                wanted.position_rad,
+                wanted.torque_nm,
+                self._closed_rad,
+                self._mm_per_rad,
+                unanswered,
+                send_failures,
+                0 if job is None else job.number,
+                owner.pid,
+                owner.client,
+            )
+        )
+
+    def _note_changes(self, now_s: float, engine: Engine) -> None:
+        """Work out anew what follows from owner, calibration and phase, where they are others."""
+        job, holder, phase = engine.jobs.running, engine.lease.holder, engine.motor.phase
+        owner = _NOBODY
+        if job is not None:
+            owner = job.owner
+        elif holder is not None:
+            owner = holder.owner
+        if owner is not self._owner:
+            self._note_owner(now_s, owner)
+        if engine.geometry is not self._geometry:
+            self._note_geometry(engine.geometry)
+        if phase is not self._phase:
+            self._phase, self._phase_number = phase, _PHASE_NUMBERS[phase]
+
+    def event(self, event: Event, now_s: float) -> None:
+        """Record one event; what is too long for its slot is cut, and marked so."""
+        ring = self._refusals if event.kind == "refused" else self._events
+        head = {"kind": event.kind, "message": event.message}
+        _put_text(ring, now_s, head, event.data)
+
+    def _flags(self, engine: Engine) -> int:
+        flags = self._geometry_flag
+        if engine.motor.feedback is not None:
+            flags |= HAS_FEEDBACK
+        if engine.output.requested is not None:
+            flags |= HAS_REQUEST
+        if type(engine.rest) is Slack:
+            flags |= IS_SLACK
+        if engine.stop_latch.latched is not None:
+            flags |= IS_STOPPED
+        return flags
+
+    def _note_owner(self, now_s: float, owner: Owner) -> None:
+        """Record the name of who has the gripper now; each tick has only its number."""
+        self._owner = owner
+        named = (owner.client, owner.program)
+        if owner is _NOBODY or named == self._named:
+            return
+        self._named = named
+        text = f"in the hands of {owner.program} (pid {owner.pid}, uid {owner.uid})"
+        data = {"client": owner.client, "pid": owner.pid, "program": owner.program[:64]}
+        _put_text(self._events, now_s, {"kind": "owner", "message": text}, data)
+
+    def _note_geometry(self, geometry: Geometry | None) -> None:
+        self._geometry, self._geometry_flag = geometry, 0
+        if geometry is not None:
+            self._geometry_flag = CALIBRATED
+            self._closed_rad = geometry.closed_rad
+            self._mm_per_rad = -geometry.close_sign * geometry.rad_to_mm
+
+
+def _put_text(
+    ring: Ring, now_s: float, head: Mapping[str, str], data: Mapping[str, object]
+) -> None:
+    """Write a text; one that is too long loses its data, then the end of its message."""
+    text = json.dumps({**head, "data": dict(data)}, default=str).encode()
+    message = head.get("message", "")
+    while len(text) > TEXT_BYTES:
+        text = json.dumps({**head, "message": message, "is_cut": True}).encode()
+        message = message[: len(message) * 3 // 4]
+    ring.put(TEXT.pack(ring.next_number, now_s, len(text)) + text.ljust(TEXT_BYTES, b"\0"))

@@ -1,0 +1,163 @@
+"""What leader and follower share."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import TypeAlias
+
+from litegripd.control.actions.base import PlainAction, Step
+from litegripd.model.events import Event
+from litegripd.model.motor import Feedback, MotorView, Status, status_name
+from litegripd.model.results import TeleopResult
+from litegripd.model.teleop import LinkStatus, LinkWish, TeleopMode, TeleopStatus
+from litegripd.teleop.link import Link
+
+_WINDOW_S = 1.0
+
+
+class LoopRate:
+    """Counts the ticks of whole windows; before the first is over, those so far."""
+
+    def __init__(self) -> None:
+        self._began_s: float | None = None
+        self._ticks = 0
+        self._last_hz: float | None = None
+        self._latest_s = 0.0
+
+    def tick(self, now_s: float) -> None:
+        """Count one."""
+        self._latest_s = now_s
+        if self._began_s is None:
+            self._began_s = now_s
+            return
+        self._ticks += 1
+        elapsed_s = now_s - self._began_s
+        if elapsed_s >= _WINDOW_S:
+            self._last_hz = self._ticks / elapsed_s
+            self._began_s, self._ticks = now_s, 0
+
+    @property
+    def hz(self) -> float:
+        """The rate; 0 before the second tick."""
+        if self._last_hz is not None:
+            return self._last_hz
+        elapsed_s = 0.0 if self._began_s is None else self._latest_s - self._began_s
+        return self._ticks / elapsed_s if elapsed_s > 0.0 else 0.0
+
+
+Tell: TypeAlias = Callable[[Event], None]
+"""Takes what happens on the way, for log and subscribers."""
+
+_OPEN: Mapping[TeleopMode, str] = {
+    "master": (
+        "whoever reaches the link can take part: zenoh_config asks neither for certificates of"
+        " both ends nor for an access list or passwords"
+    ),
+    "slave": (
+        "whoever answers at the leader's address can move these jaws: zenoh_config names no"
+        " authority for the leader's certificate"
+    ),
+}
+
+
+class TeleopAction(PlainAction, ABC):
+    """One end of a teleoperation, for as long as it lasts; only `finish` or a fault ends it."""
+
+    def __init__(self, link: Link, wish: LinkWish, tell: Tell) -> None:
+        self.wish = wish
+        self.link = link
+        self.loop = LoopRate()
+        self.send_failed = 0
+        self.is_warned = False
+        """Whether it has been said that the link is open to others."""
+        self.is_finished = False
+        self.feedback: Feedback | None = None
+        self._say = tell
+        self._told = LinkStatus()
+
+    def finish(self) -> TeleopResult:
+        """End it as its owner wishes; return what it came to."""
+        self.is_finished = True
+        return self.result()
+
+    def close(self) -> None:
+        """Let go of the link; a leader's session stays open for the next one."""
+        self.link.close()
+
+    @abstractmethod
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Advance to `now_s`."""
+
+    @abstractmethod
+    def result(self) -> TeleopResult:
+        """Return what it has come to so far."""
+
+    @abstractmethod
+    def status(self, now_s: float) -> TeleopStatus:
+        """Return how it goes."""
+
+    def complaint(self) -> str | None:
+        """Say what the daemon's health should tell of, if anything; that of the link it has."""
+        return None
+
+    def tell(self, text: str, *, warning: bool = False, **data: object) -> None:
+        """Say what happened."""
+        self._say(Event("teleop", f"teleop: {text}", {**data, "warning": warning}))
+
+    def note_link(self) -> None:
+        """Tell once that the link is in another state."""
+        status, told = self.link.status, self._told
+        if (status.state, status.error) != (told.state, told.error):
+            self._told = status
+            why = "" if status.error is None else f": {status.error}"
+            failed = status.state == "failed"
+            self.tell(f"the link is {status.state}{why}", warning=failed, link=status.state)
+            if status.is_protected is False and not self.is_warned:
+                self.is_warned = True
+                self.tell(_OPEN[self.wish.mode], warning=True)
+
+    def base_status(self) -> TeleopStatus:
+        """Return what is the same for both ends."""
+        link, feedback = self.link.status, self.feedback
+        return TeleopStatus(
+            active=True,
+            mode=self.wish.mode,
+            topic=self.wish.topic,
+            link=self.wish.kind,
+            host=self.wish.host,
+            port=None if self.wish.kind == "none" else self.wish.port,
+            link_state=link.state,
+            link_error=link.error,
+            link_protected=link.is_protected,
+            reflects=self.wish.reflects,
+            matching=link.matching if self.wish.mode == "master" else None,
+            dropped=link.dropped,
+            send_failed=self.send_failed,
+            loop_hz=round(self.loop.hz, 1),
+            torque_nm=None if feedback is None else feedback.torque_nm,
+            fault=fault_of(feedback),
+        )
+
+
+def fault_of(feedback: Feedback | None) -> str | None:
+    """Name the motor's status where it is not "enabled"."""
+    if feedback is None or feedback.status == Status.ENABLED:
+        return None
+    return status_name(feedback.status)
+
+
+def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:
+    """Return the last status of a teleoperation that runs no longer."""
+    return replace(
+        status,
+        active=False,
+        fault=why or status.fault,
+        link_state=None,  # the action has let go of it
+        link_protected=None,
+        matching=None,
+        dq_cmd=0.0,
+        loop_hz=0.0,
+        reflected_n=None,
+        followers=None,
+        round_trip_ms=None,
+    )

@@ -1,0 +1,457 @@
+"""The follower: its jaws go where a leader's are, as a share of its own travel.
+
+It aligns to the first frame at a bounded speed, follows then with the leader's velocity fed forward
+as far as the bounds allow, holds its last target when frames stop coming, and aligns again when
+they come back. The command's lead over the measured position is capped as in every motion, whatever
+the frames say. Damping relative to a velocity is a torque as well: jaws that are held up would be
+pushed by kd times the leader's whole speed.
+
+What presses too hard for too long is let go of. Times and thresholds of that guard are the vendor's
+SDK's, counted in seconds and not in cycles, so that they are the same at every rate.
+"""
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+from litegripd.control.actions.base import Step, progress_of
+from litegripd.control.gains import Gains, budgeted, clamp_lead, max_lead_rad
+from litegripd.control.holds import Hold, Rest, Slack
+from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback, MitCommand, MotorView
+from litegripd.model.results import Progress, TeleopResult
+from litegripd.model.teleop import ForceFrame, LinkWish, TeleopSettings, TeleopStatus, encode_force
+from litegripd.teleop.base import TeleopAction, Tell
+from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
+from litegripd.teleop.link import Link
+
+MOST_NM = 5.5
+"""By no more the jaws are pushed, however stiff the follow gains are: what the lead cap of 4 mm is
+with the calibration's 100 N·m/rad."""
+
+_SAMPLES = 3
+"""A measured velocity is a tick or two old. Fed back at once it would make the jaws shake from tick
+to tick; the slowest of so many does not."""
+
+_SLOWEST_RAD_S = 1e-3
+
+
+class FollowerCommand:
+    """Makes the commands of one follower.
+
+    With `force_limit_n` stiffness and damping are budgeted (`control/gains.py`): jaws that are
+    stopped at once are pushed by no more than that, at any speed of the leader.
+    """
+
+    def __init__(
+        self,
+        geometry: Geometry,
+        config: MotionConfig,
+        gains: Gains,
+        force_limit_n: float | None,
+        period_s: float,
+    ) -> None:
+        self.is_limited = False
+        self.velocity_rad_s = 0.0
+        self.hold: Hold | None = None
+        """What goes on pressing as the latest command did, None before the first one."""
+        self._geometry = geometry
+        self._config = config
+        self._gains = gains
+        self._period_s = period_s
+        limit_nm = None if force_limit_n is None else force_limit_n / FORCE_PER_TORQUE_N_NM
+        self._limit_nm = None if limit_nm is None else min(limit_nm, MOST_NM)
+        self._measured: deque[float] = deque(maxlen=_SAMPLES)
+
+    @property
+    def commanded_rad(self) -> float | None:
+        """Where the latest command was, None before the first one."""
+        return None if self.hold is None else self.hold.position_rad
+
+    def let_go(self, here_rad: float) -> None:
+        """Begin anew from where slack jaws are."""
+        self.hold = Hold(here_rad, self._gains)
+        self.velocity_rad_s = 0.0
+        self.is_limited = False
+
+    def within_reach(self, wanted_rad: float, here_rad: float) -> float:
+        """Return how far towards `wanted_rad` jaws that are at `here_rad` can be led at rest."""
+        _, lead_rad = self._bounds(wanted_rad, 0.0, here_rad)
+        return clamp_lead(wanted_rad, here_rad, lead_rad)
+
+    def command(self, wanted_rad: float, velocity_rad_s: float, feedback: Feedback) -> MitCommand:
+        """Return the command of this tick.
+
+        From one tick to the next it steps by no more than the lead's cap either, unless the jaws
+        themselves are elsewhere: frames that come late and at once do not turn it round.
+        """
+        here_rad, before_rad = feedback.position_rad, self.commanded_rad
+        self._measured.append(feedback.velocity_rad_s)
+        gains, lead_rad = self._bounds(wanted_rad, velocity_rad_s, here_rad)
+        self.is_limited = clamp_lead(wanted_rad, here_rad, lead_rad) != wanted_rad
+        step_to_rad = (
+            wanted_rad if before_rad is None else clamp_lead(wanted_rad, before_rad, lead_rad)
+        )
+        commanded_rad = clamp_lead(step_to_rad, here_rad, lead_rad)
+        if self._limit_nm is None:
+            ahead_rad = commanded_rad - here_rad
+            velocity_rad_s = self._fed(velocity_rad_s, gains, lead_rad, ahead_rad)
+        self.velocity_rad_s = velocity_rad_s
+        self.hold = Hold(commanded_rad, gains)
+        return gains.at(commanded_rad, velocity_rad_s)
+
+    def _bounds(
+        self, wanted_rad: float, velocity_rad_s: float, here_rad: float
+    ) -> tuple[Gains, float]:
+        """Return the gains, and how far the command may lead: less at the stop that lies ahead."""
+        geometry, gains = self._geometry, self._gains
+        closing = (wanted_rad - here_rad) * geometry.close_sign > 0.0
+        limit_rad = geometry.closed_rad if closing else geometry.open_rad
+        cap_rad = max_lead_rad(abs(limit_rad - here_rad), geometry, self._config)
+        if self._limit_nm is None:
+            if gains.kp_nm_rad * cap_rad <= MOST_NM:  # kp may even be 0
+                return gains, cap_rad
+            # Far behind, the command follows the jaws as they were measured: stiffly it would shake
+            # them. So the lead grows instead, with the same torque.
+            wanted_lead_rad = max(abs(wanted_rad - here_rad), MOST_NM / gains.kp_nm_rad)
+            lead_rad = min(wanted_lead_rad, cap_rad)
+            return Gains(MOST_NM / lead_rad, gains.kd_nm_s_rad), lead_rad
+        speed_rad_s = max(abs(velocity_rad_s), _SLOWEST_RAD_S)
+        gains, lead_rad = budgeted(self._limit_nm, speed_rad_s, gains, self._period_s)
+        return gains, min(cap_rad, lead_rad)
+
+    def _fed(self, velocity_rad_s: float, gains: Gains, lead_rad: float, ahead_rad: float) -> float:
+        """Return how much of the leader's velocity is fed forward: what torque the lead leaves.
+
+        It may always brake.
+        """
+        kd = gains.kd_nm_s_rad
+        if kd == 0.0 or velocity_rad_s == 0.0:
+            return velocity_rad_s
+        sign = 1.0 if velocity_rad_s > 0.0 else -1.0
+        left_nm = gains.kp_nm_rad * (lead_rad - sign * ahead_rad)
+        slowest_rad_s = min(sign * measured_rad_s for measured_rad_s in self._measured)
+        return sign * min(sign * velocity_rad_s, max(slowest_rad_s + left_nm / kd, 0.0))
+
+
+TELL_EVERY_S = 0.01
+"""A hundred times a second: more than a hand can tell apart."""
+_EARLY_S = 0.00025
+
+
+class ForceTeller:
+    """Sends a force frame every `TELL_EVERY_S`.
+
+    `sender` is the number by which a leader of several followers tells this one from the others.
+    """
+
+    def __init__(self, link: Link, sender: int) -> None:
+        self.reported_n: float | None = None
+        """What was reported last, None while nothing is reported."""
+        self._link = link
+        self._sender = sender
+        self._next_s = float("-inf")
+
+    def step(
+        self, now_s: float, feedback: Feedback, force_n: float, echo_s: float, leader: str
+    ) -> bool:
+        """Tell `force_n` to the leader that is followed, if it is time to; whether it failed."""
+        if now_s < self._next_s - _EARLY_S:
+            return False
+        self._next_s = now_s + TELL_EVERY_S
+        frame = ForceFrame(self._sender, force_n, feedback.at_s, echo_s)
+        self.reported_n = force_n
+        return not self._link.reply(encode_force(frame), leader, now_s)
+
+
+TRIP_AFTER_S = 0.06
+REARM_OPENNESS = 0.05
+RELEASE_AT_LEAST_S = 0.2
+"""So long it lets go in any case: a leader that stands at the open stop would else re-arm the guard
+in the tick of its trip."""
+
+
+class PressGuard:
+    """Off with a limit of 0. While `is_tripped` the jaws must be free of stiffness and damping."""
+
+    def __init__(self, limit_nm: float) -> None:
+        self.is_tripped = False
+        self.trips = 0
+        self._limit_nm = limit_nm
+        self._over_since_s: float | None = None
+        self._tripped_s = 0.0
+        self._rearm_openness = 0.0
+
+    def step(self, now_s: float, torque_nm: float, openness: float) -> bool:
+        """Take this tick's torque and the leader's openness; tell whether anything has changed.
+
+        It re-arms once the leader has reopened by `REARM_OPENNESS` since the trip, or, near full
+        open, where there is no such way left, once it is at the open stop.
+        """
+        if self._limit_nm <= 0.0:
+            return False
+        if self.is_tripped:
+            rested = now_s - self._tripped_s >= RELEASE_AT_LEAST_S * 0.999
+            if not rested or openness < self._rearm_openness:
+                return False
+            self.is_tripped, self._over_since_s = False, None
+            return True
+        if abs(torque_nm) < self._limit_nm:
+            self._over_since_s = None
+            return False
+        if self._over_since_s is None:
+            self._over_since_s = now_s
+        if now_s - self._over_since_s < TRIP_AFTER_S * 0.999:
+            return False
+        self.is_tripped, self._tripped_s = True, now_s
+        self.trips += 1
+        self._rearm_openness = min(openness + REARM_OPENNESS, 1.0)
+        return True
+
+
+Phase: TypeAlias = Literal["waiting", "aligning", "following", "stale", "released"]
+
+_SILENT_S = 3.0
+"""Without a frame for so long, the leader is missing, or somewhere else: no short disturbance."""
+_OTHERS_TOLD_EVERY_S = 5.0
+_PHASE_TOLD_EVERY_S = 1.0
+"""A bad network may take a leader away and bring it back many times a second."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """What a follower is made of, besides its link: all that holds for its whole course."""
+
+    geometry: Geometry
+    config: MotionConfig
+    gains: Gains
+    settings: TeleopSettings
+    period_s: float
+    sender: int = 0
+    """What tells this follower from others to its leader, where it tells its force."""
+
+
+class TeleopFollower(TeleopAction):
+    """Follows until it is finished; leaves a hold behind, or, after a trip, free jaws."""
+
+    def __init__(self, link: Link, wish: LinkWish, tell: Tell, course: Course) -> None:
+        super().__init__(link, wish, tell)
+        self._course = course
+        self._intake = Intake(course.settings.watchdog_s)
+        self._guard = PressGuard(course.settings.torque_limit_nm)
+        self._teller = ForceTeller(link, course.sender)
+        self._phase: Phase = "waiting"
+        self._reference_rad: float | None = None
+        self._leading = FollowerCommand(
+            course.geometry,
+            course.config,
+            course.gains,
+            course.settings.force_limit_n,
+            course.period_s,
+        )
+        self._began_s: float | None = None
+        self._stepped_s = 0.0
+        self._phases_told_s: dict[Phase, float] = {}
+        self._begins = 0
+        self._others_told = 0
+        self._others_told_s = float("-inf")
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Take what has come, and lead the jaws on."""
+        feedback = motor.feedback
+        if feedback is None:
+            return Step()
+        self.loop.tick(now_s)
+        self._began_s = now_s if self._began_s is None else self._began_s
+        self.note_link()
+        is_new = self.feedback is None or feedback.at_s > self.feedback.at_s
+        self.send_failed += not is_new
+        self.feedback = feedback
+        for arrival in self.link.receive(now_s):
+            self._intake.take(arrival)
+        self._note_others(now_s)
+        elapsed_s = max(now_s - self._stepped_s, 0.0) if self._reference_rad is not None else 0.0
+        self._stepped_s = now_s
+        command = self._command(now_s, elapsed_s, feedback)
+        if self.wish.reflects and is_new:
+            self._tell_force(now_s, feedback)
+        return Step(command)
+
+    def rest(self) -> Rest | None:
+        """Finished, it holds where the jaws are; broken off, what they press on is not dropped.
+
+        Jaws on their way stop where they are. What the guard has let go of stays free: a hold
+        would press it anew.
+        """
+        if self._guard.is_tripped:
+            return Slack()
+        feedback = self.feedback
+        hold = self._leading.hold
+        if self.is_finished or hold is None or feedback is None or not hold.presses(feedback):
+            return None
+        return hold
+
+    def progress(self) -> Progress | None:
+        """Tell the phase, and where command and jaws are."""
+        commanded_rad = self._leading.commanded_rad
+        if self.feedback is None or commanded_rad is None:
+            return None
+        return progress_of(self._phase, self._intake.frames, 0, commanded_rad, self.feedback)
+
+    def result(self) -> TeleopResult:
+        """Return what it has come to so far."""
+        intake = self._intake
+        return TeleopResult(
+            True, "slave", intake.frames, intake.rejected, self.send_failed, self._guard.trips
+        )
+
+    def status(self, now_s: float) -> TeleopStatus:
+        """Return how it goes; the opening is the leader's, in the frame that was followed last."""
+        intake, frame = self._intake, self._intake.latest
+        age_s = intake.age_s(now_s)
+        return replace(
+            self.base_status(),
+            phase=self._phase,
+            frames=intake.frames,
+            last_frame_age_ms=None if age_s is None else age_s * 1e3,
+            stale=intake.is_stale(now_s),
+            openness=None if frame is None else frame.openness,
+            position_mm=None if frame is None else frame.position_mm,
+            force_n=None if frame is None else frame.force_n,
+            dq_cmd=self._leading.velocity_rad_s,
+            rejected=intake.rejected,
+            out_of_order=intake.out_of_order,
+            other_leaders=intake.other_leaders,
+            late=intake.late,
+            over_torque=self._guard.is_tripped,
+            torque_trips=self._guard.trips,
+            force_limited=self._leading.is_limited,
+            reflected_n=self._teller.reported_n,
+        )
+
+    def complaint(self) -> str | None:
+        """Say that nothing is heard of the leader, once that has lasted."""
+        intake, began_s, now_s = self._intake, self._began_s, self._stepped_s
+        if began_s is None:
+            return None
+        age_s = intake.age_s(now_s)
+        silent_s = now_s - began_s if age_s is None else age_s
+        if silent_s < _SILENT_S:
+            return None
+        never = "" if intake.frames else " yet"
+        where = "" if self.wish.host is None else f" at {self.wish.host}"
+        return (
+            f"teleoperation: nothing heard{never} from a leader{where}, port {self.wish.port},"
+            f" for {silent_s:.0f} s"
+        )
+
+    # The command of a tick
+
+    def _command(self, now_s: float, elapsed_s: float, feedback: Feedback) -> MitCommand:
+        """Return what the jaws are told, by the frames so far."""
+        here_rad = feedback.position_rad
+        lead = self._leading.command
+        if self._reference_rad is None:
+            self._reference_rad = here_rad
+        frame = self._intake.latest
+        if frame is None:
+            return lead(self._reference_rad, 0.0, feedback)
+        openness = min(max(frame.openness, 0.0), 1.0)  # beyond the travel nothing is followed
+        if self._guard.step(now_s, feedback.torque_nm, openness):
+            self._tell_guard(feedback.torque_nm, openness)
+        if self._guard.is_tripped:
+            self._enter("released")
+            self._reference_rad = here_rad
+            self._leading.let_go(here_rad)
+            return Slack().command(now_s, feedback)
+        if self._intake.is_stale(now_s):
+            self._enter("stale")
+            return lead(self._reference_rad, 0.0, feedback)
+        target_rad = self._target_rad(openness)
+        if self._intake.begins != self._begins:
+            self._begins = self._intake.begins
+            self._enter("aligning")
+        if self._phase != "following":
+            self._enter("aligning")
+            self._align(target_rad, elapsed_s, here_rad)
+            return lead(self._reference_rad, 0.0, feedback)
+        self._reference_rad = target_rad
+        return lead(target_rad, self._velocity_rad_s(now_s), feedback)
+
+    def _align(self, target_rad: float, elapsed_s: float, here_rad: float) -> None:
+        """Go towards the leader at a bounded speed, from where the jaws can be led."""
+        geometry, config = self._course.geometry, self._course.config
+        from_rad = self._reference_rad if self._reference_rad is not None else here_rad
+        from_rad = self._leading.within_reach(from_rad, here_rad)
+        step_rad = geometry.to_rad(config.speed_mm_s) * elapsed_s
+        self._reference_rad = clamp_lead(target_rad, from_rad, step_rad)
+        if self._reference_rad == target_rad:
+            self._enter("following")
+
+    def _target_rad(self, openness: float) -> float:
+        """Return where the leader's openness is in our own travel, and never beyond it."""
+        geometry = self._course.geometry
+        return geometry.closed_rad - geometry.close_sign * openness * geometry.travel_rad
+
+    def _velocity_rad_s(self, now_s: float) -> float:
+        """Return the leader's velocity in our own travel, bounded."""
+        geometry, most_rad_s = self._course.geometry, self._course.settings.dq_max_rad_s
+        rate_1_s = self._intake.rate_1_s(now_s)
+        velocity_rad_s = -geometry.close_sign * rate_1_s * geometry.travel_rad
+        return min(max(velocity_rad_s, -most_rad_s), most_rad_s)
+
+    # Telling
+
+    def _tell_force(self, now_s: float, feedback: Feedback) -> None:
+        """Report to the leader's hand what the jaws press with while they go where it wants them.
+
+        A leader that is heard no longer gets nothing, nor one that would reject the force as late:
+        where its frames were forged, the answers go to somebody who has not asked for them.
+        """
+        intake, frame, age_s = self._intake, self._intake.latest, self._intake.age_s(now_s)
+        if frame is None or age_s is None or age_s >= MOST_ROUND_TRIP_S or intake.is_stale(now_s):
+            self._teller.reported_n = None
+            return
+        is_felt = self._phase in ("aligning", "following")
+        force_n = self._course.geometry.force_n(feedback.torque_nm) if is_felt else 0.0
+        failed = self._teller.step(now_s, feedback, force_n, frame.timestamp_s, intake.source)
+        self.send_failed += failed
+
+    def _enter(self, phase: Phase) -> None:
+        """Go on to another phase, and tell what a person wants to know of it."""
+        before, self._phase = self._phase, phase
+        told_s = self._phases_told_s.get(phase, float("-inf"))
+        if phase == before or self._stepped_s - told_s < _PHASE_TOLD_EVERY_S:
+            return
+        self._phases_told_s[phase] = self._stepped_s
+        if phase == "stale":
+            text = f"no frame for {self._course.settings.watchdog_s:g} s: holding the last target"
+            self.tell(text, warning=True, phase=phase)
+        elif phase == "aligning":
+            self.tell("the leader is heard: aligning", phase=phase)
+        elif phase == "following":
+            self.tell("aligned: following", phase=phase)
+
+    def _tell_guard(self, torque_nm: float, openness: float) -> None:
+        if self._guard.is_tripped:
+            limit_nm = self._course.settings.torque_limit_nm
+            text = (
+                f"{abs(torque_nm):.2f} N·m, at or over the limit of {limit_nm:g}: the jaws are let"
+                f" go until the leader, now {openness:.3g} open, has reopened"
+            )
+            self.tell(text, warning=True, trips=self._guard.trips)
+        else:
+            self.tell("the leader has reopened: the torque guard is armed again")
+
+    def _note_others(self, now_s: float) -> None:
+        """Tell of a second leader, but not all the time."""
+        count = self._intake.other_leaders
+        is_due = now_s - self._others_told_s >= _OTHERS_TOLD_EVERY_S
+        if is_due and count > self._others_told:
+            self._others_told, self._others_told_s = count, now_s
+            text = (
+                f"frames of a second leader, or of a clock that was set back ({count} so far),"
+                " are not followed"
+            )
+            self.tell(text, warning=True, other_leaders=count)

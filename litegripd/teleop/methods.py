@@ -1,0 +1,289 @@
+"""The methods of leader/follower teleoperation: parameters in, the status out."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any, TypeAlias
+
+from litegripd.control.engine import Engine
+from litegripd.model.errors import Refusal
+from litegripd.model.teleop import (
+    DEFAULT_DQ_MAX_RAD_S,
+    DEFAULT_GRIP_ID,
+    DEFAULT_PORT,
+    DEFAULT_REFLECT_GAIN,
+    DEFAULT_WATCHDOG_S,
+    LinkWish,
+    TeleopSettings,
+    TeleopStatus,
+    udp_targets,
+)
+from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method, Refused, accepted
+from litegripd.rpc.reports import Reporter
+from litegripd.rpc.schema import Param
+from litegripd.teleop.link import Links
+from litegripd.teleop.teleoperation import Teleoperation
+
+_GRIP_ID = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+_HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")
+_HOSTS = re.compile(r"[A-Za-z0-9_.:%,\[\] -]{1,1000}")
+"""Nothing that would mean more than a name in a key or an endpoint: no "/", "#", "?" and "*"."""
+
+_Problem: TypeAlias = tuple[str, str] | None
+"""A parameter, and what is wrong with it."""
+
+_WHERE = (
+    Param(
+        "mode",
+        "string",
+        "Lead (master: the jaws go slack, a hand moves them) or follow (slave).",
+        required=True,
+        choices=("master", "slave"),
+    ),
+    Param(
+        "host",
+        "string",
+        "A slave's leader (with udp: the only one that is listened to; default: whoever sends)."
+        " With udp a master needs it, too: whom it sends to, one or several (HOST or HOST:PORT,"
+        " separated by commas).",
+    ),
+    Param(
+        "port",
+        "integer",
+        f"Where the leader listens, with udp the follower (default {DEFAULT_PORT}).",
+        minimum=1,
+        maximum=65_535,
+    ),
+    Param("grip_id", "string", f"Both ends share it (default {DEFAULT_GRIP_ID})."),
+    Param(
+        "link",
+        "string",
+        "How frames travel: zenoh (the default), udp (a trusted network only), or none, with which"
+        " a master leads nobody.",
+        choices=("zenoh", "udp", "none"),
+    ),
+    Param(
+        "fake_leader",
+        "boolean",
+        "A slave follows a synthetic sweep, open to closed and back, without a network.",
+    ),
+)
+_HOW = (
+    Param(
+        "rate_hz",
+        "number",
+        "How often a master publishes (default: the control rate). A slave follows at the control"
+        " rate in any case.",
+        minimum=1,
+        maximum=1000,
+    ),
+    Param(
+        "watchdog_s",
+        "number",
+        f"So long without a frame makes a slave hold (default {DEFAULT_WATCHDOG_S:g}).",
+        minimum=0.02,
+        maximum=10,
+    ),
+    Param(
+        "torque_limit_nm",
+        "number",
+        "A slave lets go when its torque is at or over it for 60 ms; 0, the default: never.",
+        minimum=0,
+        maximum=10,
+        maximum_of=lambda motor: motor.ranges.torque_nm,
+    ),
+    Param(
+        "force_limit_n",
+        "number",
+        "A slave pushes by no more (default: as its gains and the lead's cap make it).",
+        minimum=1,
+        maximum=55,
+    ),
+    Param(
+        "kp", "number", "A slave's stiffness, N·m/rad (default: the calibration's).", False, 1, 500
+    ),
+    Param(
+        "kd",
+        "number",
+        "A slave's damping, N·m·s/rad, at least kp · 0.002 s (default: the calibration's).",
+        minimum=0,
+        maximum=5,
+    ),
+    Param(
+        "dq_max",
+        "number",
+        "Most of the leader's velocity that is fed forward, rad/s; 0: none"
+        f" (default {DEFAULT_DQ_MAX_RAD_S:g}).",
+        minimum=0,
+        maximum=30,
+        maximum_of=lambda motor: motor.ranges.velocity_rad_s,
+    ),
+    Param(
+        "reflect",
+        "boolean",
+        "A slave tells its leader the force that it presses with (default false).",
+    ),
+    Param(
+        "reflect_n",
+        "number",
+        "A master's jaws push back with what its slaves tell, by no more than this; 0, the default:"
+        " they stay slack.",
+        minimum=0,
+        maximum=10,
+    ),
+    Param(
+        "reflect_gain",
+        "number",
+        f"Which share of it a master's hand feels (default {DEFAULT_REFLECT_GAIN:g}).",
+        minimum=0.05,
+        maximum=1,
+    ),
+)
+
+
+class TeleopMethods:
+    """Methods on the engine's teleoperation."""
+
+    def __init__(self, engine: Engine, links: Links, reporter: Reporter, epoch: str) -> None:
+        """Take what others make; `epoch`, 16 hexadecimal digits, is the daemon's alone."""
+        self._engine = engine
+        self._reporter = reporter
+        self._teleoperation = Teleoperation(engine, links, int(epoch, 16))
+
+    @Method(
+        "teleop.start",
+        "Begin to lead another gripper, or to follow one, until teleop.stop. It answers at once.",
+        "The status.",
+        TeleopStatus,
+        (*_WHERE, *_HOW, CONFIG, DETACH),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+    )
+    def _start(self, call: Call) -> Answer:
+        engine, params = self._engine, call.params
+        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
+        wish = _wish(params)
+        job = self._teleoperation.start(
+            wish,
+            _settings(params),
+            call.owner,
+            config,
+            fake_leader=params.get("fake_leader", False),
+            detached=call.detached,
+        )
+        self._reporter.refresh()
+        accepted(job)
+        return self._status(call)
+
+    @Method(
+        "teleop.stop",
+        "End teleoperation, if it runs: the jaws hold where they are, except those that the torque"
+        " guard has let go of: they stay free.",
+        "The status, as at the end.",
+        TeleopStatus,
+        role="operator",
+        needs_lease=True,
+    )
+    def _stop(self, call: Call) -> Answer:
+        self._teleoperation.stop()
+        self._reporter.refresh()
+        return self._status(call)
+
+    @Method(
+        "teleop.status",
+        "Tell how teleoperation goes, or how the last one went.",
+        "The status.",
+        TeleopStatus,
+    )
+    def _status(self, call: Call) -> dict[str, Any]:
+        return asdict(self._teleoperation.status(call.now_s))
+
+
+def _settings(params: Mapping[str, Any]) -> TeleopSettings:
+    return TeleopSettings(
+        rate_hz=params.get("rate_hz"),
+        watchdog_s=params.get("watchdog_s", DEFAULT_WATCHDOG_S),
+        torque_limit_nm=params.get("torque_limit_nm", 0.0),
+        force_limit_n=params.get("force_limit_n"),
+        kp_nm_rad=params.get("kp"),
+        kd_nm_s_rad=params.get("kd"),
+        dq_max_rad_s=params.get("dq_max", DEFAULT_DQ_MAX_RAD_S),
+        reflect_n=params.get("reflect_n", 0.0),
+        reflect_gain=params.get("reflect_gain", DEFAULT_REFLECT_GAIN),
+    )
+
+
+def _wish(params: Mapping[str, Any]) -> LinkWish:
+    """Return which link is wanted; refuse a parameter that is wrong."""
+    mode, fake = params["mode"], params.get("fake_leader", False)
+    wish = LinkWish(
+        mode,
+        "none" if fake else params.get("link", "zenoh"),
+        params.get("host"),
+        params.get("port", DEFAULT_PORT),
+        params.get("grip_id", DEFAULT_GRIP_ID),
+        params.get("reflect_n", 0.0) > 0.0 if mode == "master" else params.get("reflect", False),
+    )
+    problem = _of_names(wish) or _of_reflection(params, fake=fake) or _of_ends(wish, fake=fake)
+    if problem is None:
+        return wish
+    parameter, text = problem
+    message = f"teleop.start: {parameter} {text}"
+    raise Refused(Refusal("invalid_params", message, {"parameter": parameter}))
+
+
+def _of_names(wish: LinkWish) -> _Problem:
+    """Look at what becomes a part of keys and endpoints."""
+    if not _GRIP_ID.fullmatch(wish.grip_id):
+        return "grip_id", f"is {wish.grip_id!r}; it has letters, digits, _ . - (1 to 64)"
+    if wish.host is None:
+        return None
+    if wish.mode == "master" and wish.kind == "udp":
+        return _of_targets(wish)
+    if not _HOST.fullmatch(wish.host):
+        return "host", f"is {wish.host!r}; it must be a host's name or address, without a port"
+    return None
+
+
+def _of_targets(wish: LinkWish) -> _Problem:
+    if not _HOSTS.fullmatch(wish.host or ""):
+        text = "it must be hosts' names or addresses, separated by commas"
+        return "host", f"is {wish.host!r}; {text}"
+    try:
+        udp_targets(wish)
+    except ValueError as error:
+        return "host", str(error)
+    return None
+
+
+def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:
+    """Look at what only one end takes."""
+    if params["mode"] == "master":
+        if "reflect" in params:
+            return "reflect", "is for a slave; a master takes reflect_n, its largest force"
+        if "reflect_gain" in params and not params.get("reflect_n"):
+            return "reflect_gain", "says nothing without reflect_n, the largest force"
+        return None
+    for name in ("reflect_n", "reflect_gain"):
+        if name in params:
+            return name, "is for a master; a slave takes reflect, to tell its force"
+    if fake and params.get("reflect", False):
+        return "reflect", "needs a leader with a hand, which a fake one has not"
+    return None
+
+
+def _of_ends(wish: LinkWish, *, fake: bool) -> _Problem:
+    """Look at who has to know where the other end is."""
+    leads, has_host = wish.mode == "master", wish.host is not None
+    if leads and fake:
+        return "fake_leader", "is for a slave: a master is a leader itself"
+    if not leads and not fake and wish.kind == "none":
+        return "link", "none brings a slave no frames; for a try: fake_leader"
+    if wish.kind == "zenoh" and not leads and not has_host:
+        return "host", "is missing: a slave connects to its leader and to nobody else"
+    if wish.kind == "zenoh" and leads and has_host:
+        return "host", "is for a slave: a master listens, on all its addresses"
+    if wish.kind == "udp" and leads and not has_host:
+        return "host", "is missing: a master sends its datagrams to its follower"
+    return None

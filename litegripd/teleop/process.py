@@ -1,0 +1,253 @@
+"""The link process: opens, keeps and closes the teleoperation link, for which waiting is allowed.
+
+The main thread reads the daemon's socket, publishes, and ends the process with the daemon. A worker
+opens and closes; whatever listens to the network has a thread of its own. The process knows no
+geometry and no motor: payloads in, payloads out.
+"""
+
+import errno
+import os
+import re
+import socket
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from queue import Empty, SimpleQueue
+from typing import TYPE_CHECKING
+
+from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
+from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.teleop.udp import Endpoint, UdpFollower, UdpLeader
+from litegripd.teleop.wire import (
+    CLOSE,
+    FRAME,
+    OPEN,
+    REPLY,
+    Order,
+    pack_arrival,
+    pack_status,
+    unpack_open,
+    unpack_reply,
+)
+
+if TYPE_CHECKING:
+    from litegripd.teleop.zenoh import ZenohLeaders
+
+_LOOK_EVERY_S = 0.1
+_RETRY_AFTER_S = 1.0
+_FASTEST_HZ = 1500.0
+_PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
+"""Where in its sources an error of zenoh's was made."""
+_IN_USE = os.strerror(errno.EADDRINUSE)
+_BURST = 24
+"""More than any leader sends is not passed on: a flood of the network's is none of the daemon's."""
+
+
+@dataclass(slots=True)
+class Flood:
+    """Lets `_FASTEST_HZ` pass, and a burst, as after a moment in which the network stood still."""
+
+    dropped: int = 0
+    _left: float = _BURST
+    _at_s: float = 0.0
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+
+    def passes(self, now_s: float) -> bool:
+        """Whether one more may pass now."""
+        with self._lock:
+            self._left = min(self._left + (now_s - self._at_s) * _FASTEST_HZ, _BURST)
+            self._at_s = now_s
+            if self._left < 1.0:
+                self.dropped += 1
+                return False
+            self._left -= 1.0
+            return True
+
+    def refuse(self) -> None:
+        """Count what does not pass for another reason."""
+        with self._lock:
+            self.dropped += 1
+
+
+class Station:
+    """Keeps the one link that the daemon wants, and tells how it is."""
+
+    def __init__(self, peer: socket.socket) -> None:
+        self._peer = peer
+        self._orders: SimpleQueue[Order | None] = SimpleQueue()
+        self._endpoint: Endpoint | None = None
+        self._error: str | None = None
+        self._told = LinkStatus()
+        self._flood = Flood()
+        self._leaders: ZenohLeaders | None = None
+
+    def order(self, order: Order | None) -> None:
+        """Have a link opened in place of the present one, or none."""
+        self._orders.put(order)
+
+    def publish(self, payload: bytes) -> None:
+        """Send a frame, if the link is open; the worker tells of an error."""
+        self._use(lambda endpoint: endpoint.publish(payload))
+
+    def reply(self, payload: bytes, to: str) -> None:
+        """Send a frame to a leader, if the link is open; the worker tells of an error."""
+        self._use(lambda endpoint: endpoint.reply(payload, to))
+
+    def _use(self, send: Callable[[Endpoint], None]) -> None:
+        endpoint = self._endpoint
+        if endpoint is None:
+            return
+        try:
+            send(endpoint)
+        except Exception as error:  # noqa: BLE001 - whatever a network raises, the link goes on
+            self._error = _worded(error)
+        else:
+            self._error = None
+
+    def work(self) -> None:
+        """Open and close as ordered, for ever; a worker that fails ends the process.
+
+        The daemon starts it anew, and asks for its link again.
+        """
+        order = self._orders.get()
+        try:
+            while True:
+                order = self._serve(order) if order is not None else self._orders.get()
+        except Exception:  # noqa: BLE001 - whatever it is, it is told
+            traceback.print_exc()
+            os._exit(1)
+
+    def _serve(self, order: Order) -> Order | None:
+        """Keep one link open until the next order; return that."""
+        self._told = LinkStatus()
+        self._flood = Flood()
+        endpoint = self._open(order)
+        while True:
+            try:
+                following = self._orders.get(
+                    timeout=_RETRY_AFTER_S if endpoint is None else _LOOK_EVERY_S
+                )
+            except Empty:
+                endpoint = self._open(order) if endpoint is None else self._look(order, endpoint)
+                continue
+            self._endpoint = None
+            if endpoint is not None:
+                endpoint.close()
+            return following
+
+    def _open(self, order: Order) -> Endpoint | None:
+        self._error = None
+        try:
+            endpoint = self._make(order)
+        except Exception as error:  # noqa: BLE001 - whatever it is, the daemon is told, and it is tried again
+            self._tell(order, LinkStatus("failed", _not_opened(error, order.wish)))
+            return None
+        self._endpoint = endpoint
+        matching, is_protected = endpoint.matching, endpoint.is_protected
+        self._tell(order, LinkStatus("open", matching=matching, is_protected=is_protected))
+        return endpoint
+
+    def _make(self, order: Order) -> Endpoint:
+        wish, flood = order.wish, self._flood
+
+        def deliver(payload: bytes, source: str) -> None:
+            now_s = time.monotonic()
+            if not flood.passes(now_s):
+                return
+            if not self._send(pack_arrival(order.generation, Arrival(payload, now_s, source))):
+                flood.refuse()  # the daemon stands still: frames get old, they are not kept
+
+        if wish.kind == "udp":
+            return (
+                UdpLeader(wish, deliver, flood.refuse)
+                if wish.mode == "master"
+                else UdpFollower(wish, deliver, flood.refuse)
+            )
+        from litegripd.teleop.zenoh import (  # noqa: PLC0415 - large, and UDP needs none of it
+            ZenohFollower,
+            ZenohLeaders,
+        )
+
+        if wish.mode == "slave":
+            return ZenohFollower(wish, order.zenoh_config, deliver)
+        self._leaders = self._leaders or ZenohLeaders()
+        return self._leaders.open(wish, order.zenoh_config, deliver)
+
+    def _look(self, order: Order, endpoint: Endpoint) -> Endpoint | None:
+        """Tell of what has changed; give an end up that has stopped listening."""
+        failure = endpoint.failure
+        if failure is not None:
+            self._endpoint = None
+            endpoint.close()
+            self._tell(order, LinkStatus("failed", f"listening: {_worded(failure)}"))
+            return None
+        error = self._error
+        state = LinkStatus("open" if error is None else "failed", error)
+        state = replace(
+            state,
+            matching=endpoint.matching,
+            dropped=self._flood.dropped,
+            is_protected=endpoint.is_protected,
+        )
+        self._tell(order, state)
+        return endpoint
+
+    def _tell(self, order: Order, status: LinkStatus) -> None:
+        """Tell the daemon how the link is, if it is not as told; what did not leave comes again."""
+        if status != self._told and self._send(pack_status(order.generation, status)):
+            self._told = status
+
+    def _send(self, packet: bytes) -> bool:
+        """Tell the daemon something; return whether its socket had room for it.
+
+        Without a daemon, end the process from any thread.
+        """
+        try:
+            self._peer.send(packet, socket.MSG_DONTWAIT)
+        except BlockingIOError:
+            return False
+        except OSError:
+            os._exit(0)
+        return True
+
+
+def _not_opened(error: Exception, wish: LinkWish) -> str:
+    """Say why a link could not be opened, and what to do where that is known."""
+    text = _worded(error)
+    if _IN_USE not in text:
+        return text
+    return (
+        f"port {wish.port} is in use, by another program or by the daemon of another channel (one"
+        " that has led keeps its port): give another --port at both ends, or restart that daemon"
+    )
+
+
+def _worded(error: Exception) -> str:
+    """Word an error, without the places in zenoh's sources."""
+    text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return _PLACE.sub("", text) or type(error).__name__
+
+
+def main() -> None:
+    """Serve the daemon until it is gone."""
+    use_all_cpus()
+    peer = inherited_socket()
+    station = Station(peer)
+    threading.Thread(target=station.work, daemon=True).start()
+    while packet := next_packet(peer):
+        kind, body = packet[:1], packet[1:]
+        if kind == FRAME:
+            station.publish(body)
+        elif kind == REPLY:
+            station.reply(*unpack_reply(body))
+        elif kind == OPEN:
+            station.order(unpack_open(body))
+        elif kind == CLOSE:
+            station.order(None)
+    os._exit(0)  # a session that is not closed, and a worker that waits, would keep it here
+
+
+if __name__ == "__main__":
+    main()

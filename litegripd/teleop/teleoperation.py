@@ -1,0 +1,190 @@
+"""Begins and ends teleoperation.
+
+A feigned leader, without a second gripper and without a network, sweeps open, closed, open. It is
+for benching a single follower, and its torque guard, with a rigid object between the jaws.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+from litegripd.control.admission import (
+    conflict_refusal,
+    motor_refusal,
+    position_refusal,
+    trajectory_or_teleop_refusal,
+)
+from litegripd.control.engine import Engine
+from litegripd.control.gains import Gains
+from litegripd.model.errors import Refusal
+from litegripd.model.events import Event
+from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import Job, Owner
+from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
+from litegripd.model.teleop import (
+    Arrival,
+    LinkStatus,
+    LinkWish,
+    TeleopFrame,
+    TeleopSettings,
+    TeleopStatus,
+    encode_frame,
+)
+from litegripd.teleop.base import TeleopAction, ended
+from litegripd.teleop.follower import Course, TeleopFollower
+from litegripd.teleop.leader import TeleopLeader
+from litegripd.teleop.link import Link, Links
+
+SWEEP_S = 6.0
+"""From open to closed and back: 63 mm/s at most on a travel of 120 mm."""
+
+
+class FakeLeader:
+    """A link over which a synthetic leader is heard, `rate_hz` times a second."""
+
+    status = LinkStatus("open", is_protected=True)
+
+    def __init__(self, geometry: Geometry, rate_hz: float) -> None:
+        self._geometry = geometry
+        self._every_s = 1.0 / rate_hz
+        self._began_s: float | None = None
+        self._sent = 0
+
+    def publish(self, _payload: bytes, _now_s: float) -> bool:
+        """Nobody listens to a follower."""
+        return False
+
+    def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
+        """Tell nobody: a synthetic leader has no hand."""
+        return False
+
+    def receive(self, now_s: float) -> Sequence[Arrival]:
+        """Return the frame that is due, if one is."""
+        if self._began_s is None:
+            self._began_s = now_s
+        due = 1 + math.floor((now_s - self._began_s) / self._every_s + 1e-6)
+        if due <= self._sent:
+            return ()
+        self._sent = due
+        at_s = (due - 1) * self._every_s
+        openness = 0.5 + 0.5 * math.cos(2.0 * math.pi * at_s / SWEEP_S)
+        frame = TeleopFrame(openness, openness * self._geometry.travel_mm, 0.0, at_s)
+        return (Arrival(encode_frame(frame), now_s),)
+
+    def close(self) -> None:
+        """There is nothing to give back."""
+
+
+_RATE_ROUNDING = 1.001
+
+
+class Teleoperation:
+    """Begins and ends teleoperation on one engine, over links that somebody else makes."""
+
+    def __init__(self, engine: Engine, links: Links, sender: int = 0) -> None:
+        """Take what others make; `sender` tells this daemon's force frames from any other's."""
+        self._engine = engine
+        self._links = links
+        self._sender = sender
+        self._action: TeleopAction | None = None
+        self._job: Job | None = None
+
+    def start(
+        self,
+        wish: LinkWish,
+        settings: TeleopSettings,
+        owner: Owner,
+        config: MotionConfig,
+        *,
+        fake_leader: bool,
+        detached: bool,
+    ) -> Job | Refusal:
+        """Begin to lead or to follow; whatever speaks against it is said before anything moves."""
+        engine, geometry = self._engine, self._ready()
+        if isinstance(geometry, Refusal):
+            return geometry
+        rate_hz = 1.0 / engine.period_s if settings.rate_hz is None else settings.rate_hz
+        gains, conflict = self._gains(settings), None
+        if wish.mode == "slave":
+            conflict = damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad)
+        refusal = self._rate_refusal(rate_hz) or conflict_refusal(
+            conflict or fast_conflict(config, config.speed_mm_s, engine.period_s)
+        )
+        if refusal is not None:
+            return refusal
+        warning = None if fake_leader else self._links.warning(wish)
+        if warning is not None:
+            self._tell(Event("teleop", f"teleop: {warning}", {"warning": True}))
+        link: Link = FakeLeader(geometry, rate_hz) if fake_leader else self._links.open(wish)
+        if wish.mode == "master":
+            action: TeleopAction = TeleopLeader(
+                link, wish, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
+            )
+        else:
+            course = Course(geometry, config, gains, settings, engine.period_s, self._sender)
+            action = TeleopFollower(link, wish, self._tell, course)
+        action.is_warned = warning is not None
+        self._action = action
+        self._job = engine.begin("teleop", action, owner, detached)
+        return self._job
+
+    def stop(self) -> None:
+        """End it, if it runs: the jaws hold where they are, or stay free after a trip."""
+        action = self._action
+        if action is not None and self.is_active:
+            self._engine.end(action.finish())
+
+    @property
+    def is_active(self) -> bool:
+        """Whether it runs."""
+        return self._action is not None and self._engine.action is self._action
+
+    def status(self, now_s: float) -> TeleopStatus:
+        """Return how it goes, or how the last one went."""
+        action, job = self._action, self._job
+        if action is None or job is None:
+            return TeleopStatus(active=False)
+        status = replace(action.status(now_s), job=job.number)
+        if not self.is_active:
+            status = ended(status, None if job.error is None else job.error.message)
+        return status
+
+    def _gains(self, settings: TeleopSettings) -> Gains:
+        own, kp, kd = self._engine.gains, settings.kp_nm_rad, settings.kd_nm_s_rad
+        return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
+
+    def _ready(self) -> Geometry | Refusal:
+        """Return the travel where teleoperation may begin, else say why not."""
+        engine = self._engine
+        refusal = engine.why_busy() or engine.recording_refusal()
+        if refusal is not None and refusal.reason == "busy":
+            refusal = trajectory_or_teleop_refusal(engine.in_the_way) or refusal
+        if refusal is not None:
+            return refusal
+        geometry = engine.geometry
+        if geometry is None:
+            return _not_ready(engine.calibrated.problem)
+        refusal = motor_refusal(engine.motor)
+        if refusal is not None:
+            return _not_ready(refusal) if refusal.reason == "not_enabled" else refusal
+        return position_refusal(engine.motor, geometry) or geometry
+
+    def _rate_refusal(self, rate_hz: float) -> Refusal | None:
+        most_hz = 1.0 / self._engine.period_s
+        if rate_hz <= most_hz * _RATE_ROUNDING:
+            return None
+        return Refusal(
+            "out_of_limits",
+            f"rate_hz is {rate_hz:g}, the daemon's control rate is {most_hz:g}: there is no newer"
+            " measurement to publish in between",
+            {"field": "rate_hz", "requested": rate_hz, "limit": most_hz},
+        )
+
+    def _tell(self, event: Event) -> None:
+        self._engine.events.append(event)
+
+
+def _not_ready(why: Refusal) -> Refusal:
+    """Say that teleoperation cannot begin, for a reason that any motion would be refused for."""
+    text = f"teleoperation cannot begin: {why.message}"
+    return Refusal("teleop_not_ready", text, {**why.data, "cause": why.reason})

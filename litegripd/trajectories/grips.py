@@ -1,0 +1,143 @@
+"""The file of taught grips beside a trajectory: how it is written, read and judged, without a disk.
+
+`NAME.grip.json` lies beside `NAME.lgt`, which stays the vendor's. It names the SHA-256 of that
+file: grips never go with another path than theirs.
+"""
+
+import json
+import math
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+from litegripd.model import strict_json
+from litegripd.trajectories.values import TrajectoryError
+
+FORMAT = "litegrip-grips"
+VERSION = 1
+ENDING = ".grip.json"
+MOST_GRIPS = 200
+"""So many fit into a packet between control thread and helper process: in 30 minutes one in 9 s."""
+
+MAX_GRIP_BYTES = 131_072
+MAX_SOURCE = 80
+MOST_FORCE_N = 30.0
+"""Of the file, whatever the motor: grips go from one gripper to another."""
+
+_KEYS = {"format", "version", "lgt_sha256", "grips"}
+
+
+@dataclass(frozen=True, slots=True)
+class TaughtGrip:
+    """One grip; its times are the samples' own.
+
+    From `closing_s` on the jaws closed on something, from `start_s` to `end_s` they held it by
+    `force_n`, the set force. `openness` and `width_mm` are those at the contact; `source` says who
+    commanded it. Raises `TrajectoryError` for what cannot be.
+    """
+
+    closing_s: float
+    start_s: float
+    end_s: float
+    openness: float
+    width_mm: float
+    force_n: float
+    source: str
+
+    def __post_init__(self) -> None:
+        for field in fields(self)[:-1]:
+            _check_figure(field.name, getattr(self, field.name))
+        if not self.closing_s <= self.start_s <= self.end_s:
+            text = f"closing_s {self.closing_s}, start_s {self.start_s}, end_s {self.end_s}"
+            raise TrajectoryError(f"{text} must come one after the other")
+        if not 0.0 <= self.openness <= 1.0:
+            raise TrajectoryError(f"openness is {self.openness}, it must be 0 to 1")
+        if self.width_mm < 0.0:
+            raise TrajectoryError(f"width_mm is {self.width_mm}, it must not be below 0")
+        if not 0.0 < self.force_n <= MOST_FORCE_N:
+            text = f"force_n is {self.force_n}, it must be above 0 and at most {MOST_FORCE_N:g}"
+            raise TrajectoryError(text)
+        source: object = self.source
+        if not isinstance(source, str) or not _is_plain(source):
+            text = f"source must be 1 to {MAX_SOURCE} printable ASCII characters"
+            raise TrajectoryError(text)
+
+
+def check_row(grips: tuple[TaughtGrip, ...], first_s: float, last_s: float) -> None:
+    """Refuse grips that overlap, or do not lie between the first and the last sample.
+
+    Raises `TrajectoryError` with the number of the wrong one.
+    """
+    if len(grips) > MOST_GRIPS:
+        raise TrajectoryError(f"{len(grips)} grips, at most {MOST_GRIPS} are allowed")
+    before_s = first_s
+    for number, grip in enumerate(grips):
+        if grip.closing_s < before_s:
+            text = f"closing_s is {grip.closing_s}, before {before_s}, where it can begin"
+            raise TrajectoryError(f"grip {number}: {text}")
+        if grip.end_s > last_s:
+            text = f"end_s is {grip.end_s}, after {last_s}, where the trajectory ends"
+            raise TrajectoryError(f"grip {number}: {text}")
+        before_s = grip.end_s
+
+
+def pack(grips: tuple[TaughtGrip, ...], lgt_sha256: str) -> bytes:
+    """Return the content of the file that goes with the `.lgt` of this digest."""
+    whole = {"format": FORMAT, "version": VERSION, "lgt_sha256": lgt_sha256}
+    return (
+        json.dumps({**whole, "grips": [asdict(grip) for grip in grips]}, indent=1) + "\n"
+    ).encode()
+
+
+def read(content: bytes, lgt_sha256: str) -> tuple[TaughtGrip, ...]:
+    """Judge a whole file, and that it goes with this `.lgt`; raises `TrajectoryError`."""
+    plain = parse(content)
+    if not isinstance(plain, dict) or plain.keys() != _KEYS or plain["format"] != FORMAT:
+        raise TrajectoryError(f"it is no object with {', '.join(sorted(_KEYS))}: no file of grips")
+    if plain["version"] != VERSION or isinstance(plain["version"], bool):
+        text = f"version {plain['version']!r:.40}, only version {VERSION} can be read"
+        raise TrajectoryError(text)
+    grips = grips_of(plain["grips"])
+    if plain["lgt_sha256"] != lgt_sha256:
+        raise TrajectoryError("it belongs to another .lgt file, which has been replaced")
+    return grips
+
+
+def grips_of(plain: object) -> tuple[TaughtGrip, ...]:
+    """Read grips, each an object; raises `TrajectoryError` with the number of the wrong one."""
+    if not isinstance(plain, list) or len(plain) > MOST_GRIPS:
+        raise TrajectoryError(f"grips must be an array of at most {MOST_GRIPS}")
+    return tuple(_grip_of(number, one) for number, one in enumerate(plain))
+
+
+def parse(content: bytes) -> Any:
+    """Read JSON; raises `TrajectoryError` for what is none, or is too long."""
+    if len(content) > MAX_GRIP_BYTES:
+        raise TrajectoryError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
+    try:
+        return strict_json.decode(content.decode())
+    except (ValueError, RecursionError) as error:
+        raise TrajectoryError(f"it is no JSON: {error}") from None
+
+
+def _grip_of(number: int, plain: object) -> TaughtGrip:
+    names = {field.name for field in fields(TaughtGrip)}
+    if not isinstance(plain, dict) or plain.keys() != names:
+        text = f"grip {number} is no object with {', '.join(sorted(names))}"
+        raise TrajectoryError(text)
+    try:
+        return TaughtGrip(**plain)
+    except TrajectoryError as error:
+        raise TrajectoryError(f"grip {number}: {error}") from None
+
+
+def _check_figure(name: str, value: object) -> None:
+    try:
+        fine = isinstance(value, int | float) and math.isfinite(value)
+    except OverflowError:  # a whole number beyond all floats
+        fine = False
+    if not fine or isinstance(value, bool):
+        raise TrajectoryError(f"{name} is {value!r:.40}, it must be a finite number")
+
+
+def _is_plain(source: str) -> bool:
+    return 1 <= len(source) <= MAX_SOURCE and source.isascii() and source.isprintable()

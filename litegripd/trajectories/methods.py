@@ -1,0 +1,377 @@
+"""The methods that record and replay trajectories."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal, TypedDict
+
+from litegripd.control.engine import Engine
+from litegripd.model.errors import Refusal
+from litegripd.model.results import ReplayResult
+from litegripd.rpc.method import (
+    DETACH,
+    JOB,
+    LEASE,
+    RUN_PARAMS,
+    Answer,
+    Call,
+    Deferred,
+    Method,
+    accepted,
+    later,
+)
+from litegripd.rpc.schema import Param, Shape
+from litegripd.rpc.sessions import Session
+from litegripd.trajectories.capture import Capture
+from litegripd.trajectories.file_methods import (
+    NAME,
+    RECORDING,
+    UPLOAD,
+    TrajectoryFileMethods,
+    Whole,
+    check_name,
+)
+from litegripd.trajectories.replay import ReplayRequest
+from litegripd.trajectories.requests import Trajectories
+from litegripd.trajectories.values import MAX_SAMPLES, Header, Summary
+
+
+class NoTrajectory(TypedDict):
+    """That nothing was recorded or played so far."""
+
+    active: Literal[False]
+    kind: None
+    job: None
+    samples: int
+    error: None
+
+
+class CaptureStatus(TypedDict):
+    """How a recording goes, or how the last one went."""
+
+    active: bool
+    kind: Literal["record"]
+    job: int | None
+    samples: int
+    error: str | None
+    rate_hz: float
+    zero_gravity: bool
+    loop_hz: float | None
+    missed: int
+    duration_s: float
+    max_samples: int
+
+
+class ReplayStatus(TypedDict):
+    """How a replay goes, or how the last one went."""
+
+    active: bool
+    kind: Literal["play"]
+    job: int
+    samples: int
+    error: str | None
+    frames: int
+    speed: float
+    openness: float | None
+    completed: bool
+    loops: int
+    grips: int
+    phase: str
+
+
+class _Recorded(TypedDict):
+    """What only a recording has."""
+
+    recording: int | None
+    missed: int
+    error: str | None
+    grips_left_out: int
+
+
+RECORDED = Shape("TrajectoryRecorded", (_Recorded, Whole, Header, Summary))
+
+
+SPEEDS = (0.1, 4.0)
+DEFAULT_RATE_HZ = 100.0
+DEFAULT_TORQUE_NM = 2.0
+_SPEED = Param(
+    "speed",
+    "number",
+    "A multiple of the speed that was taught (default 1).",
+    minimum=SPEEDS[0],
+    maximum=SPEEDS[1],
+)
+
+
+class TrajectoryMethods:
+    """Methods on recordings and replays."""
+
+    def __init__(self, engine: Engine, files: TrajectoryFileMethods) -> None:
+        self._engine = engine
+        self._trajectories = Trajectories(engine)
+        self._files = files
+
+    def session_ended(self, session: Session) -> None:
+        """End what a connection leaves: its uploads, and a recording that it only watched."""
+        self._trajectories.client_lost(session.identity)
+        self._files.session_ended(session)
+
+    @Method(
+        "trajectory.record_start",
+        "Record the jaws' motion in the background: taught by hand, the jaws being slack, or"
+        " watched while others drive.",
+        "As trajectory.status, and the job that makes the jaws slack (null where others drive).",
+        CaptureStatus,
+        (
+            Param(
+                "rate_hz",
+                "number",
+                f"Samples a second (default {DEFAULT_RATE_HZ:g}), at most the control rate.",
+                minimum=1,
+                maximum=1000,
+            ),
+            Param(
+                "zero_gravity",
+                "boolean",
+                "Make the jaws slack (true, the default), as a job that ends with its client; it"
+                " needs the lease. With false it only watches.",
+            ),
+            Param(
+                "max_samples",
+                "integer",
+                f"End when so many were due (default {MAX_SAMPLES}).",
+                minimum=1,
+                maximum=MAX_SAMPLES,
+            ),
+            DETACH,
+            LEASE,
+        ),
+        role="operator",
+        stop_voids=True,
+    )
+    def _record(self, call: Call) -> Answer:
+        params, slack = call.params, call.params.get("zero_gravity", True)
+        refusal = self._engine.lease.refusal(call.owner) if slack else None
+        answer = refusal or self._trajectories.record(
+            call.owner,
+            rate_hz=params.get("rate_hz", DEFAULT_RATE_HZ),
+            slack=slack,
+            max_samples=params.get("max_samples", MAX_SAMPLES),
+            detached=call.detached,
+        )
+        accepted(answer)
+        return self._status()
+
+    @Method(
+        "trajectory.record_stop",
+        "End the recording and keep it: under a name, or as the latest recording. One that cannot"
+        " be kept stays until the next one begins, and may be ended again.",
+        "recording (its number; null with a name), name, path, samples, duration_s, max_rate_s,"
+        " total (bytes), sha256, missed (samples that were due but not measured), grips (how many"
+        " are kept with it), grips_left_out (those beyond 200), and what the file's header says.",
+        RECORDED,
+        (
+            NAME,
+            Param("allow_empty", "boolean", "One without samples is fine, too (default false)."),
+            Param(
+                "allow_partial",
+                "boolean",
+                "One that was broken off is fine, too, as far as it goes (default false).",
+            ),
+        ),
+        role="operator",
+        waits=True,
+    )
+    def _stop_recording(self, call: Call) -> Answer:
+        name, capture = call.params.get("name"), self._trajectories.capture
+        deferred = Deferred()
+
+        def kept(answer: Mapping[str, Any] | Refusal) -> None:
+            missed = 0 if capture is None else capture.missed
+            partial = None if capture is None else capture.error
+            left_out = 0 if capture is None else capture.notes.left_out
+            own = {"missed": missed, "error": partial, "grips_left_out": left_out}
+            deferred.resolve(answer if isinstance(answer, Refusal) else {**answer, **own})
+
+        check_name(name)
+        refusal = self._trajectories.stop_recording(
+            name,
+            call.owner.uid,
+            kept,
+            allow_empty=call.params.get("allow_empty", False),
+            allow_partial=call.params.get("allow_partial", False),
+        )
+        return refusal or deferred
+
+    @Method(
+        "trajectory.play",
+        "Replay a trajectory: go to its start, then along its path, then hold. It commands"
+        " positions; the torques that were recorded are not repeated, but with force replay the"
+        " taught grips are.",
+        "ok, outcome, loops, frames, largest_lag_mm, final_command_rad, grips (that held"
+        " something), width_mm (of the latest, else null), width_difference_mm (the largest to the"
+        " taught width), and the state.",
+        ReplayResult,
+        (
+            NAME,
+            UPLOAD,
+            RECORDING,
+            _SPEED,
+            Param(
+                "kp", "number", "Stiffness (default: the calibration's).", minimum=5, maximum=500
+            ),
+            Param(
+                "kd",
+                "number",
+                "Damping, at least kp · 0.002 s (default: the calibration's).",
+                minimum=0.1,
+                maximum=5,
+            ),
+            Param(
+                "torque_nm",
+                "number",
+                "How hard to press at most on whatever is in the way (default"
+                f" {DEFAULT_TORQUE_NM:g}).",
+                minimum=0.3,
+                maximum=3,
+                maximum_of=lambda motor: motor.rated_nm,
+            ),
+            Param("loop", "boolean", "Repeat it until it is cancelled (default false)."),
+            Param("repeat", "integer", "So many passes (default 1).", minimum=1, maximum=1_000_000),
+            Param(
+                "align",
+                "boolean",
+                "Go to its start first, at speed_mm_s of the configuration (default true). With"
+                " false the jaws must be there already, within max_lead_mm.",
+            ),
+            Param(
+                "force",
+                "string",
+                "path (the default): positions only. replay: do each grip that is kept with it as"
+                " a grasp, with its force, as long as it was held; grasp_speed_mm_s and"
+                " force_rate_n_s are the configuration's.",
+                choices=("path", "replay"),
+            ),
+            *RUN_PARAMS,
+        ),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+        waits=True,
+    )
+    def _play(self, call: Call) -> Answer:
+        params = call.params
+        engine = self._engine
+        config = call.config(engine.config, engine.period_s, engine.unit.motor_type)
+        source = self._files.source("trajectory.play", call)
+        if "repeat" in params and params.get("loop"):
+            text = "trajectory.play takes loop or repeat, not both"
+            return Refusal("invalid_params", text, {"parameter": "repeat"})
+        request = ReplayRequest(
+            source=source,
+            speed=params.get("speed", 1.0),
+            torque_nm=params.get("torque_nm", DEFAULT_TORQUE_NM),
+            repeat=0 if params.get("loop") else params.get("repeat", 1),
+            align=params.get("align", True),
+            force=params.get("force", "path"),
+        )
+        return later(
+            self._trajectories.play(
+                request,
+                call.owner,
+                config,
+                kp_nm_rad=params.get("kp"),
+                kd_nm_s_rad=params.get("kd"),
+                detached=call.detached,
+            )
+        )
+
+    @Method(
+        "trajectory.control",
+        "Pause the replay that runs, let it go on, or change its speed; in force with the next"
+        " tick. Cancel it with job.cancel.",
+        "As trajectory.status.",
+        ReplayStatus,
+        (
+            Param(
+                "action",
+                "string",
+                "What to do.",
+                required=True,
+                choices=("pause", "resume", "speed"),
+            ),
+            replace(_SPEED, description="The new speed, for the action speed."),
+            replace(JOB, required=False, description="Only if it is this job."),
+        ),
+        role="operator",
+        needs_lease=True,
+        stop_voids=True,
+    )
+    def _control(self, call: Call) -> Answer:
+        params, action = call.params, call.params["action"]
+        replay = accepted(self._trajectories.playing(params.get("job"), call.owner))
+        if ("speed" in params) != (action == "speed"):
+            text = "trajectory.control: speed goes with the action speed, and only with it"
+            return Refusal("invalid_params", text, {"parameter": "speed"})
+        if action == "speed":
+            refusal = replay.change_speed(params["speed"])
+            if refusal is not None:
+                return refusal
+        else:
+            replay.is_paused = action == "pause"
+        return self._status()
+
+    @Method(
+        "trajectory.status",
+        "Tell of the recording or replay that runs, else of the latest one.",
+        "active, kind (record, play or null), samples, error; of a recording also rate_hz,"
+        " zero_gravity, loop_hz, missed, duration_s; of a replay frames, speed, openness,"
+        " completed, loops, phase, grips. And job.",
+        NoTrajectory | CaptureStatus | ReplayStatus,
+    )
+    def _get_status(self, _call: Call) -> NoTrajectory | CaptureStatus | ReplayStatus:
+        return self._status()
+
+    def _status(self) -> NoTrajectory | CaptureStatus | ReplayStatus:
+        """Tell of what runs, else of what came last."""
+        trajectories = self._trajectories
+        capture, job = trajectories.capture, trajectories.replay_job
+        if capture is not None and (job is None or capture.began_s >= job.started_s):
+            return _capture_status(capture)
+        return self._replay_status()
+
+    def _replay_status(self) -> NoTrajectory | ReplayStatus:
+        replay, job = self._trajectories.replay, self._trajectories.replay_job
+        if replay is None or job is None:
+            return {"active": False, "kind": None, "job": None, "samples": 0, "error": None}
+        result = job.result
+        completed = isinstance(result, ReplayResult) and result.ok
+        return {
+            "active": job.is_running,
+            "kind": "play",
+            "job": job.number,
+            "samples": replay.samples,
+            "error": None if job.error is None else job.error.message,
+            "frames": replay.frames,
+            "speed": replay.speed,
+            "openness": replay.openness,
+            "completed": completed,
+            "loops": replay.loops,
+            "grips": replay.grips.done,
+            "phase": "paused" if replay.is_paused else replay.phase,
+        }
+
+
+def _capture_status(capture: Capture) -> CaptureStatus:
+    return {
+        "active": not capture.is_over,
+        "kind": "record",
+        "job": None if capture.job is None else capture.job.number,
+        "samples": capture.samples,
+        "error": capture.error,
+        "rate_hz": capture.rate_hz,
+        "zero_gravity": capture.job is not None,
+        "loop_hz": capture.loop_hz,
+        "missed": capture.missed,
+        "duration_s": capture.duration_s,
+        "max_samples": capture.max_samples,
+    }

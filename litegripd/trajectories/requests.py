@@ -1,0 +1,305 @@
+"""What clients may ask about trajectories: to record one, to replay one, to pause and go on.
+
+Recording and replay exclude each other. A recording that is over is kept until it has been taken
+to the helper process, or the next one begins.
+"""
+
+import base64
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any, TypeAlias
+
+from litegripd.control.admission import (
+    NO_FEEDBACK,
+    busy_with,
+    conflict_refusal,
+    motor_refusal,
+    position_refusal,
+    trajectory_or_teleop_refusal,
+)
+from litegripd.control.engine import Engine
+from litegripd.control.gains import Gains
+from litegripd.model.errands import Errand, ErrandResult
+from litegripd.model.errors import Refusal
+from litegripd.model.geometry import Geometry
+from litegripd.model.jobs import Job, Owner
+from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_conflict
+from litegripd.trajectories.capture import Capture, Teach, result_of
+from litegripd.trajectories.loading import outcome_of
+from litegripd.trajectories.replay import Replay, ReplayRequest
+from litegripd.trajectories.values import MAX_SAMPLES, PIECE_BYTES
+
+
+def recording_key(number: int) -> str:
+    """Return what the helper process keeps a recording under."""
+    return f"recording {number}"
+
+
+class Keeping:
+    """One recording on its way; `on_kept` is called once, with what is known of the whole.
+
+    With a `name` it is a trajectory of the user `uid`.
+
+    Only the latest recording is kept: the one before goes when this one comes.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        capture: Capture,
+        number: int,
+        on_kept: Callable[[Mapping[str, Any] | Refusal], None],
+        *,
+        name: str | None,
+        uid: int,
+    ) -> None:
+        self._engine = engine
+        self._capture = capture
+        self._number = number
+        self._name = name
+        self._uid = uid
+        self._on_kept = on_kept
+        self._grips = json.dumps(capture.grips()).encode()
+        self._sent = 0
+
+    def begin(self) -> None:
+        """Send the first piece."""
+        before = {"keys": [recording_key(self._number - 1)]}
+        self._engine.errands.append(Errand("trajectory.drop", before, lambda _result: None))
+        self._send()
+
+    def _send(self) -> None:
+        """Send the next piece: of the samples, then of what is known of the grips."""
+        capture = self._capture
+        offset = self._sent
+        if offset < capture.size:
+            data = capture.piece(offset // PIECE_BYTES)
+        else:
+            data = memoryview(self._grips)[offset - capture.size :][:PIECE_BYTES]
+        parameters = {
+            "key": recording_key(self._number),
+            "offset": offset,
+            "total": capture.size + len(self._grips),
+            "grip_bytes": len(self._grips),
+            "sha256": None,
+            "data": base64.b64encode(data).decode("ascii"),
+            "name": self._name,
+            "uid": self._uid,
+            "header": capture.header(self._engine.unit.can_id),
+        }
+        self._sent += len(data)
+        self._engine.errands.append(Errand("trajectory.put", parameters, self._answered))
+
+    def _answered(self, result: ErrandResult) -> None:
+        answer = outcome_of(result, "not_saved")
+        if isinstance(answer, Refusal):
+            self._on_kept(answer)
+        elif answer["complete"]:
+            number = None if self._name is not None else self._number
+            known = {
+                key: value for key, value in answer.items() if key not in ("received", "complete")
+            }
+            self._on_kept({"recording": number, **known})
+        else:
+            self._send()
+
+
+STAYS = (
+    "the recording stays until the next one begins: end it again (trajectory.record_stop), under a"
+    " name or, to fetch it (trajectory.get), without one"
+)
+
+OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
+
+
+class Trajectories:
+    """Begins and ends recordings and replays on one engine."""
+
+    def __init__(self, engine: Engine) -> None:
+        self.replay: Replay | None = None
+        self.replay_job: Job | None = None
+        self._engine = engine
+        self._keeping: Keeping | None = None
+
+    @property
+    def capture(self) -> Capture | None:
+        """The latest recording, be it under way, over, or taken to the helper process."""
+        return self._engine.capture
+
+    def refusal(self) -> Refusal | None:
+        """Say that a recording, a replay or teleoperation is under way, if so."""
+        engine = self._engine
+        refusal = trajectory_or_teleop_refusal(engine.in_the_way) or engine.recording_refusal()
+        if refusal is not None:
+            return refusal
+        if self._keeping is not None:
+            text = "a recording is being taken to the disk's process: try again in a moment"
+            return Refusal("trajectory_busy", text)
+        return None
+
+    # Recording
+
+    def record(
+        self, owner: Owner, *, rate_hz: float, slack: bool, max_samples: int, detached: bool
+    ) -> Job | Capture | Refusal:
+        """Begin to record; `slack` makes the jaws slack meanwhile, as a job, else others drive."""
+        engine = self._engine
+        geometry = self._ready()
+        refusal = self.refusal() or (geometry if isinstance(geometry, Refusal) else None)
+        refusal = refusal or self._rate_refusal(rate_hz) or (engine.why_busy() if slack else None)
+        if refusal is not None or isinstance(geometry, Refusal):
+            return refusal or NO_FEEDBACK
+        capture = Capture(
+            geometry,
+            rate_hz,
+            min(max_samples, MAX_SAMPLES),
+            engine.period_s,
+            owner.client,
+            engine.now_s,
+            detached,
+        )
+        if slack:
+            capture.job = engine.begin("record", Teach(capture), owner, detached)
+        engine.capture = capture
+        return capture.job or capture
+
+    def stop_recording(
+        self,
+        name: str | None,
+        uid: int,
+        on_kept: OnKept,
+        *,
+        allow_empty: bool,
+        allow_partial: bool,
+    ) -> Refusal | None:
+        """End the recording, and have it kept by the helper process, under a name if there is one.
+
+        Under a name it is the user's `uid`. `on_kept` gets what is known of it then. A recording
+        that is refused or could not be kept stays until the next one begins.
+        """
+        engine, capture = self._engine, self.capture
+        if self._keeping is not None:
+            return self.refusal()
+        if capture is None or capture.is_taken:
+            text = "no recording is under way: begin one (trajectory.record_start)"
+            return Refusal("recording_failed", text)
+        self._note_job(capture)
+        capture.finish()
+        if capture.job is not None and capture.job is engine.jobs.running:
+            engine.end(result_of(capture, "stopped"))
+        refusal = _unusable(capture, allow_empty=allow_empty, allow_partial=allow_partial)
+        if refusal is not None:
+            return refusal
+        engine.recordings += 1
+
+        def kept(answer: Mapping[str, Any] | Refusal) -> None:
+            self._keeping = None
+            if isinstance(answer, Refusal):
+                on_kept(replace(answer, data={**answer.data, "hint": STAYS}))
+            else:
+                capture.let_go()
+                on_kept(answer)
+
+        self._keeping = Keeping(engine, capture, engine.recordings, kept, name=name, uid=uid)
+        self._keeping.begin()
+        return None
+
+    def client_lost(self, client: int) -> None:
+        """End the recording that a client has begun while others drive, unless it is detached."""
+        capture = self.capture
+        if capture is None or capture.job is not None or capture.detached:
+            return
+        if capture.client == client:
+            capture.fail("the client that recorded went away")
+
+    def _note_job(self, capture: Capture) -> None:
+        """Notice a job that has ended since the last tick, before the capture ends by itself."""
+        job = capture.job
+        if job is not None and not job.is_running:
+            capture.fail("it ended" if job.error is None else job.error.message)
+
+    def _rate_refusal(self, rate_hz: float) -> Refusal | None:
+        most_hz = 1.0 / self._engine.period_s
+        if rate_hz <= most_hz + 1e-6:
+            return None
+        text = f"rate_hz is {rate_hz:g}, at most the control rate of {most_hz:g} is measured"
+        data = {"field": "rate_hz", "requested": rate_hz, "limit": most_hz}
+        return Refusal("out_of_limits", text, data)
+
+    # Replay
+
+    def play(
+        self,
+        request: ReplayRequest,
+        owner: Owner,
+        config: MotionConfig,
+        *,
+        kp_nm_rad: float | None,
+        kd_nm_s_rad: float | None,
+        detached: bool,
+    ) -> Job | Refusal:
+        """Begin to load and replay a trajectory; the gains are the calibration's by default."""
+        engine = self._engine
+        refusal, geometry = self.refusal() or engine.why_busy(), self._ready()
+        if refusal is not None or isinstance(geometry, Refusal):
+            return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
+        kp = engine.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad
+        kd = engine.gains.kd_nm_s_rad if kd_nm_s_rad is None else kd_nm_s_rad
+        conflict = damping_conflict(kp, kd)
+        if conflict is None and request.force == "replay":
+            speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
+            conflict = slow_conflict(config, speed, geometry, field)
+        refusal = conflict_refusal(conflict)
+        if refusal is not None:
+            return refusal
+        action = Replay(
+            request,
+            geometry=geometry,
+            config=config,
+            gains=Gains(kp, kd),
+            period_s=engine.period_s,
+            motor_type=engine.unit.motor_type,
+            resting=lambda: engine.rest,
+        )
+        self.replay_job = engine.begin("play", action, owner, detached)
+        self.replay = action
+        return self.replay_job
+
+    def playing(self, job: int | None, owner: Owner) -> Replay | Refusal:
+        """Return the replay that runs, if it is this job's, and this owner's or a detached one."""
+        running, action = self._engine.jobs.running, self._engine.action
+        if running is None or not isinstance(action, Replay):
+            return Refusal("unknown_job", "no replay is running")
+        if job is not None and running.number != job:
+            text = f"job {job} is not the replay that runs: that is job {running.number}"
+            return Refusal("unknown_job", text, {"requested": job})
+        if not running.detached and running.owner.client != owner.client:
+            return busy_with(running)
+        return action
+
+    def _ready(self) -> Geometry | Refusal:
+        """Return the travel, where the motor is enabled and a calibration says what it means."""
+        engine = self._engine
+        geometry = engine.geometry
+        if geometry is None:
+            return engine.calibrated.problem
+        refusal = motor_refusal(engine.motor) or position_refusal(engine.motor, geometry)
+        return refusal or geometry
+
+
+def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Refusal | None:
+    """Say why a recording cannot be had, if so."""
+    data = {"samples": capture.samples, "error": capture.error}
+    if capture.error is not None and not allow_partial:
+        text = (
+            f"the recording was broken off after {capture.samples} samples: {capture.error};"
+            " trajectory.record_stop with allow_partial takes what there is"
+        )
+        return Refusal("recording_failed", text, data)
+    if capture.samples == 0 and not allow_empty:
+        text = (
+            "the recording has no samples (trajectory.record_stop with allow_empty takes it, too)"
+        )
+        return Refusal("recording_failed", text, data)
+    return None
