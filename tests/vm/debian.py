@@ -113,7 +113,7 @@ def package_removed() -> None:
     check("purged, the configuration has gone", not conffile.exists())
     wants = list(Path("/etc/systemd/system").glob("*.wants/litegripd*"))
     check("and what was enabled", not wants, wants)
-    check("nothing is left in /opt", not list(VERSIONS.glob("*")), list(Path("/opt").iterdir()))
+    check("no version is left", not list(VERSIONS.glob("*")))  # nor /opt, where it was empty
     check("what was measured stays", kept.exists() and CONFIGURATION.exists())
     check("and no process", run("pgrep", "-f", "bin/litegripd")[1] == "")
 
