@@ -20,8 +20,8 @@ from typing import Any
 
 from bench.hostile_lines import HostileLines
 from bench.raw_connection import Connection, expect, reason_of
+from litegripd.app.features import METHODS
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES, Request, parse
-from litegripd.rpc.methods import METHODS
 
 STATE_GET = b'{"jsonrpc":"2.0","id":1,"method":"state.get"}\n'
 OTHERS_RIGHT = ("stop", "job.cancel", "lease.take", "config.set")

@@ -9,8 +9,8 @@ import random
 from collections.abc import Sequence
 from typing import Any
 
+from litegripd.app.features import METHODS
 from litegripd.rpc.method import Method
-from litegripd.rpc.methods import METHODS
 from litegripd.rpc.schema import Param
 
 ODD: tuple[Any, ...] = (

@@ -27,11 +27,11 @@ from docs.protocol_fields import (  # noqa: E402
     teleop_section,
 )
 from litegrip_client.reasons import OWN_REASONS  # noqa: E402
+from litegripd.app.features import METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
 from litegripd.rpc.method import Method  # noqa: E402
-from litegripd.rpc.methods import METHODS  # noqa: E402
 from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
 from litegripd.rpc.schema import Param  # noqa: E402

@@ -7,6 +7,7 @@ from typing import Any
 
 from jsonschema import Draft202012Validator, ValidationError
 
+from litegripd.app.features import METHODS
 from litegripd.rpc.openrpc import document
 
 GROWING = frozenset({"ErrorData"})
@@ -74,7 +75,7 @@ class Described:
 @lru_cache(maxsize=2)
 def described(*, closed: bool = True) -> Described:
     """Return what today's document says."""
-    return Described(document(), closed=closed)
+    return Described(document(METHODS), closed=closed)
 
 
 FREE = frozenset(

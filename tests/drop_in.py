@@ -20,6 +20,7 @@ from litegrip_client.discovery import SYSTEM_DIRECTORY
 from litegrip_client.stream import SLICE_S, StreamEndedError
 from litegripd.app.build import load_at_start
 from litegripd.app.config import Config
+from litegripd.app.features import build_service
 from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.main import OPERATIONS
@@ -28,7 +29,6 @@ from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase
 from litegripd.motor import codec
-from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters
@@ -101,7 +101,9 @@ class Daemon(World):
         self.controller.gripper_id = GripperId(channel)
         settings = BusSettings("virtual", channel, 1_000_000)
         facts = DaemonFacts(Config(channel, settings), self.machine)
-        self.service = RpcService(self.controller, facts, PERIOD_S, links=links)
+        self.service = build_service(
+            self.controller, facts, PERIOD_S, dumps=self.dumps, links=links
+        )
         if boots:
             load_at_start(self.controller, lambda: None)
 

@@ -14,6 +14,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
+from litegripd.app.features import build_service
 from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
 from litegripd.handover.methods import OnRestart, OnRestarted, no_restart
@@ -31,10 +32,10 @@ from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.state import GripperState
 from litegripd.motor import codec
+from litegripd.recorder.causes import Dumps
 from litegripd.recorder.reader import Recording, read
 from litegripd.recorder.recorder import memory_bytes, tick_slots
 from litegripd.rpc.facts import Hello, Info, MotionFields
-from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
@@ -266,7 +267,10 @@ class World:
         )
         self.controller = self.machine.controller
         self.restart: OnRestart = no_restart
-        self.service = RpcService(self.controller, FixedFacts(), period_s, restart=self._restart)
+        self.dumps = Dumps(self.controller)
+        self.service = build_service(
+            self.controller, FixedFacts(), period_s, dumps=self.dumps, restart=self._restart
+        )
         self.sent: list[Sent] = []
         self.condition = UP
         self.lose_to_motor: Callable[[CanFrame], bool] = lambda _frame: False
@@ -305,7 +309,7 @@ class World:
 
     def make_flight(self) -> Flight:
         """Make the flight recorder of the present machine."""
-        memory, dumps = memoryview(self.disk.memory), self.service.dumps
+        memory, dumps = memoryview(self.disk.memory), self.dumps
         flight = Flight(memory, self.machine, dumps, {"channel": "virtual"})
         self.service.on_event = flight.note_event
         return flight

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from litegripd.app.build import Legacy, Parts, load_at_start, make_bus, occupy_places
 from litegripd.app.config import Config
+from litegripd.app.features import build_service
 from litegripd.app.flight import make_flight
 from litegripd.app.machine import Ending, Machine
 from litegripd.app.status import (
@@ -32,7 +33,7 @@ from litegripd.model.gripper_id import GripperId
 from litegripd.model.jobs import Owner, StopLevel
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor_types import MOTOR_TYPES
-from litegripd.rpc.service import RpcService
+from litegripd.recorder.causes import Dumps
 from litegripd.teleop.links import TeleopLinks
 
 _log = logging.getLogger(__name__)
@@ -131,10 +132,12 @@ class Daemon:
         self._spawner = Spawner()
         self._links = TeleopLinks(config.teleop.zenoh_config, self._spawner.start)
         self._facts = DaemonFacts(config, self._machine, self._places.stop_path, epoch)
-        self._service = RpcService(
+        self._dumps = Dumps(self._machine.controller)
+        self._service = build_service(
             self._machine.controller,
             self._facts,
             period_s,
+            dumps=self._dumps,
             role_of=config.access.role_of,
             epoch=self._facts.epoch,
             restart=lambda told: self._succession.begin(told, time.monotonic()),
@@ -154,7 +157,7 @@ class Daemon:
             lambda: self._service.reporter.state().mode,
             follows=legacy is not None,
         )
-        self._flight, self._memory = make_flight(config, self._machine, self._service)
+        self._flight, self._memory = make_flight(config, self._machine, self._service, self._dumps)
         self._helper = Helper(
             self._watch,
             self._unwatch,
@@ -333,7 +336,7 @@ class Daemon:
 
     def _close(self) -> None:
         self._succession.close()
-        self._service.dumps.finish(time.monotonic())
+        self._dumps.finish(time.monotonic())
         self._run_errands()
         if self._retirement is None:
             self._server.flush()

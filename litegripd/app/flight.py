@@ -71,7 +71,7 @@ class Flight:
 
 
 def make_flight(
-    config: Config, machine: Machine, service: RpcService
+    config: Config, machine: Machine, service: RpcService, dumps: Dumps
 ) -> tuple[Flight, SharedMemory]:
     """Return the recorder of a daemon, and the memory that its helper process is to read."""
     memory = SharedMemory(memory_bytes(tick_slots(machine.controller.period_s)))
@@ -83,6 +83,6 @@ def make_flight(
         "interface": config.bus.interface,
         "can_id": config.motor.can_id,
     }
-    flight = Flight(memory.view, machine, service.dumps, about)
+    flight = Flight(memory.view, machine, dumps, about)
     service.on_event = flight.note_event
     return flight, memory

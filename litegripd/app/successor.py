@@ -14,6 +14,7 @@ from litegripd.app import handover
 from litegripd.app.build import Legacy, socket_path
 from litegripd.app.config import Config, ConfigError
 from litegripd.app.daemon import Daemon
+from litegripd.app.features import build_service
 from litegripd.app.machine import Machine
 from litegripd.app.succession import same_settings
 from litegripd.handover.link import Link, Packet, read_document
@@ -22,7 +23,6 @@ from litegripd.io.sockets import take_over
 from litegripd.model.jobs import Stop
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.plain import PlainError, value_of
-from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer
 
 _log = logging.getLogger(__name__)
@@ -153,7 +153,7 @@ class Successor(Daemon):
         machine = Machine(
             controller.gripper_id, self._config.motor.master_id, MotionConfig(), controller.period_s
         )
-        service = RpcService(machine.controller, self._facts, controller.period_s)
+        service = build_service(machine.controller, self._facts, controller.period_s)
         handover.adopt(machine, service, state)
         peer = Peer(os.getpid(), os.getuid(), os.getgid(), "rehearsal")
         session = service.opened(peer, now_s)

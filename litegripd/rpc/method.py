@@ -188,6 +188,14 @@ class Method:
         return replace(self, params=tuple(param.with_motor(motor_type) for param in self.params))
 
 
+@dataclass(frozen=True, slots=True)
+class Feature:
+    """What a slice adds to the service: objects with methods, and what a connection's end ends."""
+
+    groups: tuple[object, ...]
+    session_ended: Callable[[Session], None] = lambda _session: None
+
+
 def methods_of(group: type) -> tuple[Method, ...]:
     """Return the rows above the functions of a class, in their order."""
     return tuple(row for _name, row in _rows(group))

@@ -1,22 +1,19 @@
 """The OpenRPC document: methods, notifications and errors, and the form of each type in JSON."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Any, NewType, TypedDict, get_args
 
 from litegripd.control.lease import LossData
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.model.jobs import Job
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.results import Progress, ReplayProgress, Result
 from litegripd.model.state import GripperState, JobSummary
 from litegripd.motor.traffic import MotorCounters
 from litegripd.rpc.facts import ForeignActive, MotionFields, MotorFigures
-from litegripd.rpc.jsonrpc import ErrorObject, encode
+from litegripd.rpc.jsonrpc import ErrorObject
 from litegripd.rpc.method import AT_ONCE, WAIT, Method
-from litegripd.rpc.methods import METHODS
 from litegripd.rpc.methods.reading import Discovered
 from litegripd.rpc.methods.settings import FrameInterval
 from litegripd.rpc.reports import (
@@ -126,14 +123,8 @@ OPENRPC_VERSION = "1.2.6"
 PROTOCOL_VERSION = 1
 
 
-@lru_cache(maxsize=1)
-def encoded_document(motor_type: MotorType) -> bytes:
-    """Return the document as JSON; the first time that takes longer than a tick."""
-    return encode(document(motor_type))
-
-
-def document(motor_type: MotorType = DM4310) -> Discovered:
-    """Describe all methods, with the limits of a type of motor, notifications and errors.
+def document(methods: Iterable[Method]) -> Discovered:
+    """Describe methods, with the limits of their rows, notifications and errors.
 
     OpenRPC has no word for what a server sends unasked: an extension of the document does.
     """
@@ -141,7 +132,7 @@ def document(motor_type: MotorType = DM4310) -> Discovered:
     return {
         "openrpc": OPENRPC_VERSION,
         "info": {"title": "litegripd", "version": str(PROTOCOL_VERSION)},
-        "methods": [_method(row.with_motor(motor_type), schemas) for row in METHODS],
+        "methods": [_method(row, schemas) for row in methods],
         "x-notifications": [_notification(kind, schemas) for kind in NOTIFICATIONS],
         "components": {
             "schemas": schemas.definitions,

@@ -5,7 +5,7 @@ out at once, in place of another motion, or after it. A request whose key names 
 kept does nothing anew: it gets that job's answer.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from typing import get_args
 
@@ -15,7 +15,6 @@ from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, Owner
 from litegripd.rpc.jsonrpc import Request
 from litegripd.rpc.method import Answer, Call, Later, Method, Refused, functions_of, later
-from litegripd.rpc.methods import BY_NAME
 from litegripd.rpc.methods.lease import Tokens
 from litegripd.rpc.reports import MAX_PER_SESSION
 from litegripd.rpc.schema import check
@@ -28,14 +27,23 @@ _KINDS: Mapping[str, JobKind] = {kind: kind for kind in get_args(JobKind)}
 class Requests:
     """Admits requests, and passes those that may be to their functions."""
 
-    def __init__(self, controller: Controller, tokens: Tokens, groups: Iterable[object]) -> None:
-        """Take the objects whose functions carry out the methods, all of them."""
+    def __init__(
+        self,
+        controller: Controller,
+        tokens: Tokens,
+        methods: Collection[str],
+        groups: Iterable[object],
+    ) -> None:
+        """Take the objects whose functions carry out the methods, all of them.
+
+        Raises `LookupError` if a method has no object, or an object has others.
+        """
         self._controller = controller
         self._tokens = tokens
         self._functions = {
             name: function for group in groups for name, function in functions_of(group).items()
         }
-        differing = self._functions.keys() ^ BY_NAME.keys()
+        differing = self._functions.keys() ^ set(methods)
         if differing:
             raise LookupError(f"methods without an object, or objects without a row: {differing}")
 

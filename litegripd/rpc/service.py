@@ -4,16 +4,12 @@ Pure: lines come in through `handle`, lines go out through the sessions, time is
 Whatever a line holds, `handle` answers it and does not raise.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from secrets import token_urlsafe
 
 from litegripd.control.controller import Controller
-from litegripd.handover.methods import OnRestart, RestartMethods, no_restart
 from litegripd.model.errors import Refusal
 from litegripd.model.events import Event
-from litegripd.recorder.causes import Dumps
-from litegripd.recorder.methods import RecorderMethods
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.jsonrpc import (
@@ -28,21 +24,16 @@ from litegripd.rpc.jsonrpc import (
     result_line,
 )
 from litegripd.rpc.line_kinds import asked_stop
-from litegripd.rpc.method import Answer, Deferred, Later, Method, Result
-from litegripd.rpc.methods import METHODS
+from litegripd.rpc.method import Answer, Deferred, Feature, Later, Method, Result, methods_of
+from litegripd.rpc.methods import CORE
 from litegripd.rpc.methods.lease import LeaseMethods, Tokens
 from litegripd.rpc.methods.motion import MotionMethods
 from litegripd.rpc.methods.reading import ReadingMethods
 from litegripd.rpc.methods.settings import SettingsMethods
-from litegripd.rpc.openrpc import encoded_document
 from litegripd.rpc.reports import Reporter, Waiter, Waiters, defect
 from litegripd.rpc.requests import Requests
 from litegripd.rpc.sessions import Clients, Peer, Role, Session
 from litegripd.rpc.subscriptions import Subscriptions
-from litegripd.teleop.link import InProcessLinks, Links
-from litegripd.teleop.methods import TeleopMethods
-from litegripd.trajectories.file_methods import TrajectoryFileMethods
-from litegripd.trajectories.methods import TrajectoryMethods
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,10 +46,9 @@ class Numbers:
 
 
 class RpcService:
-    """Implements `Service` on one controller.
+    """Implements `Service` on one controller, with the methods of the core and of `features`.
 
-    Teleoperation goes over `links`; without any, it stays inside the process. `new_token` makes
-    the secrets by which leases are shown; nobody may be able to guess one.
+    `document` describes them, as JSON.
     """
 
     def __init__(
@@ -66,17 +56,15 @@ class RpcService:
         controller: Controller,
         facts: Facts,
         period_s: float,
+        features: Callable[[Reporter], Sequence[Feature]],
         *,
-        role_of: Callable[[Peer], Role] = lambda _peer: "admin",
-        epoch: str = "0",
-        restart: OnRestart = no_restart,
-        links: Links | None = None,
-        new_token: Callable[[], str] = token_urlsafe,
+        document: bytes,
+        role_of: Callable[[Peer], Role],
+        new_token: Callable[[], str],
     ) -> None:
         self.refused = 0
         self.on_event: Callable[[Event, float], None] = lambda _event, _now_s: None
         """Called with every event and its time."""
-        self.dumps = Dumps(controller)
         self._role_of = role_of
         self._controller = controller
         self.reporter = Reporter(controller, period_s)
@@ -84,9 +72,11 @@ class RpcService:
         self._subscriptions = Subscriptions()
         self._waiters = Waiters(controller, self.reporter)
         self._tokens = Tokens(new_token)
+        self._features = features(self.reporter)
+        added = [group for feature in self._features for group in feature.groups]
+        kinds = (*CORE, *map(type, added))
         motor_type = controller.gripper_id.motor_type
-        files = TrajectoryFileMethods(controller)
-        self._trajectories = TrajectoryMethods(controller, files)
+        rows = [row.with_motor(motor_type) for kind in kinds for row in methods_of(kind)]
         groups = (
             ReadingMethods(
                 controller,
@@ -94,19 +84,15 @@ class RpcService:
                 self._clients,
                 self.reporter,
                 self._subscriptions,
-                document=encoded_document(motor_type),  # made here: it takes longer than a tick
+                document=document,
             ),
             LeaseMethods(controller, self._tokens, self.reporter),
             MotionMethods(controller, self.reporter),
             SettingsMethods(controller),
-            RecorderMethods(self.dumps),
-            RestartMethods(restart),
-            files,
-            self._trajectories,
-            TeleopMethods(controller, links or InProcessLinks(), self.reporter, epoch),
+            *added,
         )
-        self._requests = Requests(controller, self._tokens, groups)
-        self._methods = {row.name: row.with_motor(motor_type) for row in METHODS}
+        self._methods = {row.name: row for row in rows}
+        self._requests = Requests(controller, self._tokens, self._methods, groups)
         self._last_session = 0
         self._event_log = EventLog()
         self._now_s = 0.0
@@ -127,14 +113,16 @@ class RpcService:
         self._clients.remove(session)
         self._subscriptions.remove_all(session)
         self._waiters.remove_all(session)
-        self._trajectories.session_ended(session)
+        for feature in self._features:
+            feature.session_ended(session)
         self._controller.client_lost(session.identity)
         self._collect_events(now_s)
 
     def process_ended(self, session: Session, now_s: float) -> None:
         """End what a process owned that is gone, though a forked child has its connection."""
         session.is_orphaned = True
-        self._trajectories.session_ended(session)
+        for feature in self._features:
+            feature.session_ended(session)
         self._controller.client_lost(session.identity, "process")
         self._collect_events(now_s)
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.app.config import Access, UnknownEntryError, access_of
-from litegripd.rpc.service import RpcService
+from litegripd.app.features import build_service
 from litegripd.rpc.sessions import ROLES, Peer, Role
 from tests.world import PERIOD_S, Client, FixedFacts, World
 
@@ -113,7 +113,7 @@ def test_an_entry_that_names_nobody_is_refused(entry: str | int, told: str) -> N
 
 def test_a_session_has_its_peers_role_and_hello_tells_it() -> None:
     world = World()
-    service = RpcService(world.controller, FixedFacts(), PERIOD_S, role_of=ACCESS.role_of)
+    service = build_service(world.controller, FixedFacts(), PERIOD_S, role_of=ACCESS.role_of)
     world.service = service
     for identity, role in ((peer(ALICE), "operator"), (peer(BOB, LAB), "admin")):
         session = service.opened(identity, world.now_s)

@@ -8,6 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
+from litegripd.app.features import build_service
 from litegripd.control.controller import Controller
 from litegripd.model.calibration import CalibrationError, read_content
 from litegripd.model.helper_tasks import HelperTask, TaskResult
@@ -25,7 +26,6 @@ from litegripd.model.motor import (
     ZeroView,
 )
 from litegripd.motor import codec
-from litegripd.rpc.service import RpcService
 from litegripd.rpc.sessions import Peer, Session
 from tests.control.limits import LimitWatch
 from tests.world import PERIOD_S, Disk, FixedFacts
@@ -61,7 +61,7 @@ class Bench:
 
     def __init__(self, fields: dict[str, Any], content: dict[str, Any] | None, spans: Ranges):
         self.controller = Controller(MotionConfig().changed(fields, PERIOD_S), PERIOD_S)
-        self._service = RpcService(self.controller, FixedFacts(), PERIOD_S)
+        self._service = build_service(self.controller, FixedFacts(), PERIOD_S)
         self._watch = LimitWatch(self.controller)
         self._disk = Disk()
         self._finished: list[tuple[HelperTask, TaskResult]] = []

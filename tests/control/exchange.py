@@ -4,9 +4,9 @@ import json
 from typing import Any
 
 from litegripd.app import handover
+from litegripd.app.features import build_service
 from litegripd.app.machine import Machine
 from litegripd.model.motion_config import MotionConfig
-from litegripd.rpc.service import RpcService
 from tests.world import PERIOD_S, FixedFacts, World
 
 
@@ -27,7 +27,7 @@ def exchange(world: World) -> dict[str, Any]:
     assert handover.why_not_restartable(world.machine) is None
     plain = exported(world)
     machine = Machine(world.controller.gripper_id, None, MotionConfig(), PERIOD_S)
-    service = RpcService(machine.controller, FixedFacts(), PERIOD_S)
+    service = build_service(machine.controller, FixedFacts(), PERIOD_S)
     handover.adopt(machine, service, plain["state"])
     handover.adopt_history(machine, service, plain["history"])
     world.machine, world.controller, world.service = machine, machine.controller, service

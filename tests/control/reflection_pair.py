@@ -3,8 +3,8 @@
 import struct
 from dataclasses import dataclass, field
 
+from litegripd.app.features import build_service
 from litegripd.model.teleop import Arrival
-from litegripd.rpc.service import RpcService
 from tests.control.teleop_scene import MM_RAD, TeleopWorld
 from tests.world import PERIOD_S, Client, FixedFacts
 
@@ -101,7 +101,7 @@ def pair(
 ) -> Pair:
     """Return a pair that has aligned, 60 mm open."""
     leader, follower = (TeleopWorld(mount, 60.0) for mount in mounts)
-    follower.service = RpcService(
+    follower.service = build_service(
         follower.controller, FixedFacts(), PERIOD_S, epoch="00ff", links=follower.wires
     )
     if object_mm is not None:

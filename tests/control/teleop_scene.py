@@ -9,8 +9,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from litegripd.app.features import build_service
 from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
-from litegripd.rpc.service import RpcService
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, FixedFacts, World
 
@@ -81,7 +81,9 @@ class TeleopWorld(World):
         )
         super().__init__(mount, parameters=parameters, **more)
         self.wires = Wires()
-        self.service = RpcService(self.controller, FixedFacts(), PERIOD_S, links=self.wires)
+        self.service = build_service(
+            self.controller, FixedFacts(), PERIOD_S, dumps=self.dumps, links=self.wires
+        )
 
     @property
     def wire(self) -> Wire:

@@ -96,7 +96,7 @@ def test_a_lost_bus_is_not_told_once_more_as_a_silent_motor() -> None:
     world.lose_to_motor = lambda _frame: True
     world.run_until(lambda: world.in_phase(MotorPhase.SILENT), 1.0)
     world.run(0.5)
-    world.service.dumps.finish(world.now_s)
+    world.dumps.finish(world.now_s)
     assert [task.parameters["note"] for task in world.controller.tasks] == ["bus_lost"]
 
 
@@ -113,10 +113,10 @@ def test_a_defect_that_stays_is_dumped_once() -> None:
     observer = watching(world)
     for _ in range(round(3 * APART_S / PERIOD_S)):
         world.tick()
-        world.service.dumps.step(world.now_s, failed=True, bus_is_up=True)
+        world.dumps.step(world.now_s, failed=True, bus_is_up=True)
     assert causes(observer) == ["tick_error"]
     world.run(APART_S + 1.0)
-    world.service.dumps.step(world.now_s, failed=True, bus_is_up=True)
+    world.dumps.step(world.now_s, failed=True, bus_is_up=True)
     world.run(2.0)
     assert len(told(observer)) == 2
 
@@ -170,10 +170,10 @@ def test_a_disk_that_fails_is_told_and_ends_nothing() -> None:
 def test_what_is_still_due_is_asked_for_at_the_end() -> None:
     world = World()
     world.enabled()
-    world.service.dumps.finish(world.now_s)
+    world.dumps.finish(world.now_s)
     assert world.controller.tasks == []
     fault(world)
-    world.service.dumps.finish(world.now_s)
+    world.dumps.finish(world.now_s)
     (task,) = world.controller.tasks
     assert task.parameters == {"cause": "motor_fault", "note": "motor_fault"}
 

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegripd.app import handover
+from litegripd.app.features import build_service
 from litegripd.app.machine import Machine
 from litegripd.control.holds import Grip, Slack
 from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
 from litegripd.model.plain import PlainError
-from litegripd.rpc.service import RpcService
 from litegripd.sim.parameters import SimulatorParameters
 from tests.control.exchange import exchange, exported
 from tests.world import PERIOD_S, Client, FixedFacts, World
@@ -331,7 +331,7 @@ def paths(plain: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 def successor_of(plain: Any) -> None:
     machine = Machine(GripperId(), None, MotionConfig(), PERIOD_S)
-    service = RpcService(machine.controller, FixedFacts(), PERIOD_S)
+    service = build_service(machine.controller, FixedFacts(), PERIOD_S)
     handover.adopt(machine, service, plain["state"])
     handover.adopt_history(machine, service, plain["history"])
 

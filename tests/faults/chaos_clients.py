@@ -9,7 +9,7 @@ import random
 import re
 from typing import Any
 
-from litegripd.rpc.methods import BY_NAME, METHODS
+from litegripd.app.features import BY_NAME, METHODS
 from litegripd.rpc.schema import Param
 from tests.world import World
 

@@ -5,7 +5,7 @@ import itertools
 from pathlib import Path
 from typing import Any
 
-from litegripd.rpc.service import RpcService
+from litegripd.app.features import build_service
 from litegripd.rpc.sessions import Peer, Role
 from tests.control.teleop_scene import TeleopWorld
 from tests.world import Client, FixedFacts
@@ -22,10 +22,11 @@ class GoldenWorld(TeleopWorld):
     def __init__(self, mount: str = "normal", opening_mm: float = 60.0, **more: Any) -> None:
         super().__init__(mount, opening_mm, **more)
         tokens = itertools.count(1)
-        self.service = RpcService(
+        self.service = build_service(
             self.controller,
             FixedFacts(),
             self.period_s,
+            dumps=self.dumps,
             restart=self._restart,
             links=self.wires,
             new_token=lambda: f"token-{next(tokens)}",

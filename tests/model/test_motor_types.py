@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from litegripd.app.features import METHODS
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
-from litegripd.rpc.methods import METHODS
 from litegripd.sim.parameters import SimulatorParameters
 
 ROOT = Path(__file__).parents[2]

@@ -11,9 +11,9 @@ from jsonschema import ValidationError
 
 import litegripd
 from litegripd.app.config import Config
+from litegripd.app.features import METHODS
 from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
-from litegripd.rpc.methods import METHODS
 from litegripd.rpc.openrpc import NOTIFICATIONS
 from litegripd.rpc.schema import Schemas, Shape
 from tests.answers import Described, described, mutations

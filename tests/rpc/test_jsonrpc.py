@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from litegripd.app.features import METHODS
 from litegripd.model.errors import ERRORS, Refusal
 from litegripd.rpc import jsonrpc
-from litegripd.rpc.methods import METHODS
 from tests.rpc.raw import Raw, request
 from tests.world import World
 

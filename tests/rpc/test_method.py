@@ -4,8 +4,8 @@ from collections.abc import Mapping
 
 import pytest
 
+from litegripd.app.features import BY_NAME, GROUPS, METHODS
 from litegripd.rpc.method import Call, Method, functions_of, methods_of
-from litegripd.rpc.methods import BY_NAME, GROUPS, METHODS
 from litegripd.rpc.methods.lease import Tokens
 from litegripd.rpc.requests import Requests
 from tests.world import World
@@ -44,9 +44,9 @@ def test_no_two_methods_have_one_name() -> None:
 def test_methods_without_an_object_are_found_at_the_start() -> None:
     controller, tokens = World().controller, Tokens(lambda: "")
     with pytest.raises(LookupError, match=r"state\.get"):
-        Requests(controller, tokens, [])
+        Requests(controller, tokens, BY_NAME, [])
     with pytest.raises(LookupError, match=r"b\.second"):
-        Requests(controller, tokens, [_Group()])
+        Requests(controller, tokens, BY_NAME, [_Group()])
 
 
 @pytest.mark.parametrize("if_busy", ["replace", "queue"])

@@ -1,7 +1,7 @@
 """The OpenRPC document against the table of methods and the table of errors."""
 
+from litegripd.app.features import METHODS
 from litegripd.model.errors import ERROR_TABLE
-from litegripd.rpc.methods import METHODS
 from litegripd.rpc.openrpc import document
 from litegripd.rpc.schema import Param
 from tests.world import World
@@ -17,11 +17,11 @@ JSON_TYPES = {
 
 
 def test_rpc_discover_returns_the_document() -> None:
-    assert World().client().result("rpc.discover") == document()
+    assert World().client().result("rpc.discover") == document(METHODS)
 
 
 def test_every_method_is_described_with_all_its_parameters() -> None:
-    described = {method["name"]: method for method in document()["methods"]}
+    described = {method["name"]: method for method in document(METHODS)["methods"]}
     assert list(described) == [method.name for method in METHODS]
     for method in METHODS:
         entry = described[method.name]
@@ -59,7 +59,7 @@ def test_the_schemas_tell_the_same_limits_as_the_checks() -> None:
 
 
 def test_every_reason_is_documented_once_with_its_code() -> None:
-    errors = document()["components"]["errors"]
+    errors = document(METHODS)["components"]["errors"]
     assert list(errors) == [kind.reason for kind in ERROR_TABLE]
     assert len({kind.reason for kind in ERROR_TABLE}) == len(ERROR_TABLE)
     for kind in ERROR_TABLE:
