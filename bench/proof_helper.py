@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Iterator
 
-from litegripd.io.helper.main import PIECE_BYTES, Parameters, serve
+from litegripd.app.helper_main import PIECE_BYTES, Parameters, serve
 
 _SAMPLE = struct.Struct("<5d")
 _SAMPLES = 600 * 200

@@ -21,9 +21,9 @@ from litegrip_client.stream import SLICE_S, StreamEndedError
 from litegripd.app.build import load_at_start
 from litegripd.app.config import Config
 from litegripd.app.features import build_service
+from litegripd.app.helper_main import OPERATIONS
 from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
-from litegripd.io.helper.main import OPERATIONS
 from litegripd.model.gripper_id import GripperId
 from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig

@@ -8,7 +8,7 @@ motor but through `step`.
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from litegripd.control import announce
 from litegripd.control.actions.base import Action
@@ -50,12 +50,31 @@ from litegripd.model.motor import (
     ZeroView,
 )
 from litegripd.model.results import Progress, Result
-from litegripd.trajectories.capture import Capture
 
 _SAFE_JOBS = ("disable", "clear_fault")
 """What goes on though another program commands the motor: it energises nothing."""
 
 _Begun = TypeVar("_Begun")
+
+
+class Recording(Protocol):
+    """A recording of the jaws' motion: what the controller needs to know of one."""
+
+    is_over: bool
+
+    @property
+    def would_be_lost(self) -> bool:
+        """True if it is good and not kept anywhere else."""
+
+    def step(
+        self,
+        now_s: float,
+        motor: MotorView,
+        geometry: Geometry | None,
+        grip: Grip | None,
+        jobs: JobBook,
+    ) -> None:
+        """Take a tick's measurement, and what the jaws hold."""
 
 
 class Controller:
@@ -87,7 +106,7 @@ class Controller:
         self.rest: Rest = Slack()
         self.output = Output(self.gripper_id.motor_type)
         self.inquiries = Inquiries()
-        self.capture: Capture | None = None
+        self.capture: Recording | None = None
         self.recordings = 0
         self.events: list[Event] = []
         self.tasks: list[HelperTask] = []

@@ -119,13 +119,10 @@ class Trajectories:
     def __init__(self, controller: Controller) -> None:
         self.replay: Replay | None = None
         self.replay_job: Job | None = None
+        self.capture: Capture | None = None
+        """The latest recording, be it under way, over, or taken to the helper process."""
         self._controller = controller
         self._keeping: Keeping | None = None
-
-    @property
-    def capture(self) -> Capture | None:
-        """The latest recording, be it under way, over, or taken to the helper process."""
-        return self._controller.capture
 
     def refusal(self) -> Refusal | None:
         """Say that a recording, a replay or teleoperation is under way, if so."""
@@ -165,7 +162,7 @@ class Trajectories:
         )
         if slack:
             capture.job = controller.begin("record", Teach(capture), owner, detached)
-        controller.capture = capture
+        self.capture = controller.capture = capture
         return capture.job or capture
 
     def stop_recording(

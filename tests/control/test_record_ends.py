@@ -7,6 +7,7 @@ import pytest
 
 from litegripd.app import handover
 from litegripd.handover.controller import adopt_jobs, export_jobs
+from litegripd.trajectories.capture import Capture
 from litegripd.trajectories.owners import Limits
 from tests.control.recordings import recording, taken
 from tests.control.states import in_state
@@ -226,8 +227,9 @@ def test_what_a_restart_would_lose_refuses_it() -> None:
         refusal = handover.why_not_restartable(world.machine)
         assert refusal is not None
         assert refusal.reason == "trajectory_busy"
-        assert world.controller.capture is not None
-        world.controller.capture.finish()
+        capture = world.controller.capture
+        assert isinstance(capture, Capture)
+        capture.finish()
     client.result("trajectory.record_stop", name="pick")
     assert handover.why_not_restartable(world.machine) is None
     client.result("trajectory.record_start", zero_gravity=False)

@@ -4,7 +4,7 @@ import os
 import signal
 from collections.abc import Iterator, Mapping
 
-from litegripd.io.helper.main import OPERATIONS, serve
+from litegripd.app.helper_main import OPERATIONS, serve
 
 
 def double(parameters: Mapping[str, object]) -> object:

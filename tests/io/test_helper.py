@@ -244,7 +244,7 @@ def test_a_helper_that_cannot_be_started_is_tried_again(caplog: pytest.LogCaptur
 
 
 def test_a_helper_ends_with_its_daemon() -> None:
-    child = start_here("litegripd.io.helper.main")
+    child = start_here("litegripd.app.helper_main")
     assert child.pid is not None
     pidfd = os.pidfd_open(child.pid)
     try:
@@ -261,7 +261,7 @@ def test_a_helper_runs_nothing_that_lies_in_the_current_directory(
 ) -> None:
     (tmp_path / "json.py").write_text("raise SystemExit('a module of somebody else')")
     monkeypatch.chdir(tmp_path)
-    rig = Rig("litegripd.io.helper.main")
+    rig = Rig("litegripd.app.helper_main")
     try:
         assert rig.ask("calibration.templates").error is None
     finally:

@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from litegripd.io.helper import main as helper_main
+from litegripd.app import helper_main
 from litegripd.io.helper.helper import GOODBYE
 
 

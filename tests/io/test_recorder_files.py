@@ -226,7 +226,7 @@ def test_shared_memory_keeps_its_size_and_its_descriptor_stays_at_home() -> None
 
 
 def helper_with(shared: SharedMemory) -> Rig:
-    return Rig("litegripd.io.helper.main", shared.fd)
+    return Rig("litegripd.app.helper_main", shared.fd)
 
 
 def dumps_in(tmp_path: Path) -> list[Path]:
@@ -254,7 +254,7 @@ def test_a_helper_that_is_started_again_has_the_memory_too(shared: SharedMemory)
 def test_without_a_goodbye_the_helper_writes_what_the_daemon_did_last(
     shared: SharedMemory, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    child = start_here("litegripd.io.helper.main", memory_fd=shared.fd)
+    child = start_here("litegripd.app.helper_main", memory_fd=shared.fd)
     child.close(DEADLINE_S)
     (path,) = dumps_in(tmp_path)
     assert path.name.endswith("-crash.mcap")
@@ -266,7 +266,7 @@ def test_a_daemon_that_dies_with_an_answer_unread_leaves_its_last_minute(
     shared: SharedMemory, tmp_path: Path
 ) -> None:
     """The helper is told of a reset before it is told of the end."""
-    child = start_here("litegripd.io.helper.main", memory_fd=shared.fd)
+    child = start_here("litegripd.app.helper_main", memory_fd=shared.fd)
     assert child.send(json.dumps([1, "calibration.templates", {}]).encode())
     assert select.select([child.socket], [], [], DEADLINE_S)[0]
     child.close(DEADLINE_S)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from litegripd.app.helper_main import OPERATIONS
 from litegripd.io.helper.atomic_file import FileError
 from litegripd.io.helper.child import MAX_PACKET_BYTES, Child, start_here
 from litegripd.io.helper.files import (
@@ -17,7 +18,6 @@ from litegripd.io.helper.files import (
     save_calibration,
     save_motion,
 )
-from litegripd.io.helper.main import OPERATIONS
 from litegripd.model.calibration import CalibrationError, from_plain
 from tests.io.disk import Disk
 
@@ -210,7 +210,7 @@ def test_motion_settings_that_could_not_be_read_back_are_not_written(
 
 @pytest.fixture
 def helper() -> Iterator[Child]:
-    child = start_here("litegripd.io.helper.main")
+    child = start_here("litegripd.app.helper_main")
     yield child
     child.close()
 

@@ -357,7 +357,7 @@ def test_a_file_that_changes_is_judged_anew(rig: Rig) -> None:
 
 def test_the_helper_process_does_all_this(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("STATE_DIRECTORY", str(tmp_path))
-    child = start_here("litegripd.io.helper.main")
+    child = start_here("litegripd.app.helper_main")
 
     def ask(which: str, /, **parameters: Any) -> dict[str, Any]:
         packet = json.dumps([1, f"trajectory.{which}", parameters]).encode()

@@ -125,7 +125,7 @@ _PACKETS_PER_EVENT = 8
 _MOST_KEPT = 64
 """So many posts wait for a helper to be started: log lines, that of its own death among them."""
 
-MODULE = "litegripd.io.helper.main"
+MODULE = "litegripd.app.helper_main"
 LOG_STATE = b"l"
 """The kind of the packets, which answer no request, that report what becomes of the log."""
 
