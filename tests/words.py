@@ -37,7 +37,7 @@ NEVER = {
 """Words that a page can always do without."""
 
 SELDOM = {
-    "task": r"tasks?",
+    "errand": r"errands?",
     "fares": r"fares?",
     "order": r"orders?",
     "rest": r"rests?",
