@@ -1,4 +1,4 @@
-"""Whether what the daemon told of a crowd is as it must be: pure, from events, samples and deaths.
+"""True if what the daemon told of a crowd is as it must be: pure, from events, samples and deaths.
 
 Every motion has one owner, runs alone, only by leave of the lease, and ends. What a client that
 dies has, the lease or a motion, is lost with it, and the jaws do what was wished.
@@ -239,7 +239,7 @@ class Audit:
         return Loss(death, on_lost, told_s, found[0].at_s, gap_s)
 
     def _shows(self, sample: Sample, on_lost: str, dead_pid: int, since_s: float) -> bool:
-        """Whether the jaws do what was wished, or what somebody has asked for since."""
+        """True if the jaws do what was wished, or what somebody has asked for since."""
         motion = None if sample.job is None else self.motions.get(sample.job)
         if motion is not None:
             return motion.pid != dead_pid or not motion.is_lost_with_its_client

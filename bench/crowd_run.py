@@ -1,4 +1,4 @@
-"""Whether a daemon survives a crowd: what it tells meanwhile, and how it is when all have left.
+"""True if a daemon survives a crowd: what it tells meanwhile, and how it is when all have left.
 
 It judges by what the daemon tells and by what the kernel knows of it, never by what a client says.
 """

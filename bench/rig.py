@@ -114,7 +114,7 @@ class Rig:
 
     @property
     def is_grasped(self) -> bool:
-        """Whether something is held by force, as the daemon believes."""
+        """True if something is held by force, as the daemon believes."""
         return self.controller.grip is not None and self.controller.grip.is_holding
 
 

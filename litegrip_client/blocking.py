@@ -63,12 +63,12 @@ class BlockingWire:
 
     @property
     def closed(self) -> bool:
-        """Whether no further call can succeed."""
+        """True if no further call can succeed."""
         return self.connection.closed
 
     @property
     def is_own(self) -> bool:
-        """Whether this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, and not the parent that it was forked from."""
         return self.connection.is_own
 
     async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:

@@ -144,12 +144,12 @@ class Connection(Exchange):
 
     @property
     def closed(self) -> bool:
-        """Whether no further call can succeed."""
+        """True if no further call can succeed."""
         return self._multiplexer.closed
 
     @property
     def is_own(self) -> bool:
-        """Whether this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, and not the parent that it was forked from."""
         return self._multiplexer.is_own
 
     @property
@@ -159,7 +159,7 @@ class Connection(Exchange):
 
     @property
     def is_waiting_here(self) -> bool:
-        """Whether this very thread waits for an answer: so in a signal handler during a call."""
+        """True if this very thread waits for an answer: so in a signal handler during a call."""
         return self._multiplexer.is_waiting_here
 
     def close(self) -> None:

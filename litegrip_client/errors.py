@@ -44,7 +44,7 @@ class LiteGripError(Exception):
 
     @property
     def retryable(self) -> bool:
-        """Whether the same request may succeed later unchanged."""
+        """True if the same request may succeed later unchanged."""
         return self.data.get("retryable") is True
 
     @property

@@ -58,7 +58,7 @@ class Exchange:
 
     @property
     def closed(self) -> bool:
-        """Whether no further call can succeed."""
+        """True if no further call can succeed."""
         raise NotImplementedError
 
     def _post(self, line: bytes) -> None:

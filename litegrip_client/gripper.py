@@ -84,7 +84,7 @@ class LiteGrip(GripperActions):
 
     @property
     def is_connected(self) -> bool:
-        """Whether calls can be made."""
+        """True if calls can be made."""
         return self._core.is_connected
 
     @property
@@ -94,7 +94,7 @@ class LiteGrip(GripperActions):
 
     @property
     def disable_on_disconnect(self) -> bool:
-        """Whether the end of the connection disables the motor that this object enabled.
+        """True if the end of the connection disables the motor that this object enabled.
 
         Setting it counts for `disconnect`; for a crash counts what it was on `enable`.
         """

@@ -41,7 +41,7 @@ class Multiplexer:
 
     @property
     def is_own(self) -> bool:
-        """Whether this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, and not the parent that it was forked from."""
         return os.getpid() == self._pid
 
     @property
@@ -51,12 +51,12 @@ class Multiplexer:
 
     @property
     def closed(self) -> bool:
-        """Whether no further call can succeed."""
+        """True if no further call can succeed."""
         return self._router.ending is not None or not self.is_own or self._stream.hung_up
 
     @property
     def is_waiting_here(self) -> bool:
-        """Whether this very thread reads already: so in a signal handler during a call."""
+        """True if this very thread reads already: so in a signal handler during a call."""
         return self._leader == threading.get_ident()
 
     def check_usable(self) -> None:

@@ -60,7 +60,7 @@ class Described:
             self.results[method].validate(message["result"])
 
     def holds(self, message: Mapping[str, Any], method: str) -> bool:
-        """Whether a whole line is as described."""
+        """True if a whole line is as described."""
         try:
             self.check(message, method)
         except ValidationError:

@@ -114,7 +114,7 @@ class Daemon(World):
 
     @property
     def is_energised(self) -> bool:
-        """Whether the motor itself says that it is enabled."""
+        """True if the motor itself says that it is enabled."""
         return self.gripper.motor.status == 1
 
     def command_now(self) -> MitCommand | None:

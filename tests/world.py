@@ -144,7 +144,7 @@ class Client:
         self.session.outgoing.clear()
 
     def has_answer(self, number: int) -> bool:
-        """Whether a request has been answered."""
+        """True if a request has been answered."""
         self.read()
         return number in self.answers
 
@@ -382,7 +382,7 @@ class World:
         return self.machine.motor.view().phase
 
     def in_phase(self, *phases: MotorPhase) -> bool:
-        """Whether the motor is in one of these phases."""
+        """True if the motor is in one of these phases."""
         return self.phase in phases
 
     @property
@@ -413,5 +413,5 @@ class World:
 
 
 def is_command(frame: CanFrame) -> bool:
-    """Whether a frame to the motor is an MIT command and not enable, disable, clear or zero."""
+    """True if a frame to the motor is an MIT command and not enable, disable, clear or zero."""
     return frame.data[:7] != b"\xff" * 7

@@ -120,7 +120,7 @@ class Connection(Exchange):
 
     @property
     def closed(self) -> bool:
-        """Whether no further call can succeed."""
+        """True if no further call can succeed."""
         return self._router.ending is not None or self._loop.is_closed() or not self.is_own
 
     @property
@@ -130,7 +130,7 @@ class Connection(Exchange):
 
     @property
     def is_own(self) -> bool:
-        """Whether this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, and not the parent that it was forked from."""
         return os.getpid() == self._pid
 
     async def close(self) -> None:

@@ -80,7 +80,7 @@ class Gripper(GripperActions):
 
     @property
     def is_connected(self) -> bool:
-        """Whether calls can be made."""
+        """True if calls can be made."""
         return self._link.is_open
 
     @property
@@ -90,7 +90,7 @@ class Gripper(GripperActions):
 
     @property
     def disable_on_disconnect(self) -> bool:
-        """Whether the end of the connection disables the motor that this object enabled."""
+        """True if the end of the connection disables the motor that this object enabled."""
         return self._link.disable_on_disconnect
 
     @disable_on_disconnect.setter

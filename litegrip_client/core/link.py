@@ -81,12 +81,12 @@ class Link:
 
     @property
     def is_open(self) -> bool:
-        """Whether calls can be made."""
+        """True if calls can be made."""
         return self._wire is not None and not self._wire.closed
 
     @property
     def leased(self) -> bool:
-        """Whether anybody who uses this link still wants the lease."""
+        """True if anybody who uses this link still wants the lease."""
         return self.keeps_lease or self._leases > 0
 
     @property

@@ -31,11 +31,11 @@ class Wire(Protocol):
 
     @property
     def closed(self) -> bool:
-        """Whether no further call can succeed."""
+        """True if no further call can succeed."""
 
     @property
     def is_own(self) -> bool:
-        """Whether this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, and not the parent that it was forked from."""
 
     def prepare(self, method: str, params: Mapping[str, Any] | None = None) -> Call:
         """Make a call."""

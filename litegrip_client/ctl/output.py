@@ -31,7 +31,7 @@ class Output:
         self.as_json = as_json
         self.for_gripper = for_gripper
         self.live = sys.stdout.isatty() and not as_json
-        """Whether a line can be written over."""
+        """True if a line can be written over."""
         self._open_line = False
 
     def result(self, data: Mapping[str, Any], text: str) -> None:

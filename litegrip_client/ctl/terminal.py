@@ -9,7 +9,7 @@ import sys
 
 
 def may_ask() -> bool:
-    """Whether somebody is there to read a question and to answer it."""
+    """Return whether somebody is there to read a question and to answer it."""
     return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
 
 
@@ -34,5 +34,5 @@ def ask(question: str) -> str | None:
 
 
 def confirm(question: str) -> bool:
-    """Whether the answer is yes; everything else is no."""
+    """Return whether the answer is yes; everything else is no."""
     return ask(f"{question} [y/N]") in ("y", "yes")

@@ -1,4 +1,4 @@
-"""Whether the daemons' user can run what is installed: each file and directory that it takes.
+"""True if the daemons' user can run what is installed: each file and directory that it takes.
 
 Modes are judged, and no command is run: the user may not exist yet, and then it is as all others.
 """
@@ -29,7 +29,7 @@ class Reader:
     gids: frozenset[int] = frozenset()
 
     def may(self, path: Path, bits: int) -> bool:
-        """Whether the mode of a file lets them; one with an access list of its own is trusted."""
+        """Check if the mode of a file lets them; one with an access list of its own is trusted."""
         found = path.stat()
         shift = 6 if found.st_uid == self.uid else 3 if found.st_gid in self.gids else 0
         return (found.st_mode >> shift) & bits == bits or _has_access_list(path)

@@ -33,7 +33,7 @@ class Machine:
         self.motor = Motor(gripper_id.can_id, master_id, period_s, gripper_id.motor_type)
         self.controller = Controller(config, period_s, gripper_id)
         self.may_be_energised: bool | None = None
-        """Whether the motor was being enabled, or said that it is, and has not confirmed since that
+        """True if the motor was being enabled, or said that it is, and has not confirmed since that
         it is off; None until it has said either."""
         self._sent: list[CanFrame] = []
 
@@ -82,12 +82,12 @@ class Machine:
 
     @property
     def is_disabled(self) -> bool:
-        """Whether the motor has confirmed that it is not energised."""
+        """True if the motor has confirmed that it is not energised."""
         return self.motor.view().phase in OFF
 
     @property
     def is_out_of_reach(self) -> bool:
-        """Whether the motor does not answer, or has not told yet what it is."""
+        """True if the motor does not answer, or has not told yet what it is."""
         return self.motor.view().phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
 
 
@@ -99,7 +99,7 @@ FIND_WITHIN_S = 0.3
 
 
 class Ending:
-    """Whether and since when the end has begun."""
+    """The end of a daemon: disables the motor, and waits for that, but not for ever."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -107,7 +107,7 @@ class Ending:
 
     @property
     def has_begun(self) -> bool:
-        """Whether the daemon has been told to end."""
+        """True if the daemon has been told to end."""
         return self._since_s is not None
 
     def begin(self, now_s: float) -> None:
@@ -118,7 +118,7 @@ class Ending:
             self._machine.controller.shut_down()
 
     def is_over(self, now_s: float) -> bool:
-        """Whether the end has begun and nothing is to be waited for any more."""
+        """Return whether the end has begun and nothing is to be waited for any more."""
         if self._since_s is None:
             return False
         waited_s = now_s - self._since_s

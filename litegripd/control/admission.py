@@ -1,4 +1,4 @@
-"""Whether a motion may begin, and if not, why and what to do."""
+"""True if a motion may begin, and if not, why and what to do."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

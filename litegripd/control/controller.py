@@ -102,7 +102,7 @@ class Controller:
         self.stop_latch = StopLatch()
         self.action: Action | None = None
         self.has_stepped = False
-        """Whether the present or latest action has had any say in what the motor is told."""
+        """True if the present or latest action has had any say in what the motor is told."""
         self.rest: Rest = Slack()
         self.output = Output(self.gripper_id.motor_type)
         self.inquiries = Inquiries()
@@ -142,7 +142,7 @@ class Controller:
 
     @property
     def is_ending(self) -> bool:
-        """Whether the daemon's end has begun."""
+        """True if the daemon's end has begun."""
         return self._is_ending
 
     def progress(self) -> Progress | None:
@@ -618,7 +618,7 @@ def _defect(job: Job, error: Exception) -> Refusal:
 
 
 def _falls(job: Job, loss: Loss | None, client: int) -> bool:
-    """Whether a job ends with its client, or with the lease that it runs under."""
+    """Return whether a job ends with its client, or with the lease that it runs under."""
     if job.detached:
         return False
     under = loss is not None and job.grant == loss.grant.number

@@ -42,7 +42,7 @@ def gains_of(calibration: Calibration, before: Gains) -> Gains:
 
 
 def is_in_press_zone(short_rad: float, geometry: Geometry, config: MotionConfig) -> bool:
-    """Whether jaws that are `short_rad` short of the stop are to press on it gently."""
+    """Return whether jaws that are `short_rad` short of the stop are to press on it gently."""
     return short_rad <= geometry.to_rad(config.press_zone_mm)
 
 

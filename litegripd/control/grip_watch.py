@@ -1,4 +1,4 @@
-"""Whether what is held by force is still there, judged by where the jaws end.
+"""True if what is held by force is still there, judged by where the jaws end.
 
 Jaws that close fast while nothing takes their torque are a suspicion and no verdict: they may come
 back after a push, or follow an object that has given way by a millimetre. The squeezing continues

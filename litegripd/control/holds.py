@@ -456,7 +456,7 @@ class Hold:
         return self.gains.at(self.position_rad)
 
     def presses(self, feedback: Feedback) -> bool:
-        """Whether jaws that stand are where this hold leaves them, for its torque is there already.
+        """Check if jaws that stand are where this hold leaves them: its torque is there already.
 
         A command that leads jaws which it has not reached yet would move them further.
         """

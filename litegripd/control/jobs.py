@@ -112,7 +112,7 @@ class JobBook:
 
 
 def _is_same_program(one: Owner, other: Owner) -> bool:
-    """Whether two requests are of one process, maybe by two connections.
+    """Return whether two requests are of one process, maybe by two connections.
 
     Processes of another pid namespace have no number here (pid 0): only a connection tells them
     apart.

@@ -45,7 +45,7 @@ class StopLatch:
         return latched
 
     def may_be_cleared_by(self, uid: int, *, alone: bool) -> bool:
-        """Whether a user clears what that user has stopped; `alone`: nobody else has, too."""
+        """Check if a user clears what that user has stopped; `alone`: nobody else has, too."""
         return self.stopped_by == (uid,) if alone else uid in self.stopped_by
 
     def clear(self) -> int:

@@ -76,7 +76,7 @@ class Link:
         return self.receive()
 
     def is_left(self) -> bool:
-        """Whether the other end is gone, though packets of it may be left to be received."""
+        """Return whether the other end is gone, though packets of it may be left to be received."""
         poll = select.poll()
         poll.register(self._socket, 0)
         return bool(poll.poll(0))

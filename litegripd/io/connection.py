@@ -54,7 +54,7 @@ class Owner(Protocol):
         """Close the connection for good."""
 
     def is_idle(self, connection: "Connection") -> bool:
-        """Whether nothing more will be sent to it by itself."""
+        """Return whether nothing more will be sent to it by itself."""
 
 
 class Connection:
@@ -107,7 +107,7 @@ class Connection:
 
     @property
     def has_more(self) -> bool:
-        """Whether there is something to be served, or read, in another turn."""
+        """True if there is something to be served, or read, in another turn."""
         return self.line is not None or self._unread > 0
 
     def prepare(self) -> bool:
@@ -245,7 +245,7 @@ class Connection:
         self._socket.close()
 
     def _may_be_overtaken(self, line: bytes) -> bool:
-        """Whether `line` is a set-point, the last of what is read, and more is to be read."""
+        """Check if `line` is a set-point, the last of what is read, and more is to be read."""
         is_last = self._unread > 0 and self._received.find(b"\n", self._taken) < 0
         has_room = len(self._received) - self._begin <= MAX_LINE_BYTES
         return is_last and has_room and is_set_point(line)

@@ -204,7 +204,7 @@ def _field(name: str, value: str) -> bytes:
 
 
 def goes_to_journal() -> bool:
-    """Whether standard error is the journal, as the environment of a systemd unit tells."""
+    """Return whether standard error is the journal, as the environment of a systemd unit tells."""
     try:
         device, inode = map(int, os.environ.get("JOURNAL_STREAM", "").split(":"))
         status = os.fstat(2)

@@ -212,7 +212,7 @@ class Backlog(Protocol):
 
     @property
     def pending(self) -> bool:
-        """Whether anything is left."""
+        """True if anything is left."""
 
     def serve(self, until_s: float, *, light_only: bool = False) -> None:
         """Answer some of it by `until_s`; it is called again while there is time.
@@ -222,7 +222,7 @@ class Backlog(Protocol):
 
     @property
     def pending_light(self) -> bool:
-        """Whether anything is left of who has used little time."""
+        """True if anything is left of who has used little time."""
 
 
 class Reactor:
@@ -268,7 +268,7 @@ class Reactor:
             self._epoll.unregister(fd)
 
     def serves(self, fd: int) -> bool:
-        """Whether `fd` is served; one whose handler has failed is not."""
+        """Return whether `fd` is served; one whose handler has failed is not."""
         return fd in self._handlers
 
     def stop(self) -> None:

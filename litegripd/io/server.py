@@ -55,7 +55,7 @@ class Turns:
 
     @property
     def has_light(self) -> bool:
-        """Whether a connection of a light user waits."""
+        """True if a connection of a light user waits."""
         return any(user.used_s < self._light_s for user in self.waiting.values())
 
     def add(self, connection: "Connection") -> bool:
@@ -156,22 +156,22 @@ class Server:
 
     @property
     def pending(self) -> bool:
-        """Whether a line waits to be served, or anything to be sent."""
+        """True if a line waits to be served, or anything to be sent."""
         return bool(self._turns.waiting or self._dirty) or self._service.pending
 
     @property
     def pending_light(self) -> bool:
-        """Whether a line of a user waits who has used little time of late, or what it is told."""
+        """True if a line of a user waits who has used little time of late, or what it is told."""
         return bool(self._dirty) or self._turns.has_light
 
     @property
     def is_open(self) -> bool:
-        """Whether new clients are heard."""
+        """True if new clients are heard."""
         return self._reactor.serves(self._listener.fileno())
 
     @property
     def lines_wait(self) -> bool:
-        """Whether a client's line waits to be served."""
+        """True if a client's line waits to be served."""
         return bool(self._turns.waiting)
 
     def serve(self, until_s: float, *, light_only: bool = False) -> None:
@@ -330,11 +330,11 @@ class Server:
         self._service.handle(connection.session, line, now_s, now_s)
 
     def is_idle(self, connection: Connection) -> bool:
-        """Whether a client that sends nothing more has nothing more to receive."""
+        """Return whether a client that sends nothing more has nothing more to receive."""
         return self._service.is_idle(connection.session)
 
     def _somebody_waits(self) -> bool:
-        """Whether anybody waits in the kernel to be let in."""
+        """Return whether anybody waits in the kernel to be let in."""
         listener = self._listener
         return listener.fileno() >= 0 and bool(select.select((listener,), (), (), 0)[0])
 

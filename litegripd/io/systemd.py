@@ -22,7 +22,7 @@ class Notifier:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self.is_full = False
-        """Whether what was sent last found no room: the manager has not read what came before."""
+        """True if what was sent last found no room: the manager has not read what came before."""
 
     def send(self, text: str) -> bool:
         """Send lines such as READY=1; tell whether they left. Never waits, raises nothing."""

@@ -47,7 +47,7 @@ class BusCondition:
 
     @property
     def is_usable(self) -> bool:
-        """Whether frames can be exchanged as far as is known; a silent motor is no matter of it."""
+        """True if frames can be exchanged as far as is known; a silent motor is no matter of it."""
         return self.state in ("up", "motor_silent")
 
     def refusal(self, bus_channel: str) -> Refusal | None:

@@ -88,7 +88,7 @@ class Calibration:
 
     @property
     def nominal(self) -> bool:
-        """Whether its figures are a template's, and were measured on no gripper."""
+        """True if its figures are a template's, and were measured on no gripper."""
         return self.geometry in NOMINAL
 
     def direction_only(self) -> "Calibration":

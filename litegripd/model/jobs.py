@@ -91,5 +91,5 @@ class Job:
 
     @property
     def is_running(self) -> bool:
-        """Whether it has not ended; one that waits for its turn has not."""
+        """True if it has not ended; one that waits for its turn has not."""
         return self.state in (JobState.RUNNING, JobState.QUEUED)

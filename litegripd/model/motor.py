@@ -45,7 +45,7 @@ def status_name(code: int) -> str:
 
 
 def is_fault(code: int) -> bool:
-    """Whether a status nibble is a fault, known or not: anything but disabled and enabled."""
+    """Check if a status nibble is a fault, known or not: anything but disabled and enabled."""
     return code not in (Status.DISABLED, Status.ENABLED)
 
 
@@ -174,7 +174,7 @@ class MotorView:
 
     @property
     def has_jumped(self) -> bool:
-        """Whether the position is not believed, because it jumped."""
+        """True if the position is not believed, because it jumped."""
         return self.problem is not None and self.problem.reason == "implausible_feedback"
 
 

@@ -62,7 +62,7 @@ class MoveResult:
 
 @dataclass(frozen=True, slots=True)
 class EnableResult:
-    """Whether the motor confirmed that it is enabled, after how many attempts, and if not, why."""
+    """The result of enabling: confirmed or not, after how many attempts, and if not, why."""
 
     ok: bool
     tries: int
@@ -71,7 +71,7 @@ class EnableResult:
 
 @dataclass(frozen=True, slots=True)
 class DisableResult:
-    """Whether the motor confirmed that it is disabled."""
+    """The result of disabling: confirmed by the motor or not."""
 
     ok: bool
 

@@ -74,7 +74,7 @@ def decode_feedback(data: bytes, ranges: Ranges, at_s: float) -> Feedback:
 
 
 def is_from_motor(data: bytes, can_id: int) -> bool:
-    """Whether a frame on the master id can be feedback of the motor `can_id`."""
+    """Return whether a frame on the master id can be feedback of the motor `can_id`."""
     return len(data) == FRAME_BYTES and data[0] & 0xF == can_id & 0xF
 
 

@@ -33,7 +33,7 @@ class FaultClearing:
         self._next_try_s = now_s
 
     def has_failed(self, now_s: float) -> bool:
-        """Whether the fault has lasted for so long that it will not go."""
+        """Return whether the fault has lasted for so long that it will not go."""
         return now_s - self._began_s >= GIVES_UP_S
 
     def step(self, now_s: float) -> list[CanFrame]:
@@ -77,7 +77,7 @@ class Arming:
 
     @property
     def has_stored_zero(self) -> bool:
-        """Whether the motor has answered a zero-gain frame since the last other frame.
+        """True if the motor has answered a zero-gain frame since the last other frame.
 
         Only then may it be enabled: what it has stored is what enable applies. Answers look all
         alike, so those to earlier frames are counted out; a lost one costs a frame more.
@@ -92,7 +92,7 @@ class Arming:
 
     @property
     def is_prepared(self) -> bool:
-        """Whether all registers are as known, and allow to enable the motor."""
+        """True if all registers are as known, and allow to enable the motor."""
         identity = self._known.identity
         if self._known.verifier.is_open or identity is None:
             return False

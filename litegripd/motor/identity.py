@@ -140,13 +140,13 @@ class RegisterScan:
 
 
 def has_usable_ranges(identity: MotorIdentity) -> bool:
-    """Whether frames can be decoded with the motor's ranges: finite and of no absurd size."""
+    """Check if frames can be decoded with the motor's ranges: finite and of no absurd size."""
     ranges = identity.ranges
     return all(map(is_usable_range, (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)))
 
 
 def is_usable_range(limit: float) -> bool:
-    """Whether a range is finite and of no absurd size."""
+    """Return whether a range is finite and of no absurd size."""
     return SMALLEST_RANGE <= limit <= LARGEST_RANGE
 
 
@@ -316,26 +316,26 @@ class Verifier:
 
     @property
     def is_open(self) -> bool:
-        """Whether any register is still to be verified."""
+        """True if any register is still to be verified."""
         return bool(self._open)
 
     def is_verified(self, register: Register) -> bool:
-        """Whether a register is as known."""
+        """Return whether a register is as known."""
         return register not in self._open
 
     def is_in_doubt(self, register: Register) -> bool:
-        """Whether a register may hold something else than is known."""
+        """Return whether a register may hold something else than is known."""
         check = self._open.get(register)
         return check is not None and bool(check.claims)
 
     @property
     def doubts_ranges(self) -> bool:
-        """Whether any range of the frames' fields may be another than is known."""
+        """True if any range of the frames' fields may be another than is known."""
         return any(self.is_in_doubt(register) for register in _RANGES)
 
     @property
     def has_written(self) -> bool:
-        """Whether the watchdog was set since all was begun to be read."""
+        """True if the watchdog was set since all was begun to be read."""
         return self._wrote_s > -math.inf
 
     def reset(self) -> None:
@@ -446,7 +446,7 @@ class Verifier:
 
 
 def is_watchdog_on(known: MotorIdentity) -> bool:
-    """Whether the motor disarms itself soon enough when nobody commands it."""
+    """Return whether the motor disarms itself soon enough when nobody commands it."""
     return 0.0 < known.timeout_s <= LONGEST_WATCHDOG_S
 
 
@@ -581,5 +581,5 @@ class Identification:
 
     @property
     def is_uncontrollable(self) -> bool:
-        """Whether it is known that the motor cannot be commanded."""
+        """True if it is known that the motor cannot be commanded."""
         return self.identity is not None and uncontrollable(self.identity) is not None

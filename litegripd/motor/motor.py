@@ -116,7 +116,7 @@ class Motor:
 
     @property
     def says_enabled(self) -> bool:
-        """Whether its latest status was that it is enabled; that needs no ranges to be known."""
+        """True if its latest status was that it is enabled; that needs no ranges to be known."""
         return self._feedback is not None and self._feedback.status == Status.ENABLED
 
     @property
@@ -126,7 +126,7 @@ class Motor:
 
     @property
     def is_verifying(self) -> bool:
-        """Whether registers are being read again."""
+        """True if registers are being read again."""
         return self._identification.verifier.is_open
 
     def receive(self, now_s: float, frames: Iterable[CanFrame]) -> None:
@@ -182,7 +182,7 @@ class Motor:
             self.counters.ignored_frames += 1
 
     def _is_on_own_id(self, frame: CanFrame, answer: Answer | None) -> bool:
-        """Whether a frame on the motor's own id is an answer of the motor rather than a command.
+        """Check if a frame on the motor's own id is an answer of the motor rather than a command.
 
         With MST_ID = ESC_ID all answers come there, and before the registers are read any may.
         Else it is one whose id was damaged on the way. Read as a command it would lead the jaws to
@@ -262,7 +262,7 @@ class Motor:
         self._fresh = True
 
     def _has_no_scale(self, feedback: Feedback) -> bool:
-        """Whether its position cannot be known, while another program may have set the range."""
+        """Check if its position cannot be known, while another program may have set the range."""
         is_used = self._phase in _JUDGED or self._zeroing.is_pending
         is_enabled = feedback.status == Status.ENABLED or self._zeroing.is_pending
         return is_used and is_enabled and self._identification.verifier.is_in_doubt(PMAX)

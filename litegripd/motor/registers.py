@@ -132,10 +132,10 @@ class Answer:
 
     number: int
     is_write: bool
-    """Whether it answers a write or a save, and not a read."""
+    """True if it answers a write or a save, and not a read."""
     raw: bytes
     is_save: bool = False
-    """Whether it answers a save; it has no register and no value then."""
+    """True if it answers a save; it has no register and no value then."""
 
 
 def read_request(can_id: int, register: Register) -> CanFrame:

@@ -57,12 +57,12 @@ class Silence:
         self.unanswered = SILENT_AFTER_POLLS + 1 if is_known else 0
 
     def is_total(self, phase: Phase) -> bool:
-        """Whether the motor that is looked for does not answer at all."""
+        """Return whether the motor that is looked for does not answer at all."""
         return phase is Phase.LOOKING and self.unanswered > SILENT_AFTER_POLLS
 
     @property
     def may_repeat(self) -> bool:
-        """Whether a command may go out in this tick, in view of those without an answer."""
+        """True if a command may go out in this tick, in view of those without an answer."""
         beyond = self.unanswered - REPEATED_AT_ONCE
         return beyond <= 0 or beyond % self._ticks_apart == 0
 

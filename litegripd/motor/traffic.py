@@ -36,11 +36,11 @@ class Traffic:
         self._polled_at_s = float("-inf")
         self._last_command: MitCommand | None = None
         self.is_stored = False
-        """Whether the motor may have stored a command."""
+        """True if the motor may have stored a command."""
 
     @property
     def is_driven(self) -> bool:
-        """Whether the motor was told last to do anything; else the jaws are slack."""
+        """True if the motor was told last to do anything; else the jaws are slack."""
         last = self._last_command
         return last is not None and any((last.kp_nm_rad, last.kd_nm_s_rad, last.torque_nm))
 

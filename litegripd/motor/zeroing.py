@@ -57,7 +57,7 @@ class Zeroing:
 
     @property
     def is_pending(self) -> bool:
-        """Whether it has not ended."""
+        """True if it has not ended."""
         return self.view.state == "pending"
 
     def take(self, feedback: Feedback, now_s: float) -> None:
@@ -90,7 +90,7 @@ class Zeroing:
             self._fail(LEFT)
 
     def _rests(self, now_s: float) -> bool:
-        """Whether the jaws have not moved for a while."""
+        """Return whether the jaws have not moved for a while."""
         if abs(self._position_rad - self._rest_rad) > self._rest_within_rad:
             self._rest_rad, self._rests_since_s = self._position_rad, now_s
         return now_s - self._rests_since_s >= REST_S

@@ -145,7 +145,7 @@ class EventStream:
 
     @property
     def pending(self) -> bool:
-        """Whether somebody is still to be told of something."""
+        """True if somebody is still to be told of something."""
         return bool(self._to_tell or self._next_row)
 
     def send_one(self) -> None:

@@ -159,7 +159,7 @@ MotorFigures = NewType("MotorFigures", dict[str, object])
 
 
 class ForeignActive(TypedDict):
-    """Whether somebody else commands the motor just now."""
+    """True if somebody else commands the motor just now."""
 
     foreign_active: bool
 

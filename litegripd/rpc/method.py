@@ -47,7 +47,7 @@ class Call(NamedTuple):
 
     @property
     def detached(self) -> bool:
-        """Whether the motion outlives its connection: as asked for, else if not waited for."""
+        """True if the motion outlives its connection: as asked for, else if not waited for."""
         return bool(self.params.get("detach", not self.params.get("wait", True)))
 
     def config(self, base: MotionConfig, period_s: float, motor_type: MotorType) -> MotionConfig:

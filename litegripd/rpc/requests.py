@@ -163,7 +163,7 @@ def _kind_of(method: Method) -> JobKind | None:
 
 
 def _is_own(running: Job, owner: Owner) -> bool:
-    """Whether a motion may be ended by who asks for another one."""
+    """Return whether a motion may be ended by who asks for another one."""
     same_lease = running.grant is not None and running.grant == owner.grant
     return same_lease or running.owner.client == owner.client
 

@@ -127,7 +127,7 @@ class RpcService:
         self._collect_events(now_s)
 
     def is_idle(self, session: Session) -> bool:
-        """Whether nothing will be sent to `session` that it has not asked for anew."""
+        """Return whether nothing will be sent to `session` that it has not asked for anew."""
         return not session.unanswered and not session.subscriptions
 
     def handle(
@@ -165,7 +165,7 @@ class RpcService:
 
     @property
     def pending(self) -> bool:
-        """Whether events or samples wait to be sent."""
+        """True if events or samples wait to be sent."""
         return self._subscriptions.pending
 
     def send_one(self) -> None:

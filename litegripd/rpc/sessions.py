@@ -113,7 +113,7 @@ class Service(Protocol):
 
     @property
     def pending(self) -> bool:
-        """Whether events or samples wait to be sent."""
+        """True if events or samples wait to be sent."""
 
     def send_one(self) -> None:
         """Write to one session what waits for one of its subscriptions."""
@@ -125,7 +125,7 @@ class Service(Protocol):
         """Take note that the process is gone which opened the session's connection."""
 
     def is_idle(self, session: Session) -> bool:
-        """Whether nothing will be sent to `session` that it has not asked for anew."""
+        """Return whether nothing will be sent to `session` that it has not asked for anew."""
 
 
 class Clients:

@@ -105,7 +105,7 @@ class Samples:
 
     @property
     def pending(self) -> bool:
-        """Whether a sample waits to be taken, or a batch to be sent."""
+        """True if a sample waits to be taken, or a batch to be sent."""
         return bool(self._gathering or self._due)
 
     def send_one(self, state: GripperState) -> None:
@@ -226,7 +226,7 @@ class Subscriptions:
 
     @property
     def pending(self) -> bool:
-        """Whether an event or a sample waits to be sent."""
+        """True if an event or a sample waits to be sent."""
         return self._open > 0 and (self.events.pending or self._samples.pending)
 
     def send_one(self, state: Callable[[], GripperState]) -> None:

@@ -32,7 +32,7 @@ class FrameFaults:
 
     def __init__(self, direction: str, seed: int = 0) -> None:
         self.is_used = False
-        """Whether any fault was ever set: until then nobody needs to ask `arrivals`."""
+        """True if any fault was ever set: until then nobody needs to ask `arrivals`."""
         self._direction = direction
         self._lock = threading.Lock()
         self._latest_s = -math.inf
@@ -161,14 +161,14 @@ class BusFaults:
         self.to_motor = channel.wire.to_motor
         self.from_motor = channel.wire.from_motor
         self.is_whole = True
-        """Whether frames go out and come in, as they do without any fault of the link."""
+        """True if frames go out and come in, as they do without any fault of the link."""
         self._channel = channel
         self._is_down = self._is_unplugged = self._is_off = self._is_stalled = False
         self._queue: deque[tuple[Node, can.Message]] = deque()
 
     @property
     def is_unplugged(self) -> bool:
-        """Whether the adapter is gone, and with it the interface."""
+        """True if the adapter is gone, and with it the interface."""
         return self._is_unplugged
 
     def seed(self, seed: int) -> None:

@@ -69,7 +69,7 @@ class TeleopAction(PlainAction, ABC):
         self.loop = LoopRate()
         self.send_failed = 0
         self.is_warned = False
-        """Whether it has been said that the link is open to others."""
+        """True if it has been said that the link is open to others."""
         self.is_finished = False
         self.feedback: Feedback | None = None
         self._say = tell

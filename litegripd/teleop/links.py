@@ -62,7 +62,7 @@ class TeleopLinks:
 
     @property
     def is_open_to_network(self) -> bool | None:
-        """Whether others than those whom the configuration names can reach a link now.
+        """True if others than those whom the configuration names can reach a link now.
 
         That of a leader's session, too, which stays open when its teleoperation is over. None while
         nobody can know.

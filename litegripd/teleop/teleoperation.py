@@ -136,7 +136,7 @@ class Teleoperation:
 
     @property
     def is_active(self) -> bool:
-        """Whether it runs."""
+        """True if it runs."""
         return self._action is not None and self._controller.action is self._action
 
     def status(self, now_s: float) -> TeleopStatus:

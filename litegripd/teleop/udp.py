@@ -27,7 +27,7 @@ class Endpoint(Protocol):
 
     @property
     def is_protected(self) -> bool:
-        """Whether only whom the configuration names can take part."""
+        """True if only whom the configuration names can take part."""
 
     def publish(self, payload: bytes) -> None:
         """Send to whoever listens; raises when the network does not take it."""
@@ -37,7 +37,7 @@ class Endpoint(Protocol):
 
     @property
     def matching(self) -> bool | None:
-        """Whether somebody listens; None where nobody can know."""
+        """True if somebody listens; None where nobody can know."""
 
     @property
     def failure(self) -> Exception | None:

@@ -77,7 +77,7 @@ class ZenohLeader:
 
     @property
     def matching(self) -> bool | None:
-        """Whether a follower listens."""
+        """True if a follower listens."""
         status: Any = self._publisher.matching_status  # zenoh's stubs call it a bool
         return bool(status.matching)
 
@@ -176,7 +176,7 @@ def _protocol(config: zenoh.Config) -> str:
 
 
 def _names(config: zenoh.Config, keys: Sequence[str]) -> bool:
-    """Whether TLS has one of these; asked for one by one, since zenoh hides `_base64` in a row."""
+    """Check if TLS has one of these; asked one by one, since zenoh hides `_base64` in a row."""
     return any(json.loads(config.get_json(f"transport/link/tls/{key}")) for key in keys)
 
 
@@ -191,7 +191,7 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 def _is_protected(config: zenoh.Config, *, leads: bool) -> bool:
-    """Whether the configuration lets only those take part whom it names.
+    """Return whether the configuration lets only those take part whom it names.
 
     For a leader that is TLS with certificates of both ends, an access list, or users with
     passwords. For a follower, who chooses whom to connect to, it is TLS with the authority of the

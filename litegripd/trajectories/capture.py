@@ -155,7 +155,7 @@ class Capture:
 
     @property
     def would_be_lost(self) -> bool:
-        """Whether there is a good recording, finished or not, that is not kept anywhere else."""
+        """True if there is a good recording, finished or not, that is not kept anywhere else."""
         return self.error is None and not self.is_taken
 
     def finish(self) -> None:

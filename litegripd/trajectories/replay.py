@@ -211,7 +211,7 @@ class ReplayGrips:
         return self._grips[self._number]
 
     def is_due(self, at_s: float) -> bool:
-        """Whether the jaws are to close on something by now."""
+        """Return whether the jaws are to close on something by now."""
         return self._number < len(self._grips) and self.present.closing_s <= at_s
 
     def rewind(self) -> None:
@@ -537,7 +537,7 @@ class Replay(PlainAction):
         )
 
     def _is_pose(self, path: Path) -> bool:
-        """Whether the path is over before a tick has passed."""
+        """Return whether the path is over before a tick has passed."""
         return path.duration_s < self._period_s
 
     def _is_endless_pose(self, path: Path) -> bool:

@@ -29,7 +29,7 @@ def _field(name: str) -> st.SearchStrategy[tuple[str, float]]:
 
 
 def go_together(fields: Values) -> bool:
-    """Whether fields that are in their ranges make a configuration."""
+    """True if fields that are in their ranges make a configuration."""
     all_fields = {**_DEFAULTS, **fields}
     return bool(all_fields["stop_lead_mm"] <= all_fields["max_lead_mm"])
 

@@ -146,7 +146,7 @@ class LimitWatch:
     def _is_inside(
         self, geometry: Geometry, command: MitCommand, feedback: Feedback, code_rad: float
     ) -> bool:
-        """Whether a command lies in the widened travel, or between there and the jaws."""
+        """True if a command lies in the widened travel, or between there and the jaws."""
         beyond_rad = self._controller.config.press_overshoot * geometry.travel_rad + code_rad
         low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad))
         low_rad = min(low_rad - beyond_rad, feedback.position_rad - code_rad)

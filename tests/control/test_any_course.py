@@ -245,7 +245,7 @@ class AnyCourse(RuleBasedStateMachine):
         assert client.result("calibration.zero", config={"calib_kd": 0.6})["ok"]
 
     def is_quiet(self) -> bool:
-        """Whether no job runs and the motor is in a phase that lasts, with its zero settled."""
+        """True if no job runs and the motor is in a phase that lasts, with its zero settled."""
         self.world.lose_to_motor = self.world.lose_from_motor = lambda _frame: False
         lasting = (MotorPhase.DISABLED, MotorPhase.ENABLED, MotorPhase.FAULT)
         settled = self.world.machine.motor.view().zero.state != "pending"

@@ -73,7 +73,7 @@ def lowered_force(mount: str) -> World:
 
 
 def is_searching(world: World) -> bool:
-    """Whether the jaws are on their way to an object that gave way: it may feel nothing."""
+    """True if the jaws are on their way to an object that gave way: it may feel nothing."""
     return world.controller.grip is not None and world.controller.grip.clamp_n[0] == 0.0
 
 

@@ -167,7 +167,7 @@ def _settle(world: FaultWorld, watch: Watch) -> float:
 
 
 def _is_known(world: FaultWorld) -> bool:
-    """Whether the bus works, nobody else commands, and the daemon knows what the motor does."""
+    """True if the bus works, nobody else commands, and the daemon knows what the motor does."""
     controller = world.controller
     is_alone = not controller.second_master.is_active
     is_up = controller.bus.state == "up" and not world.state.stale

@@ -101,7 +101,7 @@ def answers(client: socket.socket) -> list[dict[str, Any]]:
 
 
 def is_closed(client: socket.socket) -> bool:
-    """Whether the daemon has closed a connection whose answers have been read."""
+    """True if the daemon has closed a connection whose answers have been read."""
     try:
         return client.recv(1) == b""
     except BlockingIOError:

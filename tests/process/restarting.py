@@ -40,7 +40,7 @@ class Restartable:
         return Client(self.first.socket_path)
 
     def disturbed_since(self, mark: int) -> bool:
-        """Whether the motor was silent, by the log from `mark` on."""
+        """True if the motor was silent, by the log from `mark` on."""
         return "motor: enabled ->" in self.log[mark:]
 
     def restart(self, client: Client) -> dict[str, Any]:
@@ -110,5 +110,5 @@ def held(client: Client) -> dict[str, Any]:
 
 
 def holds(state: dict[str, Any]) -> bool:
-    """Whether the object is held by force."""
+    """True if the object is held by force."""
     return bool(state["enabled"] and state["is_grasped"] and state["force_set_n"] == FORCE_N)

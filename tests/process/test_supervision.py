@@ -24,7 +24,7 @@ class Manager:
         self.socket.settimeout(DEADLINE_S)
 
     def hears(self, within_s: float) -> bool:
-        """Whether a message comes in time."""
+        """True if a message comes in time."""
         return bool(select.select([self.socket], [], [], within_s)[0])
 
     def until(self, beginning: str) -> str:

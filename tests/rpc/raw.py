@@ -35,13 +35,13 @@ class Raw:
         return answer
 
     def is_alive(self) -> bool:
-        """Whether the session goes on."""
+        """True if the session goes on."""
         (answer,) = self.send(b'{"jsonrpc":"2.0","id":"alive","method":"state.get"}')
         return answer["id"] == "alive" and "result" in answer
 
 
 def answered(client: Client, number: int) -> bool:
-    """Whether a client has been sent the answer to its request."""
+    """True if a client has been sent the answer to its request."""
     client.read()
     return number in client.answers
 

@@ -37,7 +37,7 @@ def send_all(world: World) -> None:
 
 
 def waits(world: World) -> bool:
-    """Whether anything waits to be sent."""
+    """True if anything waits to be sent."""
     return world.service.pending
 
 

@@ -202,7 +202,7 @@ def remedies() -> list[str]:
 
 
 def names_other_than(commands: list[str]) -> bool:
-    """Whether doctor names other commands now."""
+    """True if doctor names other commands now."""
     return remedies() != commands
 
 

@@ -34,7 +34,7 @@ def version(revision: int) -> str:
 
 
 def runs(unit: Unit, revision: int) -> bool:
-    """Whether the daemon is of a revision."""
+    """True if the daemon is of a revision."""
     command = Path(f"/proc/{unit.pid}/cmdline").read_text()
     return command.startswith(f"{VERSIONS}/") and f"-{revision}/bin/" in command
 

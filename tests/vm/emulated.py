@@ -63,11 +63,11 @@ class Emulated:
             raise TimeoutError(f"{self.serial} is still there")
 
     def is_there(self) -> bool:
-        """Whether it has a network interface."""
+        """True if it has a network interface."""
         return self.interface() is not None
 
     def is_named(self, name: str) -> bool:
-        """Whether its network interface has this name."""
+        """True if its network interface has this name."""
         return self.interface() == name
 
     def interface(self) -> str | None:

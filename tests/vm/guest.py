@@ -88,7 +88,7 @@ class Rpc:
         return self.call("state.get")
 
     def motor_is(self, phase: str) -> bool:
-        """Whether the motor is in this phase now."""
+        """True if the motor is in this phase now."""
         return bool(self.state()["motor"] == phase)
 
     def insist(self, method: str, **params: object) -> dict[str, Any]:
@@ -106,7 +106,7 @@ class Rpc:
         return answer
 
     def bus_is(self, state: str) -> bool:
-        """Whether the bus is in this state now."""
+        """True if the bus is in this state now."""
         return bool(self.call("health")["bus"]["state"] == state)
 
     def close(self) -> None:
@@ -127,7 +127,7 @@ class Program:
             self._process = subprocess.Popen(command, stdout=log, stderr=subprocess.STDOUT)
 
     def said(self, text: str) -> bool:
-        """Whether the program has printed this."""
+        """True if the program has printed this."""
         return text in self.log.read_text()
 
     def end(self) -> int:

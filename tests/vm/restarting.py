@@ -26,7 +26,7 @@ OBJECT_MM, FORCE_N = 40.0, 8.0
 
 
 def _holds(state: dict[str, Any]) -> bool:
-    """Whether the object is held by force."""
+    """True if the object is held by force."""
     return bool(state["enabled"] and state["is_grasped"] and state["force_set_n"] == FORCE_N)
 
 

@@ -69,7 +69,7 @@ class Unit:
         return int(self.show("NRestarts"))
 
     def is_active(self) -> bool:
-        """Whether it runs and is ready."""
+        """True if it runs and is ready."""
         return self.show("ActiveState") == "active"
 
     def tell(self) -> str:
@@ -126,7 +126,7 @@ def flags(name: str) -> str:
 
 
 def is_set_up(name: str, restart_ms: int = 100) -> bool:
-    """Whether a CAN interface is as the rule sets it; 0 for one that knows no restart."""
+    """True if a CAN interface is as the rule sets it; 0 for one that knows no restart."""
     found = link(name)
     data = found.get("linkinfo", {}).get("info_data", {})
     return (

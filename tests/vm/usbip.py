@@ -38,7 +38,7 @@ class Setup:
 
     @property
     def is_in(self) -> bool:
-        """Whether the device is to send something."""
+        """True if the device is to send something."""
         return bool(self.request_type & 0x80)
 
 

@@ -35,7 +35,7 @@ class Action(Protocol):
     """A motion, or a change of the motor's power."""
 
     needs_power: bool
-    """Whether it runs only while the motor is enabled; then losing power ends it."""
+    """True if it runs only while the motor is enabled; then losing power ends it."""
 
     bounds: Bounds | None
     """Where its commands may lie; None: in the calibrated travel."""

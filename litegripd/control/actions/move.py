@@ -43,7 +43,7 @@ class Ramp:
         return abs(self.target_rad - self.start_rad) / self.speed_rad_s
 
     def is_over(self, now_s: float) -> bool:
-        """Whether the target is what it commands."""
+        """Return whether the target is what it commands."""
         return now_s - self.began_s >= self.duration_s
 
     def at(self, now_s: float) -> tuple[float, float]:
@@ -128,7 +128,7 @@ class MoveTo(PlainAction):
         return geometry.closed_rad if closing else geometry.open_rad
 
     def _is_behind(self, distance_rad: float) -> bool:
-        """Whether jaws so far from the ramp are held by more than friction."""
+        """Return whether jaws so far from the ramp are held by more than friction."""
         held_nm = self._gains.kp_nm_rad * distance_rad
         return held_nm >= FRICTION_NM or distance_rad >= self._geometry.to_rad(
             self._config.max_lead_mm
@@ -318,7 +318,7 @@ class MoveToStop(PlainAction):
         return None
 
     def _is_jammed(self, now_s: float, feedback: Feedback) -> bool:
-        """Whether something takes the torque where nothing should; at the stop, the stop does."""
+        """Check if something takes the torque where nothing should; at the stop, the stop does."""
         if self._is_near_stop:
             self._guard.rest()
             return False
@@ -329,11 +329,11 @@ class MoveToStop(PlainAction):
         self._phase_began_s = now_s
 
     def _is_home(self, position_rad: float) -> bool:
-        """Whether the jaws are at the calibrated stop; beyond it, they have nothing in the way."""
+        """Check if the jaws are at the calibrated stop; beyond it, nothing is in the way."""
         return self._short_rad(position_rad) <= self._config.stop_tol
 
     def _has_reached_target(self, position_rad: float) -> bool:
-        """Whether the jaws have come as far past the stop as they were led, and met none."""
+        """Return whether the jaws have come as far past the stop as they were led, and met none."""
         return (self.target_rad - position_rad) * self._sign <= self._config.reach_tol
 
     def _result(self, outcome: MoveOutcome) -> MoveResult:

@@ -147,7 +147,7 @@ class Stroke:
         return self._gains.at(target_rad, self._sign * self._fed_rad_s)
 
     def _has_slowed(self, now_s: float, feedback: Feedback) -> bool:
-        """Whether jaws that were moving have lost half of their speed, over some 20 ms."""
+        """Return whether jaws that were moving have lost half of their speed, over some 20 ms."""
         window = self._window
         window.append((now_s, feedback.position_rad))
         while len(window) > 2 and now_s - window[1][0] >= WINDOW_S * 0.999:
@@ -323,7 +323,7 @@ class Confirming:
         return None
 
     def _has_backed_off(self, now_s: float, feedback: Feedback, since_s: float) -> bool:
-        """Whether there is enough of a run-up, or no time for more of it."""
+        """Return whether there is enough of a run-up, or no time for more of it."""
         backed_rad = (self.stop_rad - feedback.position_rad) * self._sign
         is_far = backed_rad >= RUN_UP_MM / self._plan.rad_to_mm
         return is_far or now_s - since_s >= RUN_UP_WITHIN_S

@@ -175,7 +175,7 @@ class Helper:
 
     @property
     def is_running(self) -> bool:
-        """Whether there is a helper now."""
+        """True if there is a helper now."""
         return self._child is not None
 
     @property
@@ -185,7 +185,7 @@ class Helper:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a request has not been answered yet."""
+        """True if a request has not been answered yet."""
         return len(self._requests) > 0
 
     @property

@@ -1,4 +1,4 @@
-"""Whether the daemons' user can run an environment, by the modes of all that it takes.
+"""True if the daemons' user can run an environment, by the modes of all that it takes.
 
 The reader in question is who runs the tests: the way to their files is closed to everybody else.
 """
