@@ -115,7 +115,7 @@ class Exchange:
     # Answers
 
     def accept(self, hello: Mapping[str, Any]) -> None:
-        """Take note of what the daemon says of itself; `ProtocolError` for another protocol."""
+        """Note what the daemon says of itself; `ProtocolError` for another protocol."""
         if hello.get("protocol") != PROTOCOL:
             raise ProtocolError(
                 f"the daemon speaks protocol {hello.get('protocol')!r}, this client {PROTOCOL}",
@@ -132,7 +132,7 @@ class Exchange:
         )
 
     def note_stops(self, result: Mapping[str, Any]) -> None:
-        """Take note of the stops that a result tells of, wherever it came from."""
+        """Note the stops that a result tells of, wherever it came from."""
         generation = generation_of(result)
         if generation is not None and generation > (self.stop_generation or -1):
             self.stop_generation = generation

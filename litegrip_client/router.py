@@ -66,7 +66,7 @@ class Router:
         return None
 
     def end(self, message: str, reason: str) -> None:
-        """Say why nothing more comes: what the daemon said at last, else `message`."""
+        """Return why nothing more comes: what the daemon said at last, else `message`."""
         data: dict[str, Any] = {"retryable": True}
         code = None
         if self._parting_error is not None:

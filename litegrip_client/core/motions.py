@@ -94,7 +94,7 @@ class Motion:
         return None
 
     def _is_own(self, owner: Mapping[str, Any]) -> bool:
-        """Tell whether a job is of this connection; of this process, where that is not known."""
+        """Return whether a job is of this connection; of this process, where that is not known."""
         client = self._wire.client
         if client is not None and "client" in owner:
             return bool(owner["client"] == client)

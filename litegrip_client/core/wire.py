@@ -46,10 +46,10 @@ class Wire(Protocol):
         """Make a call that never acts after a stop that its sender did not know."""
 
     def accept(self, hello: Mapping[str, Any]) -> None:
-        """Take note of what the daemon says of itself."""
+        """Note what the daemon says of itself."""
 
     def note_stops(self, result: Mapping[str, Any]) -> None:
-        """Take note of the stops that a result tells of, wherever it came from."""
+        """Note the stops that a result tells of, wherever it came from."""
 
     def forget(self, call: Call) -> None:
         """Drop what still comes for a call."""

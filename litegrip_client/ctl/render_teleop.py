@@ -78,7 +78,7 @@ def _owners(data: Data) -> tuple[str, str]:
 
 
 def _followers(data: Data) -> str:
-    """Tell how many follow, as far as a leader can know: each is heard only with reflection."""
+    """Return how many follow, as far as a leader can know: each is heard only with reflection."""
     count = data.get("followers")
     if count is not None:
         return f"{count} heard"

@@ -66,7 +66,7 @@ def obstacle(programs: str, reader: Reader) -> Obstacle | None:
 
 
 def _closed(step: Path, reader: Reader, bits: int) -> str | None:
-    """Say why a reader has not these rights; a directory must let them through in any case."""
+    """Return why a reader has not these rights; a directory must let them through in any case."""
     try:
         mode = step.stat().st_mode
         needed = bits | (_SEARCH if stat.S_ISDIR(mode) else 0)

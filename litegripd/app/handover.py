@@ -21,7 +21,7 @@ _ENDS = Mapping[str, tuple[str, str | None]]
 
 
 def why_not_restartable(machine: Machine) -> Refusal | None:
-    """Say why nothing can be handed over now, if so."""
+    """Return why nothing can be handed over now, or None."""
     return machine.controller.why_not_restartable() or motor.refusal(machine.motor)
 
 

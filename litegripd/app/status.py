@@ -298,7 +298,7 @@ def _process_complaints(parts: Parts) -> list[str]:
 
 
 def _calibration(in_use: CalibrationInUse) -> CalibrationFacts:
-    """Tell where the calibration came from; `saved_s` is the file's date, in Unix time."""
+    """Return where the calibration came from; `saved_s` is the file's date, in Unix time."""
     calibration = in_use.calibration
     return {
         "file": in_use.file,

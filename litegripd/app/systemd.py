@@ -83,7 +83,7 @@ class Supervision:
             self._notifier.barrier(MANAGER_WITHIN_S, goes_on)
 
     def tick(self, now_s: float, *, failed: bool) -> None:
-        """Take note of a tick that is done, or that failed by a defect; tell what is due."""
+        """Record whether the tick succeeded; send any due watchdog or status message."""
         self._worked = self._worked or not failed
         if self._owed:
             self.ready()
@@ -99,7 +99,7 @@ class Supervision:
             self._tell_status()
 
     def close(self) -> None:
-        """Give the socket back."""
+        """Close the socket."""
         self._notifier.close()
 
     def _feed(self, now_s: float) -> None:

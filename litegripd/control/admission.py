@@ -55,12 +55,12 @@ _ENDED_BY: Mapping[JobKind, str] = {"teleop": "end it by teleop.stop"}
 
 
 def busy_refusal(running: Job | None) -> Refusal | None:
-    """Say who is moving, if anybody is."""
+    """Return who is moving, if anybody is."""
     return None if running is None else busy_with(running)
 
 
 def busy_with(running: Job) -> Refusal:
-    """Say who is moving."""
+    """Return who is moving."""
     owner = running.owner
     how = _ENDED_BY.get(running.kind, "wait for it (job.wait), cancel it (job.cancel) or stop")
     return Refusal(
@@ -76,7 +76,7 @@ def busy_with(running: Job) -> Refusal:
 
 
 def trajectory_or_teleop_refusal(running: Job | None) -> Refusal | None:
-    """Say that a recording, a replay or teleoperation runs, if so: they exclude each other."""
+    """Return a refusal if a recording, a replay or teleoperation runs: they exclude each other."""
     if running is None or running.kind not in ("record", "play", "teleop"):
         return None
     busy = busy_with(running)
@@ -94,7 +94,7 @@ def stopped_under_way(running: Job, stopped: Refusal) -> Refusal:
 
 
 def motor_refusal(motor: MotorView) -> Refusal | None:
-    """Say why no motion may begin or go on, if so."""
+    """Return why no motion may begin or go on, or None."""
     if motor.phase is MotorPhase.ENABLED:
         return None
     if motor.phase is MotorPhase.FAULT and motor.fault is not None:
@@ -133,7 +133,7 @@ class Target:
 
 
 def target_refusal(target: Target, geometry: Geometry) -> Refusal | None:
-    """Say why a target cannot be gone to, if so."""
+    """Return why a target cannot be gone to, or None."""
     low, high = target.limits(geometry)
     if low - _ROUNDING <= target.value <= high + _ROUNDING:
         return None
@@ -155,7 +155,7 @@ def duration_refusal(duration_s: float, shortest_s: float, distance_mm: float) -
 
 
 def heat_refusal(allowance_nm: float, needed_nm: float) -> Refusal | None:
-    """Say that the coil's heat leaves too little torque, if so."""
+    """Return a refusal if the coil's heat leaves too little torque."""
     if allowance_nm >= needed_nm:
         return None
     return Refusal(
@@ -167,7 +167,7 @@ def heat_refusal(allowance_nm: float, needed_nm: float) -> Refusal | None:
 
 
 def position_refusal(motor: MotorView, geometry: Geometry) -> Refusal | None:
-    """Say why the measured position cannot be where the jaws are, if so."""
+    """Return why the measured position cannot be where the jaws are, or None."""
     feedback = motor.feedback
     if feedback is None:
         return NO_FEEDBACK

@@ -95,7 +95,7 @@ class Calibrating:
         return controller.begin("set_zero", SetZero(), owner, detached)
 
     def refusal_to_load(self) -> Refusal | None:
-        """Say why no other calibration may be taken now, if so."""
+        """Return why no other calibration may be taken now, or None."""
         return busy_refusal(self._controller.jobs.running)
 
     def load(self, calibration: Calibration, file: str | None) -> Refusal | None:

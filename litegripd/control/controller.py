@@ -146,7 +146,7 @@ class Controller:
         return self._is_ending
 
     def progress(self) -> Progress | None:
-        """Tell where the running job is."""
+        """Return where the running job is."""
         return None if self.action is None else self.action.progress()
 
     def take_events(self) -> list[Event]:
@@ -178,7 +178,7 @@ class Controller:
     # Why not
 
     def why_busy(self) -> Refusal | None:
-        """Say why no motion may be asked for: the end, a stop, another master or a motion."""
+        """Return why no motion may be asked for: the end, a stop, another master or a motion."""
         ending = ENDING if self._is_ending else None
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.in_the_way)
@@ -198,7 +198,7 @@ class Controller:
         return refusal
 
     def recording_refusal(self) -> Refusal | None:
-        """Say that a recording is under way, if so; replay and teleoperation wait for its end."""
+        """Return a refusal if a recording is under way: replay and teleoperation wait for it."""
         if self.capture is None or self.capture.is_over:
             return None
         text = "a recording is under way: end it (trajectory.record_stop)"

@@ -136,7 +136,7 @@ class Lease:
         return len(self._waiting)
 
     def refusal(self, owner: Owner) -> Refusal | None:
-        """Say why `owner` may not move the gripper, if so.
+        """Return why `owner` may not move the gripper, or None.
 
         Who names a grant must name the present one; who names none may where the lease is held
         by the same connection, or is free and was not lost by this connection.
@@ -208,7 +208,7 @@ class Lease:
         return self._grant(owner, lapsed.wish, now_s)
 
     def renew(self, client: int, now_s: float) -> None:
-        """Take note of a request: its sender does not hang."""
+        """Note a request: its sender does not hang."""
         if self.holder is not None and self.holder.owner.client == client:
             self._renew(now_s)
 
@@ -264,7 +264,7 @@ class Lease:
 
 
 def held_refusal(holder: Grant) -> Refusal:
-    """Say who has the lease, and what for."""
+    """Return who has the lease, and what for."""
     owner, purpose = holder.owner, holder.wish.purpose
     what = "" if purpose is None else f" for {purpose}"
     return Refusal(
@@ -276,7 +276,7 @@ def held_refusal(holder: Grant) -> Refusal:
 
 
 def _lost_refusal(loss: Loss, holder: Grant | None) -> Refusal:
-    """Say who has taken the lease of a connection, or how else it was lost."""
+    """Return who has taken the lease of a connection, or how else it was lost."""
     return Refusal(
         "lease_lost",
         f"the lease of this connection is lost: {loss.text}; nothing moves for it until it asks"

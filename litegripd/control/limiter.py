@@ -107,7 +107,7 @@ class CommandLimiter:
         return within, tuple(limited)
 
     def unpowered(self, now_s: float) -> None:
-        """Take note that the motor is told nothing from now on."""
+        """Note that the motor is told nothing from now on."""
         self._damping = self._most_damping(self._charge(now_s))
         self._last_nm = 0.0
 
@@ -261,7 +261,7 @@ class Output:
         return self.heat.update(now_s, feedback, torque_bound_nm(self.command, feedback))
 
     def unpowered(self, now_s: float, feedback: Feedback | None) -> HeatChange | None:
-        """Take note that the motor is told nothing from now on."""
+        """Note that the motor is told nothing from now on."""
         self.requested, self.command, self.limited = None, None, ()
         self._limiter.unpowered(now_s)
         return None if feedback is None else self.heat.update(now_s, feedback, 0.0)

@@ -50,7 +50,7 @@ class SecondMaster:
         return None
 
     def refusal(self) -> Refusal | None:
-        """Say why no motion may run, if so."""
+        """Return why no motion may run, or None."""
         if self.is_tolerated or not self.is_active:
             return None
         return Refusal("second_master", self._text(), self._data())

@@ -55,7 +55,7 @@ class StopLatch:
         return repeats
 
     def refusal(self) -> Refusal | None:
-        """Say why nothing may move, if so."""
+        """Return why nothing may move, or None."""
         stop = self.latched
         if stop is None:
             return None
@@ -68,7 +68,7 @@ class StopLatch:
         )
 
     def clearing_refusal(self, lease_held: Refusal) -> Refusal:
-        """Say who may clear the stop, to one who may not: somebody else has the lease."""
+        """Return who may clear the stop, to one who may not: somebody else has the lease."""
         owner = lease_held.data.get("owner")
         holder = f"{owner['program']} (pid {owner['pid']})" if isinstance(owner, dict) else "nobody"
         uids = [uid for uid in self.stopped_by if uid is not None]

@@ -106,7 +106,7 @@ _MOTOR = Carried(
 
 
 def refusal(motor: Motor) -> Refusal | None:
-    """Say why a motor cannot be handed over now, if so."""
+    """Return why a motor cannot be handed over now, or None."""
     view = motor.view()
     is_settled = view.phase in SETTLED and not motor.is_verifying
     if is_settled and view.feedback is not None and view.zero.state != "pending":

@@ -301,7 +301,7 @@ class Connection:
             self._owner.drop(self)
 
     def _refuse(self, refusal: Refusal, before: bytes) -> None:
-        """Say why in a last line after `before`, and close."""
+        """Send the reason in a last line after `before`, and close."""
         self.line = None
         peer = self.session.peer
         _log.warning("closing %s (pid %d): %s", peer.program, peer.pid, refusal.message)

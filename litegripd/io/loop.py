@@ -99,7 +99,7 @@ class PeriodicTimer:
         return (self._first_ns + self._fired * self._period_ns) / _NS_PER_S
 
     def close(self) -> None:
-        """Give the descriptor back."""
+        """Close the descriptor."""
         os.close(self._fd)
 
 
@@ -300,7 +300,7 @@ class Reactor:
             self._collector.thaw()
 
     def close(self) -> None:
-        """Give the epoll descriptor back."""
+        """Close the epoll descriptor."""
         self._epoll.close()
 
     def _run_period(self, timer: PeriodicTimer) -> None:
@@ -440,7 +440,7 @@ class Urgent:
         self.serve()
 
     def close(self) -> None:
-        """Give the epoll descriptor back."""
+        """Close the epoll descriptor."""
         self._epoll.close()
 
     def _dispatch(self, fd: int, mask: int) -> None:
@@ -505,7 +505,7 @@ class ProcessWatch:
             raise
 
     def on_event(self, _mask: int) -> None:
-        """Take note of the end."""
+        """Note the end."""
         self.close()
         self._on_end()
 

@@ -28,7 +28,7 @@ class SharedMemory:
         self.view = memoryview(self._map)
 
     def close(self) -> None:
-        """Give the descriptor back; the mapping stays as long as anybody has a part of it."""
+        """Close the descriptor; the mapping stays as long as anybody has a part of it."""
         os.close(self.fd)
 
 

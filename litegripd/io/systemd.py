@@ -59,7 +59,7 @@ class Notifier:
             os.close(ours)
 
     def close(self) -> None:
-        """Give the socket back."""
+        """Close the socket."""
         self._socket.close()
 
     def _insist(self, send: Callable[[], bool], goes_on: Callable[[], bool]) -> bool:

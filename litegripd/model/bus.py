@@ -51,7 +51,7 @@ class BusCondition:
         return self.state in ("up", "motor_silent")
 
     def refusal(self, bus_channel: str) -> Refusal | None:
-        """Say why the motor cannot be reached, where it is the bus that stands in the way."""
+        """Return why the motor cannot be reached, where it is the bus that stands in the way."""
         if self.is_usable:
             return None
         hint = remedy(self.state, bus_channel)

@@ -228,7 +228,7 @@ def damping_conflict(kp_nm_rad: float, kd_nm_s_rad: float, of: str = "") -> Conf
 def move_conflict(
     config: MotionConfig, speed_mm_s: float, geometry: Geometry, period_s: float
 ) -> Conflict | None:
-    """Say why a move to a stop at this speed does not go with the other settings, if so.
+    """Return why a move to a stop at this speed does not go with the other settings, or None.
 
     A target closer to the stop than `reach_tol` could not tell a stop from a jaw that met none.
     """
@@ -247,7 +247,7 @@ def move_conflict(
 
 
 def fast_conflict(config: MotionConfig, speed_mm_s: float, period_s: float) -> Conflict | None:
-    """Say why a speed is too high, if so: the lead cap would clip the ramp's own step."""
+    """Return why a speed is too high, or None: the lead cap would clip the ramp's own step."""
     fastest = config.stop_lead_mm / period_s
     if speed_mm_s <= fastest:  # not so for NaN
         return None
@@ -263,7 +263,7 @@ def fast_conflict(config: MotionConfig, speed_mm_s: float, period_s: float) -> C
 def slow_conflict(
     config: MotionConfig, speed_mm_s: float, geometry: Geometry, field: str
 ) -> Conflict | None:
-    """Say why a speed is too low for the stall window, if so.
+    """Return why a speed is too low for the stall window, or None.
 
     Below `stop_lead_mm` a window, static friction would count as a stall: it holds the jaws until
     the command leads by up to that much. Below `stall_delta` a window, every motion would.

@@ -153,7 +153,7 @@ def is_usable_range(limit: float) -> bool:
 def unsuitable(
     identity: MotorIdentity, configured_master_id: int | None, motor_type: MotorType = DM4310
 ) -> Refusal | None:
-    """Say why a motor must not be enabled, if its registers forbid it."""
+    """Return why a motor must not be enabled, if its registers forbid it."""
     refusal = uncontrollable(identity) or wrong_type(identity, motor_type)
     if refusal is not None:
         return refusal
@@ -176,7 +176,7 @@ def unsuitable(
 
 
 def uncontrollable(identity: MotorIdentity) -> Refusal | None:
-    """Say why a motor cannot be commanded, if so: one that is enabled must be disabled then."""
+    """Return why a motor cannot be commanded, or None; if so, an enabled one must be disabled."""
     if identity.master_id == identity.can_id:
         return Refusal(
             "motor_unsuitable",
@@ -377,7 +377,7 @@ class Verifier:
         return changed(known, register, answer.raw)
 
     def is_own_write(self, answer: Answer) -> bool:
-        """Tell whether a write answer is the awaited one to a write of this verifier."""
+        """Return whether a write answer is the awaited one to a write of this verifier."""
         if self._awaited_writes == 0 or answer.number != TIMEOUT.number or answer.is_save:
             return False
         self._awaited_writes -= 1
@@ -571,7 +571,7 @@ class Identification:
         return self.identity is not None
 
     def problem(self) -> Refusal | None:
-        """Say why the motor cannot be used, if so; it has told too little while unknown."""
+        """Return why the motor cannot be used, or None; it has told too little while unknown."""
         if self.identity is None:
             return STILL_READ
         if self.identity is not self._judged:

@@ -381,7 +381,7 @@ class Motor:
         return MotorPhase.SILENT if is_silent else PUBLIC[self._phase]
 
     def _problem(self) -> Refusal | None:
-        """Say why the motor could not be enabled now."""
+        """Return why the motor could not be enabled now."""
         if self._public_phase() is MotorPhase.SILENT:
             return SILENT
         reading = STILL_READ if self._phase is Phase.LOOKING else None

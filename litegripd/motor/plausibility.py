@@ -33,7 +33,7 @@ class StatusJudge:
         self._doubted, self._in_a_row = None, 0
 
     def accepts(self, feedback: Feedback) -> bool:
-        """Tell whether to believe the status that `feedback` tells.
+        """Return whether to believe the status that `feedback` tells.
 
         The second answer counts when it agrees. It must be one to another request: a frame that
         came twice proves no more than it did once.
@@ -106,7 +106,7 @@ class Plausibility:
         self.in_a_row = 0
 
     def accepts(self, feedback: Feedback, fastest_rad_s: float, *, is_driven: bool) -> bool:
-        """Tell whether to believe where `feedback` says that the jaws are.
+        """Return whether to believe where `feedback` says that the jaws are.
 
         At `fastest_rad_s`, the end of what a frame can tell, the speed is not known, and nothing
         is judged; nor is a motor that is not enabled. `is_driven` tells that its last command was

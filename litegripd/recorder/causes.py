@@ -133,7 +133,7 @@ class Dumps:
 
 
 def _told(cause: Cause, result: TaskResult) -> Event:
-    """Tell where the dump is, or why there is none."""
+    """Return where the dump is, or why there is none."""
     if isinstance(result.value, dict):
         value = result.value
         text = f"the last {value['seconds']:.0f} s are recorded in {value['path']} ({cause})"

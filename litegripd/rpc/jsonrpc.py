@@ -129,7 +129,7 @@ def notification_line(method: str, params: bytes) -> bytes:
 
 
 def error_object(refusal: Refusal) -> ErrorObject:
-    """Give a refusal the form that it has on the wire."""
+    """Return a refusal in its wire form."""
     kind = refusal.kind
     data = {"reason": kind.reason, "retryable": kind.retryable, **refusal.data}
     return {"code": kind.code, "message": refusal.message, "data": cast(ErrorData, data)}

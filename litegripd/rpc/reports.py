@@ -116,7 +116,7 @@ def _plain(value: Any) -> dict[str, Any]:
 
 
 def state_view(state: GripperState, names: tuple[str, ...] = ()) -> StateView:
-    """Give a state its wire form, or only these fields of it, in this order."""
+    """Return a state in its wire form, or only these fields of it, in this order."""
     view: dict[str, Any] = {name: getattr(state, name) for name in names or _STATE_FIELDS}
     if view.get("job") is not None:
         view["job"] = _summary_view(view["job"])
@@ -131,7 +131,7 @@ def _summary_view(job: JobSummary) -> JobSummaryView:
 
 
 def owner_view(owner: Owner) -> OwnerView:
-    """Give an owner its wire form."""
+    """Return an owner in its wire form."""
     return {
         "client": owner.client,
         "pid": owner.pid,
@@ -169,7 +169,7 @@ def _with(encoded: bytes, name: bytes, value: bytes) -> bytes:
 def progress_view(
     job: Job, request: RequestId, progress: Progress, opening_mm: float | None
 ) -> dict[str, Any]:
-    """Give a progress report its wire form; `request` is the id of the request that wants it."""
+    """Return a progress report in its wire form; `request` is the id of its request."""
     return {
         "job": job.number,
         "request": request,
@@ -335,7 +335,7 @@ class Waiters:
                 waiter.session.write(line)
 
     def send_progress(self, now_s: float) -> None:
-        """Tell where the running job is, to who wants to know, when that is due.
+        """Send where the running job is to the clients that asked for it, when that is due.
 
         Nobody is told who has not read the last.
         """

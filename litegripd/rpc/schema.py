@@ -129,7 +129,7 @@ class Param:
 
 
 def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) -> Refusal | None:
-    """Say why parameters are refused: unknown, missing, of the wrong type or out of range."""
+    """Return why parameters are refused: unknown, missing, of the wrong type or out of range."""
     for name, value in given.items():
         param = declared.get(name)
         if param is None:

@@ -122,7 +122,7 @@ class Service(Protocol):
         """End a session; what its connection owned is lost with it."""
 
     def process_ended(self, session: Session, now_s: float) -> None:
-        """Take note that the process is gone which opened the session's connection."""
+        """Note that the process is gone which opened the session's connection."""
 
     def is_idle(self, session: Session) -> bool:
         """Return whether nothing will be sent to `session` that it has not asked for anew."""

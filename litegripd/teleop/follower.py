@@ -293,7 +293,7 @@ class TeleopFollower(TeleopAction):
         return hold
 
     def progress(self) -> Progress | None:
-        """Tell the phase, and where command and jaws are."""
+        """Return the phase, and where command and jaws are."""
         commanded_rad = self._leading.commanded_rad
         if self.feedback is None or commanded_rad is None:
             return None

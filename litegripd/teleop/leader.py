@@ -148,7 +148,7 @@ class TeleopLeader(TeleopAction):
         return Step(self._command(now_s, feedback))
 
     def progress(self) -> Progress | None:
-        """Tell where the jaws are."""
+        """Return where the jaws are."""
         feedback = self.feedback
         if feedback is None:
             return None

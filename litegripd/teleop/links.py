@@ -83,7 +83,7 @@ class TeleopLinks:
         return self._link
 
     def warning(self, wish: LinkWish) -> str | None:
-        """Say who else may take part."""
+        """Return who else may take part."""
         leads, port = wish.mode == "master", wish.port
         if wish.kind == "udp":
             who = f"is between here and {wish.host}:{port}" if leads else f"can send to port {port}"
@@ -139,12 +139,12 @@ class TeleopLinks:
                 self._led.take(packet)
 
     def forget(self, link: "ProcessLink") -> None:
-        """Take note that a link is closed."""
+        """Note that a link is closed."""
         if self._link is link:
             self._link = None
 
     def note(self, link: "ProcessLink", wish: LinkWish, status: LinkStatus) -> None:
-        """Take note of which leader's session the process keeps (see `ZenohLeaders`)."""
+        """Note which leader's session the process keeps (see `ZenohLeaders`)."""
         if link is not self._led:
             return
         if status.is_protected is not None:

@@ -195,12 +195,12 @@ class Station:
         return endpoint
 
     def _tell(self, order: Order, status: LinkStatus) -> None:
-        """Tell the daemon how the link is, if it is not as told; what did not leave comes again."""
+        """Report a changed state of the link to the daemon; retry what did not leave."""
         if status != self._told and self._send(pack_status(order.generation, status)):
             self._told = status
 
     def _send(self, packet: bytes) -> bool:
-        """Tell the daemon something; return whether its socket had room for it.
+        """Send something to the daemon; return whether its socket had room for it.
 
         Without a daemon, end the process from any thread.
         """
@@ -214,7 +214,7 @@ class Station:
 
 
 def _not_opened(error: Exception, wish: LinkWish) -> str:
-    """Say why a link could not be opened, and what to do where that is known."""
+    """Return why a link could not be opened, and what to do where that is known."""
     text = _worded(error)
     if _IN_USE not in text:
         return text

@@ -121,7 +121,7 @@ class UdpLeader:
         """Say nothing: a leader publishes."""
 
     def close(self) -> None:
-        """Give the sockets back."""
+        """Close the sockets."""
         for listener in self._listeners:
             listener.close()
         for own in self._sockets.values():

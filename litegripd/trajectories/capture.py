@@ -279,7 +279,7 @@ class Teach(PlainAction):
         return Step(Slack().command(now_s, feedback))
 
     def progress(self) -> Progress | None:
-        """Tell how many samples there are, and where the jaws are."""
+        """Return how many samples there are, and where the jaws are."""
         if self._feedback is None:
             return None
         capture, here_rad = self._capture, self._feedback.position_rad

@@ -106,7 +106,7 @@ class ReplayRequest:
 def check_fits(
     request: ReplayRequest, path: Path, geometry: Geometry, config: MotionConfig, here_rad: float
 ) -> Refusal | None:
-    """Say that a path takes too long, or begins too far from jaws that shall not align, if so."""
+    """Return a refusal if the path is too long, or starts too far away and `align` is off."""
     if not path.duration_s <= LONGEST_S:
         text = f"the trajectory takes {path.duration_s:g} s, at most {LONGEST_S:g} s are played"
         return Refusal("out_of_limits", text)
@@ -125,7 +125,7 @@ def check_fits(
 def speed_refusal(
     speed: float, max_rate_s: float, geometry: Geometry, motor_type: MotorType
 ) -> Refusal | None:
-    """Say that the fastest part of a path, `max_rate_s` of the travel, is too fast, if so.
+    """Return a refusal if the fastest part of a path, `max_rate_s` of the travel, is too fast.
 
     No path is replayed faster than any other motion may be.
     """
@@ -155,7 +155,7 @@ def fastest_rad_s(
 
 
 def grips_refusal(force: Force, loading: Loading) -> Refusal | None:
-    """Say why there are no grips to repeat, where they are wanted."""
+    """Return why there are no grips to repeat, where they are wanted."""
     if force == "path" or loading.grips:
         return None
     hint = "only its path can be replayed"
@@ -365,7 +365,7 @@ class Replay(PlainAction):
         return hold if self.phase == "settle" or hold.presses(feedback) else None
 
     def progress(self) -> Progress | None:
-        """Tell where it is on its path."""
+        """Return where it is on its path."""
         feedback, path = self._feedback, self._path
         if feedback is None:
             return None

@@ -125,7 +125,7 @@ class Trajectories:
         self._keeping: Keeping | None = None
 
     def refusal(self) -> Refusal | None:
-        """Say that a recording, a replay or teleoperation is under way, if so."""
+        """Return a refusal if a recording, a replay or teleoperation is under way."""
         controller = self._controller
         refusal = (
             trajectory_or_teleop_refusal(controller.in_the_way) or controller.recording_refusal()
@@ -292,7 +292,7 @@ class Trajectories:
 
 
 def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Refusal | None:
-    """Say why a recording cannot be had, if so."""
+    """Return why a recording cannot be had, or None."""
     data = {"samples": capture.samples, "error": capture.error}
     if capture.error is not None and not allow_partial:
         text = (

@@ -169,7 +169,7 @@ def csv_line(values: tuple[float, ...]) -> str:
 
 
 def name_problem(name: str) -> str | None:
-    """Say why a trajectory cannot have this name, if so."""
+    """Return why a trajectory cannot have this name, or None."""
     if not name or len(name) > MAX_NAME:
         return f"it must have 1 to {MAX_NAME} characters"
     if "/" in name or "\\" in name:

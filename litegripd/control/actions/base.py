@@ -47,7 +47,7 @@ class Action(Protocol):
         """Tell what the jaws do if it ends now; None: hold where they are."""
 
     def progress(self) -> Progress | None:
-        """Tell where it is, None for an action that has nothing to tell."""
+        """Return where it is, None for an action that has nothing to tell."""
 
     def close(self) -> None:
         """Give back what it has, other than the jaws; called once, when it has ended."""
@@ -56,7 +56,7 @@ class Action(Protocol):
 def progress_of(
     phase: str, step: int, total_steps: int, command_rad: float, feedback: Feedback
 ) -> Progress:
-    """Tell where a motion is, with what was measured."""
+    """Return where a motion is, with what was measured."""
     return Progress(
         phase, step, total_steps, command_rad, feedback.position_rad, feedback.torque_nm
     )

@@ -64,7 +64,7 @@ class CalibrateByHand(PlainAction):
         return replace(self._saving.step(now_s, motor), command=command)
 
     def progress(self) -> Progress | None:
-        """Tell how many stops are marked, and where the jaws are."""
+        """Return how many stops are marked, and where the jaws are."""
         if self._feedback is None:
             return None
         phase = "by_hand" if self._saving is None else "saving"

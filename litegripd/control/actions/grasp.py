@@ -254,7 +254,7 @@ class Grasp(PlainAction):
         return Hold(caught_rad, self._gains.calmed())
 
     def progress(self) -> Progress | None:
-        """Tell the phase, the step of the approach, and where command and jaws are."""
+        """Return the phase, the step of the approach, and where command and jaws are."""
         if self._feedback is None:
             return None
         if self._grip is not None:
@@ -309,7 +309,7 @@ class Grasp(PlainAction):
         return None
 
     def _held(self) -> GraspOutcome:
-        """Tell whether what is held has the width that the caller expects."""
+        """Return whether what is held has the width that the caller expects."""
         expected_mm, width_mm = self._request.width_mm, self._width_mm
         if expected_mm is None or width_mm is None:
             return "object_held"

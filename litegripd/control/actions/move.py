@@ -108,7 +108,7 @@ class MoveTo(PlainAction):
         )
 
     def progress(self) -> Progress | None:
-        """Tell the phase, the step, and where command and jaws are."""
+        """Return the phase, the step, and where command and jaws are."""
         if self._feedback is None or self._ramp is None:
             return None
         total_steps = max(round(self._ramp.duration_s / self._period_s), 1)
@@ -237,7 +237,7 @@ class MoveToStop(PlainAction):
         return Step(command, outcome=None if outcome is None else self._result(outcome))
 
     def progress(self) -> Progress | None:
-        """Tell the phase, the step, and where command and jaws are."""
+        """Return the phase, the step, and where command and jaws are."""
         if self._feedback is None or self._ramp is None:
             return None
         total_steps = max(round(self._ramp.duration_s / self._period_s), 1)

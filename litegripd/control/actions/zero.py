@@ -370,7 +370,7 @@ class Calibrate(PlainAction):
         return replace(step, command=None)  # the hold that follows begins; its bounds are others
 
     def progress(self) -> Progress | None:
-        """Tell the phase, the probe's samples or the strokes, and where command and jaws are."""
+        """Return the phase, the probe's samples or the strokes, and where command and jaws are."""
         if self._feedback is None:
             return None
         iterations = self._active.iterations
@@ -442,7 +442,7 @@ class Calibrate(PlainAction):
         return "open" if self._phase.endswith("open") else "closed"
 
     def _unconfirmed(self, verdict: Confirmed) -> str:
-        """Say why there is no stop that could be saved, and what to do."""
+        """Return why there is no stop that could be saved, and what to do."""
         if verdict == "apart":
             what = f"{MOST_STROKES} strokes to the {self._side} stop ended at different places"
         elif verdict == "stuck":

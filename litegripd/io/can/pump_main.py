@@ -31,7 +31,7 @@ def _channel() -> str:
 
 
 def _tell(peer: socket.socket, packet: bytes) -> None:
-    """Tell the daemon something; without a daemon, end the process from any thread."""
+    """Send something to the daemon; without a daemon, end the process from any thread."""
     try:
         peer.send(packet)
     except OSError:
@@ -39,7 +39,7 @@ def _tell(peer: socket.socket, packet: bytes) -> None:
 
 
 def _fail(peer: socket.socket, error: Exception, doing: str) -> NoReturn:
-    """Tell the daemon why the pump ends, and end it from any thread."""
+    """Report to the daemon why the pump ends, and end it from any thread."""
     text = f"{doing}: {describe(error)}"[:_LONGEST_TEXT]
     condition = condition_of(error, text, _channel())
     _tell(peer, b"x" + json.dumps([condition.state, condition.error]).encode())

@@ -78,7 +78,7 @@ class Child:
         return self._pidfd
 
     def started(self, pid: int, pidfd: int) -> None:
-        """Take note of the process; its pidfd is closed at once where nobody waits for it."""
+        """Note the process; its pidfd is closed at once where nobody waits for it."""
         if self.socket.fileno() < 0:
             os.close(pidfd)
         else:

@@ -95,7 +95,7 @@ class HelperRequests:
                 self._of_users[uid] = waiting  # behind the others
 
     def note_sent(self, request: HelperRequest) -> None:
-        """Take note of a request that the helper has got."""
+        """Note a request that the helper has got."""
         self._sent[request.identity] = request
 
     def at_helper(self, identity: int) -> HelperRequest | None:
