@@ -15,8 +15,8 @@ from litegripd.control.actions.power import Enable
 from litegripd.control.detectors import StallDetector
 from litegripd.control.gains import DEFAULT_GAINS, Gains
 from litegripd.control.holds import Grip, GripSettings, Rest
+from litegripd.model.bus import CanFrame
 from litegripd.model.calibration import Calibration
-from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
 from litegripd.model.jobs import Job, Owner

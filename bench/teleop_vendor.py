@@ -18,7 +18,7 @@ from pathlib import Path
 
 from bench.teleop_follow import SEED_PERIOD_S
 from litegripd.control.gains import DEFAULT_GAINS
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import MitCommand
 from litegripd.model.motor_types import DM4310

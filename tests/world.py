@@ -20,10 +20,9 @@ from litegripd.app.machine import Machine
 from litegripd.handover.methods import OnRestart, OnRestarted, no_restart
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.files import load_operation, templates_operation
-from litegripd.model.bus import UP
+from litegripd.model.bus import UP, CanFrame
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.frame import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
 from litegripd.model.helper_tasks import HelperTask, TaskResult

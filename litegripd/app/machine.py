@@ -10,8 +10,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from litegripd.control.controller import Controller
-from litegripd.model.bus import UP, BusCondition
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import UP, BusCondition, CanFrame
 from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase

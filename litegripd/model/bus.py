@@ -1,6 +1,6 @@
-"""The state of the CAN bus by name, and what to do about each.
+"""A CAN frame, and the state of the CAN bus by name with what to do about each.
 
-The names are part of the protocol: `state.get`, `health` and the events carry them.
+The names of states are part of the protocol: `state.get`, `health` and the events carry them.
 """
 
 import shlex
@@ -8,6 +8,20 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from litegripd.model.errors import Refusal
+
+
+@dataclass(frozen=True, slots=True)
+class CanFrame:
+    """One classic CAN data frame with an 11-bit identifier.
+
+    `can_id` is 0 to 0x7FF and `data` at most 8 bytes. Error, remote and extended frames never
+    become a `CanFrame`: the bus drops and counts them, for the masked id of an error frame can
+    equal the feedback id (0x08 | 0x10 = 0x18).
+    """
+
+    can_id: int
+    data: bytes
+
 
 BusState: TypeAlias = Literal[
     "up", "link_down", "adapter_gone", "bus_off", "bus_stalled", "motor_silent", "down"

@@ -11,8 +11,8 @@ and a jump on enable is the commonest complaint about such grippers.
 gone. Clearing disarms, so it energises nothing. A fault whose cause lasts comes back at once.
 """
 
+from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
-from litegripd.model.frame import CanFrame
 from litegripd.model.motor import EnableMotor, Feedback, is_fault
 from litegripd.motor import codec
 from litegripd.motor.faults import SILENT, fault_refusal

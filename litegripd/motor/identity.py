@@ -15,8 +15,8 @@ possible, and a torque is coded so that it is no larger than wanted by any of it
 import math
 from dataclasses import dataclass, field, replace
 
+from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
-from litegripd.model.frame import CanFrame
 from litegripd.model.motor import MotorIdentity, Ranges
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 from litegripd.motor.registers import (

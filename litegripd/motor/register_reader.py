@@ -6,8 +6,8 @@ a value nor feedback. It sends nothing but read requests.
 
 import math
 
+from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
-from litegripd.model.frame import CanFrame
 from litegripd.model.motor import RegisterReply, RegisterRequest
 from litegripd.motor.faults import SILENT
 from litegripd.motor.identity import ANSWER_WITHIN_S

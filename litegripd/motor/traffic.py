@@ -5,7 +5,7 @@ Each is counted as unanswered until feedback comes. It decides no phase and ener
 
 from dataclasses import dataclass, replace
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MitCommand, Ranges
 from litegripd.motor import codec
 from litegripd.motor.registers import status_request

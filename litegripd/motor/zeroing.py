@@ -6,8 +6,8 @@ again when the measured position tells that it was lost. It ends when the motor 
 disabled state, and it sends nothing that energises.
 """
 
+from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
-from litegripd.model.frame import CanFrame
 from litegripd.model.motor import Feedback, Ranges, ZeroView
 from litegripd.motor import codec
 from litegripd.motor.faults import SILENT

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import can
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 
 
 class FrameFaults:

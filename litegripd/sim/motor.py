@@ -13,10 +13,10 @@ from __future__ import annotations
 
 import math
 import random
+from typing import NamedTuple
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.sim import registers as reg
-from litegripd.sim.cascade import PERIOD_STEPS, Cascade
 from litegripd.sim.codec import (
     MitCommand,
     SetPoint,
@@ -28,7 +28,124 @@ from litegripd.sim.codec import (
 )
 from litegripd.sim.parameters import SimulatorParameters
 from litegripd.sim.plant import STEP_S, STEPS_PER_S, Plant
-from litegripd.sim.thermal import Thermal
+
+
+class Thermal:
+    """Temperatures of coil and driver in °C, advanced in steps of one fixed duration.
+
+    First-order lags, driven by the loss in the windings. The figures are estimates from the motor's
+    data.
+    """
+
+    def __init__(self, parameters: SimulatorParameters, step_s: float) -> None:
+        p = parameters
+        # Loss in three phases at a current amplitude I: 1.5·R·I², with I = torque / constant.
+        self._watts_per_nm2 = 1.5 * p.phase_resistance_ohm / p.torque_constant_nm_a**2
+        self._ambient_c = p.ambient_c
+        self._gains = (p.winding_k_w, p.housing_k_w, p.driver_k_w)
+        times = (p.winding_time_s, p.housing_time_s, p.driver_time_s)
+        self._decays = tuple(math.exp(-step_s / time_s) for time_s in times)
+        self._winding = self._housing = self._driver = 0.0
+
+    @property
+    def coil_c(self) -> float:
+        """Temperature of the coil: the winding above its housing, the housing above the room."""
+        return self._ambient_c + self._housing + self._winding
+
+    @property
+    def driver_c(self) -> float:
+        """Temperature of the driver's transistors."""
+        return self._ambient_c + self._driver
+
+    def set_coil(self, coil_c: float) -> None:
+        """Let the coil have this temperature now, by the winding alone; the housing keeps its."""
+        self._winding = coil_c - self._ambient_c - self._housing
+
+    def step(self, mean_square_torque_nm2: float) -> None:
+        """Advance by one step over which the squared torque had this mean."""
+        watts = self._watts_per_nm2 * mean_square_torque_nm2
+        winding_k_w, housing_k_w, driver_k_w = self._gains
+        winding_decay, housing_decay, driver_decay = self._decays
+        self._winding = _lag(self._winding, winding_k_w * watts, winding_decay)
+        self._housing = _lag(self._housing, housing_k_w * watts, housing_decay)
+        self._driver = _lag(self._driver, driver_k_w * watts, driver_decay)
+
+
+def _lag(value: float, towards: float, decay: float) -> float:
+    """Return a first-order lag after one step: exact for a constant input."""
+    return towards + (value - towards) * decay
+
+
+PERIOD_STEPS = 4
+"""The loops run every 1 ms."""
+
+_PERIOD_S = PERIOD_STEPS * STEP_S
+
+
+class SpeedLaw(NamedTuple):
+    """The law kd·(dq - dq_measured) + tau for the time until the next step."""
+
+    velocity_rad_s: float
+    kd_nm_s_rad: float
+    torque_nm: float
+
+
+class Cascade:
+    """The loops of the control modes 2 to 4: from a position or a speed to a torque.
+
+    Position to speed, speed to torque, one inside the other, as the family's motors have them. The
+    registers' names and ids are the maker's; how they enter the loops is an estimate, because the
+    maker does not say it:
+
+    - KP_APR turns a position error (rad) into a speed (rad/s), at most the commanded one, MAX_SPD,
+      and what DEC can still stop. KI_APR is held and does nothing.
+    - The speed that is aimed at changes by at most ACC, or DEC towards standstill, both in rad/s².
+    - KP_ASR and KI_ASR are gains of the speed error at the rotor, in N·m·s/rad and N·m/rad; at the
+      output they are Gr² times as large.
+
+    It computes the law's figures once in `PERIOD_STEPS` steps; `plant` follows them in every step.
+    """
+
+    def __init__(self, registers: reg.Registers) -> None:
+        self._registers = registers
+        self.reset(0.0)
+
+    def reset(self, velocity_rad_s: float) -> None:
+        """Forget the past; begin at this speed."""
+        self._aim_rad_s = velocity_rad_s
+        self._integral_nm = 0.0
+
+    def step(
+        self, set_point: SetPoint, *, position_rad: float, velocity_rad_s: float, most_nm: float
+    ) -> SpeedLaw:
+        """Advance by 1 ms at the measured position and speed.
+
+        The integral holds at most `most_nm`, which is what the motor may make.
+        """
+        gear = self._registers[reg.GR] ** 2
+        self._approach(self._wanted_speed(set_point, position_rad))
+        error_rad_s = self._aim_rad_s - velocity_rad_s
+        integral = self._integral_nm + gear * self._registers[reg.KI_ASR] * error_rad_s * _PERIOD_S
+        self._integral_nm = min(max(integral, -most_nm), most_nm)
+        return SpeedLaw(self._aim_rad_s, gear * self._registers[reg.KP_ASR], self._integral_nm)
+
+    def _wanted_speed(self, set_point: SetPoint, position_rad: float) -> float:
+        most = self._registers[reg.MAX_SPD]
+        if set_point.position_rad is None:
+            return min(max(set_point.velocity_rad_s, -most), most)
+        error_rad = set_point.position_rad - position_rad
+        stoppable = math.sqrt(2.0 * -self._registers[reg.DEC] * abs(error_rad))
+        most = min(most, abs(set_point.velocity_rad_s), stoppable)
+        return min(max(self._registers[reg.KP_APR] * error_rad, -most), most)
+
+    def _approach(self, wanted_rad_s: float) -> None:
+        """Let the speed that is aimed at change as ACC and DEC allow."""
+        aim = self._aim_rad_s
+        is_slowing = abs(wanted_rad_s) < abs(aim) or wanted_rad_s * aim < 0.0
+        rate = -self._registers[reg.DEC] if is_slowing else self._registers[reg.ACC]
+        change = rate * _PERIOD_S
+        self._aim_rad_s += min(max(wanted_rad_s - aim, -change), change)
+
 
 REGISTER_CAN_ID = 0x7FF
 READ, WRITE, SAVE, STATUS = 0x33, 0x55, 0xAA, 0xCC

@@ -10,7 +10,7 @@ from __future__ import annotations
 import heapq
 import math
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.sim.faults import FrameFaults
 from litegripd.sim.gripper import SimulatedGripper
 

@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.bus import BusCondition
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import BusCondition, CanFrame
 from litegripd.model.motor import MotorOrder, MotorPhase, Status
 from tests.world import PERIOD_S, World
 

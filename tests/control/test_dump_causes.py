@@ -1,6 +1,6 @@
 """What makes the daemon dump by itself though no motor faults: silence, reset, jump, stranger."""
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase
 from litegripd.motor import codec
 from litegripd.recorder.causes import APART_S

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import can
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MitCommand
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec

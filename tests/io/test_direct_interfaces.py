@@ -8,7 +8,7 @@ import pytest
 
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.direct import DirectBus
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.motor.registers import status_request
 
 FRAME = CanFrame(0x08, bytes(range(8)))

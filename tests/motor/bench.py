@@ -3,7 +3,7 @@
 import struct
 from collections.abc import Callable
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
     EnableMotor,
     Feedback,

@@ -2,7 +2,7 @@
 
 import struct
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorOrder
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor

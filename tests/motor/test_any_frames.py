@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
     DisableMotor,
     EnableMotor,

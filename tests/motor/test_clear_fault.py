@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase
 from litegripd.motor import codec
 from tests.motor.test_silence import moving

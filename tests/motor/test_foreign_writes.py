@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase, Status
 from litegripd.motor.registers import (
     CONTROL_MODE,

@@ -5,7 +5,7 @@ import struct
 
 import pytest
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import EnableMotor, MotorIdentity, MotorOrder, MotorPhase, Ranges
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import registers as reg

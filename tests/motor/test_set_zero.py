@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
     EnableMotor,
     MotorPhase,

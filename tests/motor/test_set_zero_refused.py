@@ -4,7 +4,7 @@ import struct
 
 import pytest
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
     DisableMotor,
     EnableMotor,

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import Feedback, MotorPhase, Status
 from litegripd.motor.plausibility import CERTAIN_AFTER, StatusJudge
 from tests.world import PERIOD_S, Client, World

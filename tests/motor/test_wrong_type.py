@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase
 from litegripd.model.motor_types import DM4310, DM4340, MotorType
 from litegripd.motor.identity import unsuitable

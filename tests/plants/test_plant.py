@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
@@ -40,7 +40,7 @@ def test_no_code_of_the_simulator_is_in_it() -> None:
             node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
         }
         ours = {module for module in imported if module.startswith("litegripd")}
-        assert ours <= {"litegripd.model.frame"}
+        assert ours <= {"litegripd.model.bus"}
 
 
 def command(**fields: float) -> CanFrame:

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import CanFrame
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor_types import DM4310, MotorType
 from tests.plants.motor import PlantMotor

@@ -15,8 +15,7 @@ from typing import Any, Protocol
 import can
 import can.bus
 
-from litegripd.model.bus import BusCondition, BusState
-from litegripd.model.frame import CanFrame
+from litegripd.model.bus import BusCondition, BusState, CanFrame
 
 DIRECT_INTERFACES = ("socketcan", "virtual", "litegrip_sim")
 """python-can interfaces whose send and recv(0) never block."""
