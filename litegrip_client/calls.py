@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
 MAX_LINE_BYTES = 16_384
@@ -69,12 +69,12 @@ class Call:
         self.result: Message | None = None
 
     def line(self) -> bytes:
-        """Give the request as it is sent; raises `CommandError` when it cannot be."""
+        """Return the request as it is sent; raises `CommandError` when it cannot be."""
         return request_line(self.identity, self.method, self.params)
 
 
 def request_line(identity: int | None, method: str, params: Mapping[str, Any] | None) -> bytes:
-    """Give a request as it is sent; `identity` None makes it one that gets no answer.
+    """Return a request as it is sent; `identity` None makes it one that gets no answer.
 
     Raises `CommandError` when it cannot be sent.
     """

@@ -13,7 +13,7 @@ from litegrip_client.errors import CommandError, ConnectError
 from litegrip_client.exchange import DEFAULT_TIMEOUT_S
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeVar
 
     _Connected = TypeVar("_Connected")
@@ -64,7 +64,7 @@ def socket_paths(
 
 
 def is_socket_given(path: str | None = None) -> bool:
-    """Whether a socket is named, by `path` or `LITEGRIPD_SOCKET`: then of no known channel."""
+    """True if a socket is named, by `path` or `LITEGRIPD_SOCKET`: then of no known channel."""
     return bool(path if path is not None else os.environ.get(SOCKET_VARIABLE))
 
 
@@ -83,12 +83,12 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
 
 
 def is_enabled(channel: str) -> bool:
-    """Whether systemd starts the daemon of a channel by itself; then it was stopped, or failed."""
+    """True if systemd starts the daemon of a channel by itself; then it was stopped, or failed."""
     return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
 
 
 def is_unit_installed() -> bool:
-    """Whether systemd has the unit of the daemons: without it there is none to be started."""
+    """True if systemd has the unit of the daemons: without it there is none to be started."""
     paths = [f"{directory}/litegripd@.service" for directory in UNIT_DIRECTORIES]
     return any(os.path.exists(path) for path in paths)  # noqa: PTH110 - see _names
 

@@ -16,7 +16,7 @@ from litegrip_client.errors import LiteGripError, ProtocolError, StoppedError, f
 from litegrip_client.router import Key, Router, unsubscribing
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, TypeAlias
 
     from litegrip_client.feeds import Feed
@@ -58,7 +58,7 @@ class Exchange:
 
     @property
     def closed(self) -> bool:
-        """Whether no further call can succeed."""
+        """True if the connection has ended: every further call fails."""
         raise NotImplementedError
 
     def _post(self, line: bytes) -> None:

@@ -10,7 +10,7 @@ from litegrip_client.base import ActionBase
 from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     import os
 
     from litegrip_client.calibration import GripperConfig

@@ -159,7 +159,7 @@ class PlayResult:
 
 @dataclass(frozen=True, slots=True)
 class SetZeroResult:
-    """Whether the motor counts from its new zero; `shift_rad` is by how much it was moved."""
+    """True if the motor counts from its new zero; `shift_rad` is by how much it was moved."""
 
     ok: bool
     shift_rad: float

@@ -13,7 +13,7 @@ from litegrip_client.calls import Call, Message
 from litegrip_client.errors import ConnectError, from_error_object
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, Protocol, TypeAlias
     from weakref import ref
 

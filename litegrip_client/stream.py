@@ -97,7 +97,7 @@ class LineStream:
 
     @property
     def hung_up(self) -> bool:
-        """Whether the other side is gone, as far as the kernel knows."""
+        """True if the other side is gone, as far as the kernel knows."""
         poller = select.poll()
         poller.register(self._socket, select.POLLRDHUP)
         return bool(poller.poll(0))

@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeAlias
 
 CALLS: Mapping[str, tuple[str, str]] = {
@@ -152,7 +152,7 @@ def in_shell(text: str, method: str | None = None, parameter: str | None = None)
 
 
 def is_said(message: str, hint: str) -> bool:
-    """Whether `message` names the remedy of `hint` already: its words, or all its calls."""
+    """True if `message` names the remedy of `hint` already: its words, or all its calls."""
     if hint in message:
         return True
     named = [call for call in _calls() if _has(hint, call)]

@@ -21,7 +21,7 @@ from litegrip_client.errors import (
 from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Awaitable
     from typing import Any, TypeVar
 
@@ -81,12 +81,12 @@ class Link:
 
     @property
     def is_open(self) -> bool:
-        """Whether calls can be made."""
+        """True if calls can be made."""
         return self._wire is not None and not self._wire.closed
 
     @property
     def leased(self) -> bool:
-        """Whether anybody who uses this link still wants the lease."""
+        """True if anybody who uses this link still wants the lease."""
         return self.keeps_lease or self._leases > 0
 
     @property

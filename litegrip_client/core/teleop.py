@@ -10,7 +10,7 @@ from litegrip_client.core.base import ActionBase
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 

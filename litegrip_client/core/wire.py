@@ -27,15 +27,15 @@ class Wire(Protocol):
 
     @property
     def daemon_pid(self) -> int:
-        """The process at the other end, 0 where that cannot be known."""
+        """The process id of the daemon, 0 if unknown."""
 
     @property
     def closed(self) -> bool:
-        """Whether no further call can succeed."""
+        """True if the connection has ended: every further call fails."""
 
     @property
     def is_own(self) -> bool:
-        """Whether this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, not the parent process before a fork."""
 
     def prepare(self, method: str, params: Mapping[str, Any] | None = None) -> Call:
         """Make a call."""

@@ -13,7 +13,7 @@ from litegrip_client.errors import CancelledError
 from litegrip_client.motions import Motion
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 

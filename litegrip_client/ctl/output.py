@@ -13,7 +13,7 @@ from litegrip_client.errors import LiteGripError
 from litegrip_client.voices import is_said
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
@@ -31,7 +31,7 @@ class Output:
         self.as_json = as_json
         self.for_gripper = for_gripper
         self.live = sys.stdout.isatty() and not as_json
-        """Whether a line can be written over."""
+        """True if a line can be written over."""
         self._open_line = False
 
     def result(self, data: Mapping[str, Any], text: str) -> None:

@@ -18,7 +18,7 @@ from litegrip_client.discovery import check_channel
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, NoReturn
 
     from litegrip_client.ctl.run import Fill
@@ -98,7 +98,7 @@ class LateParser(Parser):
 
 
 def common() -> argparse.ArgumentParser:
-    """Give the options that every command takes, in front of its name and behind it."""
+    """Return the options that every command takes, in front of its name and behind it."""
     # Without defaults, so that the later place does not undo the earlier.
     parser = argparse.ArgumentParser(add_help=False, argument_default=argparse.SUPPRESS)
     where = parser.add_mutually_exclusive_group()

@@ -23,7 +23,7 @@ from litegrip_client.errors import ConnectError, LiteGripError
 from litegrip_client.stopping import stop_path
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from argparse import Namespace
 
 
@@ -156,7 +156,7 @@ class SshWay(Way):
             raise self._explained() or error from error
 
     def paths(self) -> list[str]:
-        """Give the socket's end on this machine, which is there then."""
+        """Return the socket's end on this machine, which is there then."""
         self._connected().close()
         return [self._here]
 

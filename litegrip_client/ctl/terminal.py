@@ -9,7 +9,7 @@ import sys
 
 
 def may_ask() -> bool:
-    """Whether somebody is there to read a question and to answer it."""
+    """True if somebody is there to read a question and to answer it."""
     return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
 
 
@@ -19,7 +19,7 @@ def say(text: str) -> None:
 
 
 def ask(question: str) -> str | None:
-    """Give the answer in lower case, without the spaces around it; None at the end of input."""
+    """Return the answer in lower case, without the spaces around it; None at the end of input."""
     try:
         sys.stderr.write(f"{question} ")
         sys.stderr.flush()
@@ -34,5 +34,5 @@ def ask(question: str) -> str | None:
 
 
 def confirm(question: str) -> bool:
-    """Whether the answer is yes; everything else is no."""
+    """True if the answer is yes; everything else is no."""
     return ask(f"{question} [y/N]") in ("y", "yes")

@@ -210,7 +210,7 @@ def _closed(facts: Facts) -> list[str]:
 
 
 def _admit(facts: Facts) -> str | None:
-    """Give the command that lets this user connect."""
+    """Return the command that lets this user connect."""
     user = facts.user
     if user.has_group:
         return _systemctl("restart", facts)

@@ -57,7 +57,7 @@ class Device:
     is_there: bool
     is_character_device: bool = False
     is_accessible: bool = False
-    """Whether this user may read and write it."""
+    """True if this user may read and write it."""
     group: str | None = None
 
 
@@ -67,7 +67,7 @@ class Socket:
 
     path: str
     is_accessible: bool
-    """Whether this user may connect."""
+    """True if this user may connect."""
     owner_uid: int
 
 
@@ -130,9 +130,9 @@ class Facts:
     ctl: str = "litegripctl"
     asked_channel: str | None = None
     is_unit_enabled: bool = False
-    """Whether systemd starts the channel's daemon by itself."""
+    """True if systemd starts the channel's daemon by itself."""
     is_unit_installed: bool = True
-    """Whether systemd has a unit for daemons at all."""
+    """True if systemd has a unit for daemons at all."""
     socket: str | None = None
     """For a shell, the socket that alone was named, and where nobody answers."""
     hung_pid: int | None = None
@@ -156,5 +156,5 @@ class Facts:
 
     @property
     def is_enabled(self) -> bool:
-        """Whether the motor is enabled, as far as is known."""
+        """True if the motor is enabled, as far as is known."""
         return self.daemon is not None and self.daemon.state.get("enabled") is True

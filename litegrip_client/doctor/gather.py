@@ -189,7 +189,7 @@ def system(interface: str, bus_channel: str, net: Path = NET) -> System:
 
 
 def is_can(name: str) -> bool:
-    """Whether there is a CAN interface of a name."""
+    """True if there is a CAN interface of a name."""
     return name in _can_links(NET)
 
 

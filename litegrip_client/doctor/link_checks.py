@@ -271,7 +271,7 @@ def _can_link(facts: Facts) -> Link | None:
 
 
 def _controller(facts: Facts) -> Link | None:
-    """Give the link if it has a controller, about which iproute2 has told."""
+    """Return the link if it has a controller, about which iproute2 has told."""
     found = _can_link(facts)
     return found if found is not None and found.kind == "can" else None
 
@@ -300,7 +300,7 @@ def _down_and_up(found: Link) -> str:
 
 
 def _anew(facts: Facts, settings: str) -> str:
-    """Give the command that sets a link up anew, which the motor does not survive enabled."""
+    """Return the command that sets a link up anew, which the motor does not survive enabled."""
     name, found = facts.bus_channel, facts.system.link
     commands = [f"{facts.ctl} disable"] if facts.is_enabled else []
     if found is not None and found.is_up:

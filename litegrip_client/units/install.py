@@ -44,12 +44,12 @@ class Wishes:
 
 
 def uses_networkd(root: Path) -> bool:
-    """Whether systemd-networkd is enabled in a system."""
+    """True if systemd-networkd is enabled in a system."""
     return any(root.glob(_NETWORKD))
 
 
 def is_packaged(root: Path) -> bool:
-    """Whether a system has the units from the Debian package."""
+    """True if a system has the units from the Debian package."""
     return (root / plan.PACKAGED).is_file()
 
 

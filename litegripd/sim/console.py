@@ -317,7 +317,7 @@ class Console:
 
 
 def _is_in_background(fd: int) -> bool:
-    """Whether what is typed is meant for another program: reading it would stop this process."""
+    """True if what is typed is meant for another program: reading it would stop this process."""
     try:
         return os.isatty(fd) and os.tcgetpgrp(fd) != os.getpgrp()
     except OSError:

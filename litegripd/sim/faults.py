@@ -32,7 +32,7 @@ class FrameFaults:
 
     def __init__(self, direction: str, seed: int = 0) -> None:
         self.is_used = False
-        """Whether any fault was ever set: until then nobody needs to ask `arrivals`."""
+        """True if any fault was ever set: until then nobody needs to ask `arrivals`."""
         self._direction = direction
         self._lock = threading.Lock()
         self._latest_s = -math.inf
@@ -40,7 +40,7 @@ class FrameFaults:
         self.seed(seed)
 
     def seed(self, seed: int) -> None:
-        """Begin the sequence of chances anew."""
+        """Restart the sequence of chances."""
         with self._lock:
             self._random = random.Random(f"{self._direction} {seed}")  # noqa: S311 - no secret
 
@@ -161,18 +161,18 @@ class BusFaults:
         self.to_motor = channel.wire.to_motor
         self.from_motor = channel.wire.from_motor
         self.is_whole = True
-        """Whether frames go out and come in, as they do without any fault of the link."""
+        """True if frames go out and come in, as they do without any fault of the link."""
         self._channel = channel
         self._is_down = self._is_unplugged = self._is_off = self._is_stalled = False
         self._queue: deque[tuple[Node, can.Message]] = deque()
 
     @property
     def is_unplugged(self) -> bool:
-        """Whether the adapter is gone, and with it the interface."""
+        """True if the adapter is gone, and with it the interface."""
         return self._is_unplugged
 
     def seed(self, seed: int) -> None:
-        """Begin the chances of both directions anew."""
+        """Restart the chances of both directions."""
         self._channel.wire.seed(seed)
 
     def inject(self, frame: CanFrame) -> None:

@@ -101,7 +101,7 @@ class SimulatedMotor:
 
     @property
     def is_powered(self) -> bool:
-        """Whether it is switched on; else it hears and answers nothing."""
+        """True if it is switched on; else it hears and answers nothing."""
         return self._powered
 
     @property

@@ -55,7 +55,7 @@ class SlcanDevice:
 
     @property
     def is_open(self) -> bool:
-        """Whether the host has opened the channel."""
+        """True if the host has opened the channel."""
         return self._open
 
     def feed(self, data: bytes) -> SlcanResult:
@@ -348,7 +348,7 @@ def _write_some(fd: int, output: bytes) -> int:
 
 
 def _is_foreign(message: can.Message) -> bool:
-    """Whether this is anything but a classic data frame of a standard id."""
+    """True if this is anything but a classic data frame of a standard id."""
     return (
         message.is_error_frame or message.is_remote_frame or message.is_extended_id or message.is_fd
     )

@@ -12,7 +12,7 @@ from litegrip_client.errors import CommandError
 from litegrip_client.stopping import is_taken_as_meant, stop_at
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from argparse import Namespace
     from typing import Any
 

@@ -30,7 +30,7 @@ from litegrip_client.trajectory_files import (
 )
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 _REPLACE = "take another name, or replace it with: --overwrite"

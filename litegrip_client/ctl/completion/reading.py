@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from litegrip_client.ctl.parser import LateParser, Parser
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeAlias
 
 Words: TypeAlias = "list[tuple[str, str]]"
