@@ -64,7 +64,7 @@ def socket_paths(
 
 
 def is_socket_given(path: str | None = None) -> bool:
-    """True if a socket is named, by `path` or `LITEGRIPD_SOCKET`: then of no known channel."""
+    """Return True if a socket is named, by `path` or `LITEGRIPD_SOCKET`: then of no known channel."""
     return bool(path if path is not None else os.environ.get(SOCKET_VARIABLE))
 
 
@@ -83,12 +83,12 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
 
 
 def is_enabled(channel: str) -> bool:
-    """True if systemd starts the daemon of a channel by itself; then it was stopped, or failed."""
+    """Return True if systemd starts the daemon of a channel by itself; then it was stopped, or failed."""
     return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
 
 
 def is_unit_installed() -> bool:
-    """True if systemd has the unit of the daemons: without it there is none to be started."""
+    """Return True if systemd has the unit of the daemons: without it there is none to be started."""
     paths = [f"{directory}/litegripd@.service" for directory in UNIT_DIRECTORIES]
     return any(os.path.exists(path) for path in paths)  # noqa: PTH110 - see _names
 
@@ -108,7 +108,7 @@ def _directories(environment: Mapping[str, str]) -> tuple[str, str]:
 def connect(
     channel: str, path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
 ) -> Connection:
-    """Connect to the daemon of `channel`; raises `ConnectError` that tells what was tried."""
+    """Connect to the daemon of `channel`; raises `ConnectError` that lists the attempts."""
 
     async def attempt(candidate: str) -> Connection:
         return Connection(candidate, timeout_s)
@@ -121,7 +121,7 @@ async def reach(
 ) -> _Connected:
     """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
 
-    Raises `ConnectError` that tells what was tried.
+    Raises `ConnectError` that lists the attempts.
     """
     failures: list[tuple[str, OSError]] = []
     for candidate in socket_paths(channel, path):

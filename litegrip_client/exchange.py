@@ -73,7 +73,7 @@ class Exchange:
         params: Mapping[str, Any] | None = None,
         on_progress: Progress | None = None,
     ) -> Call:
-        """Make a call to be run: for who must know afterwards how far it came."""
+        """Return a call to be run; its caller can check later how far it came."""
         return Call(next(self._ids), method, params, on_progress)
 
     def prepare_guarded(
@@ -89,7 +89,7 @@ class Exchange:
         return guarded(params, self.stop_generation, has_clock=self.has_clock)
 
     def forget(self, call: Call) -> None:
-        """Drop what still comes for `call`: for whoever set its `keep`."""
+        """Drop later messages for `call`; for callers that set its `keep`."""
         self._router.calls.pop(call.identity, None)
 
     def abandon(self, call: Call, undo: Undo) -> None:
@@ -115,7 +115,7 @@ class Exchange:
     # Answers
 
     def accept(self, hello: Mapping[str, Any]) -> None:
-        """Take note of what the daemon says of itself; `ProtocolError` for another protocol."""
+        """Store the daemon's `hello`; raises `ProtocolError` for another protocol."""
         if hello.get("protocol") != PROTOCOL:
             raise ProtocolError(
                 f"the daemon speaks protocol {hello.get('protocol')!r}, this client {PROTOCOL}",
@@ -132,7 +132,7 @@ class Exchange:
         )
 
     def note_stops(self, result: Mapping[str, Any]) -> None:
-        """Take note of the stops that a result tells of, wherever it came from."""
+        """Store the stop generation of a result from any source."""
         generation = generation_of(result)
         if generation is not None and generation > (self.stop_generation or -1):
             self.stop_generation = generation
@@ -164,7 +164,7 @@ class Exchange:
         return error
 
     def _newest_refusal(self) -> LiteGripError | None:
-        """Take why the daemon refused a request that gets no answer, if it has said so."""
+        """Take the newest refusal of a request that gets no answer, or None."""
         refusal, self._router.refusal = self._router.refusal, None
         if refusal is None:
             return None

@@ -152,7 +152,7 @@ def in_shell(text: str, method: str | None = None, parameter: str | None = None)
 
 
 def is_said(message: str, hint: str) -> bool:
-    """True if `message` names the remedy of `hint` already: its words, or all its calls."""
+    """Return True if `message` names the remedy of `hint` already: its words, or all its calls."""
     if hint in message:
         return True
     named = [call for call in _calls() if _has(hint, call)]

@@ -107,7 +107,7 @@ class Gripper(GripperActions):
         wait_s: float = 0.0,
         on_lost: str = "hold",
     ) -> Lease:
-        """Take the lease, for exclusive control: `async with gripper.lease("sorting", wait_s=10):`."""
+        """Take the lease: `async with gripper.lease("sorting", wait_s=10):`."""
         from litegrip_client.core.lease import Lease  # noqa: PLC0415 - see above
 
         wish = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}

@@ -1,4 +1,4 @@
-"""Where `litegripctl` writes: results as text or JSON, and one line that is written anew.
+"""Where `litegripctl` writes: results as text or JSON, and one line that is rewritten.
 
 It must not decide what is said.
 """
@@ -52,7 +52,7 @@ class Output:
             self._open_line = False
 
     def end_line(self) -> None:
-        """Keep the line that `line` wrote, and go on below it."""
+        """Keep the line that `line` wrote, and continue below it."""
         if self._open_line:
             _write("\n")
             self._open_line = False
@@ -72,7 +72,7 @@ class Output:
                 print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
 
     def note(self, text: str) -> None:
-        """Tell a person something that is no result."""
+        """Show a person something that is not a result."""
         print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
 
 

@@ -1,4 +1,4 @@
-"""What the checks are told: values, and nothing that asks for them.
+"""The facts for the checks: values only, no requests.
 
 What the daemon answered is kept as it came, so that an older or newer daemon is examined, too.
 """
@@ -21,7 +21,7 @@ class Link:
     is_can: bool
     is_up: bool
     kind: str | None = None
-    """As iproute2 names it: "can" for an adapter, "vcan"; None where iproute2 told nothing."""
+    """As iproute2 names it: "can" for an adapter, "vcan"; None without iproute2's answer."""
     queue_frames: int | None = None
     bitrate: int | None = None
     sample_point: float | None = None
@@ -40,7 +40,7 @@ class System:
 
     link: Link | None = None
     ip_problem: str | None = None
-    """Why iproute2 told nothing, if so; the link is then what the kernel's files tell."""
+    """Why iproute2 gave no answer, or None; the link then comes from the kernel's files."""
     can_links: tuple[str, ...] = ()
     """The CAN interfaces that there are."""
     driver: str | None = None

@@ -174,7 +174,7 @@ _FILES = ("type", "flags", "tx_queue_len")
 
 
 class IpError(Exception):
-    """iproute2 is not there, or told nothing that can be used; the message says which."""
+    """iproute2 is not there, or gave no usable answer; the message says which."""
 
 
 def system(interface: str, bus_channel: str, net: Path = NET) -> System:
@@ -189,7 +189,7 @@ def system(interface: str, bus_channel: str, net: Path = NET) -> System:
 
 
 def is_can(name: str) -> bool:
-    """True if there is a CAN interface of a name."""
+    """Return True if there is a CAN interface of a name."""
     return name in _can_links(NET)
 
 
@@ -249,7 +249,7 @@ def ask_ip(name: str) -> str | None:
 
 
 def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
-    """Return the link and why iproute2 told nothing of it, if so."""
+    """Return the link, and why iproute2 gave no answer, or None."""
     try:
         told = ask_ip(name)
         return (None if told is None else from_ip(told)), None

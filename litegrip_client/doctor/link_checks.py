@@ -57,7 +57,7 @@ _WIRING = (
 
 
 def tool(facts: Facts) -> Finding | None:
-    """Check whether iproute2 tells about the link."""
+    """Check that iproute2 describes the link."""
     problem = facts.system.ip_problem
     if facts.interface != "socketcan" or problem is None:
         return None
@@ -184,7 +184,7 @@ def errors(facts: Facts) -> Finding | None:
 
 
 def adapter(facts: Facts) -> Finding | None:
-    """Tell which driver and adapter it is."""
+    """Report the driver and the adapter."""
     found, system = _can_link(facts), facts.system
     if found is None or _is_virtual(found):
         return None
@@ -228,7 +228,7 @@ def _bus_figures(facts: Facts) -> Mapping[str, Any]:
 
 
 def _unopened(facts: Facts, text: str) -> Finding | None:
-    """Pass on why the daemon cannot use an adapter that looks all right from here, if so."""
+    """Return why the daemon cannot use an adapter that looks right from here, or None."""
     figures = _bus_figures(facts)
     if figures.get("state") not in UNOPENED:
         return None
@@ -271,7 +271,7 @@ def _can_link(facts: Facts) -> Link | None:
 
 
 def _controller(facts: Facts) -> Link | None:
-    """Return the link if it has a controller, about which iproute2 has told."""
+    """Return the link if it has a controller that iproute2 describes."""
     found = _can_link(facts)
     return found if found is not None and found.kind == "can" else None
 

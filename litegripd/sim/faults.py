@@ -276,7 +276,7 @@ class BusFaults:
             node.error_code = errno.ENETDOWN
 
     def admit(self, node: Node, message: can.Message) -> bool:
-        """Tell whether a node's frame goes out now; else it is lost, or waits.
+        """Return True if a node's frame goes out now; else it is lost, or waits.
 
         The caller holds the channel's lock. Raises `can.CanOperationError`.
         """

@@ -98,7 +98,7 @@ OF_THIS_MACHINE = ("doctor", "completion", "install-units")
 
 
 def needs_daemon(options: Namespace) -> bool:
-    """True if the command line asks for something of the daemon's."""
+    """Return True if the command line asks for something of the daemon's."""
     if options.command == "plot":
         return is_name(options.file) and not options.local
     if options.command == "trajectories":
@@ -107,7 +107,7 @@ def needs_daemon(options: Namespace) -> bool:
 
 
 def is_name(text: str) -> bool:
-    """True if it can only be a name of the daemon's, and no file here."""
+    """Return True if it can only be a name of the daemon's, and no file here."""
     path = Path(text)
     return path.name == text and not path.suffix and not path.exists()
 

@@ -100,7 +100,7 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
 
 
 def _has_new_settings(done: Sequence[Done]) -> bool:
-    """True if the daemons' unit is not what it was, its drop-in included."""
+    """Return True if the daemons' unit is not what it was, its drop-in included."""
     return any(
         one.what in ("installed", "replaced") and "/litegripd@.service" in one.path for one in done
     )
