@@ -58,7 +58,7 @@ class BlockingWire:
 
     @property
     def daemon_pid(self) -> int:
-        """The process id of the daemon, 0 if unknown."""
+        """The process id of the other end, 0 if unknown."""
         return self.connection.daemon_pid
 
     @property

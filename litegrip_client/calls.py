@@ -30,7 +30,7 @@ class Call:
     """One request, to be given to `run` of a connection once.
 
     `inbox` gets its progress notifications and then its answer. `job` is the number of the job
-    that it started, once a notification told it; `answered` whether the answer has come, and
+    that it started, once a notification names it; `answered` whether the answer has come, and
     `result` what it holds, if it is no error. `on_result` is called with the result where it is
     read, before anything behind it is read.
     `keep` makes that `answered` is still kept up to date after an interrupt, until

@@ -64,7 +64,7 @@ def socket_paths(
 
 
 def is_socket_given(path: str | None = None) -> bool:
-    """Return True if a socket is named, by `path` or `LITEGRIPD_SOCKET`: then of no known channel."""
+    """Return True if `path` or `LITEGRIPD_SOCKET` names a socket; its channel is unknown then."""
     return bool(path if path is not None else os.environ.get(SOCKET_VARIABLE))
 
 
@@ -83,12 +83,12 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
 
 
 def is_enabled(channel: str) -> bool:
-    """Return True if systemd starts the daemon of a channel by itself; then it was stopped, or failed."""
+    """Return True if systemd starts a channel's daemon; one that is down was stopped or failed."""
     return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
 
 
 def is_unit_installed() -> bool:
-    """Return True if systemd has the unit of the daemons: without it there is none to be started."""
+    """Return True if systemd has the daemons' unit; without it, it can start none."""
     paths = [f"{directory}/litegripd@.service" for directory in UNIT_DIRECTORIES]
     return any(os.path.exists(path) for path in paths)  # noqa: PTH110 - see _names
 

@@ -36,10 +36,10 @@ Undo: TypeAlias = "Callable[[Message], tuple[str, dict[str, Any]] | None]"
 
 
 class Exchange:
-    """The base of connections. `stop_generation` is the newest that an answer told.
+    """The base of connections. `stop_generation` is the newest in any answer.
 
     It is None when that is not known, and so is `client`, the daemon's number for the connection;
-    and `stop_socket`, where it takes stops before everything else. `has_clock` tells whether this
+    and `stop_socket`, where it takes stops before everything else. `has_clock` is true if this
     machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a forwarded socket. `voice`
     puts the daemon's errors into the reader's words; None means those of Python.
     """
@@ -158,8 +158,8 @@ class Exchange:
     def _error(self, error_object: Any, method: str) -> LiteGripError:
         error = from_error_object(error_object, method, self.voice)
         if isinstance(error, StoppedError):
-            # Who is told of a stop knows of it: what it sends next is meant to come after,
-            # and `sent_s` alone guards it until an answer tells the new number.
+            # A caller that gets this error knows the stop: its next request is meant to come after,
+            # and `sent_s` alone guards it until an answer has the new number.
             self.stop_generation = generation_of(error.data)
         return error
 

@@ -34,7 +34,7 @@ class LoadingActions(ActionBase):
         environment names; else what the daemon finds for the channel (its own file, or the user's
         whom it runs as); else ~/.litegrip/<channel>_calibration.json and
         ~/.litegrip/litegrip_calibration.json of this program's user; else, for can0, the
-        factory's. While any client's motion runs, the daemon accepts the calibration already in use.
+        factory's. While any client's motion runs, only the calibration already in use is accepted.
 
         Raises `CommandError` when a named calibration cannot be used; never takes another file.
         The daemon logs the closing direction; `mount` returns it, too.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 class Motion:
     """One motion, to be run once.
 
-    After an interrupt, `cancelled` is the job as the daemon's answer to the cancelling tells it,
+    After an interrupt, `cancelled` is the job from the daemon's answer to the cancelling,
     and `cancel_error` why cancelling failed; both None when nothing was left to cancel.
     """
 

@@ -27,7 +27,7 @@ def stop_path(path: str) -> str:
 
 
 def is_taken_as_meant(params: Mapping[str, Any]) -> bool:
-    """Return True if the socket for stops understands these parameters; any others it takes for a hold."""
+    """Return True if the stop socket understands these parameters; it takes others for a hold."""
     why = params.get("why")
     if params.get("level") not in _LEVELS or not (why is None or isinstance(why, str)):
         return False

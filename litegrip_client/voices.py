@@ -1,4 +1,4 @@
-"""What the daemon's messages name, in the words of whoever reads them: one table, three voices.
+"""What the daemon's messages name, in the words of their reader: one table, three voices.
 
 On the wire a message names methods and their parameters. A script's author can type Python calls,
 and a person at a shell commands and options. Nothing is decided by this module.

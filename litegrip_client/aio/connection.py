@@ -125,7 +125,7 @@ class Connection(Exchange):
 
     @property
     def daemon_pid(self) -> int:
-        """The process id of the daemon, 0 if unknown."""
+        """The process id of the other end, 0 if unknown."""
         return self._stream.peer_pid
 
     @property

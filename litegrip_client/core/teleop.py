@@ -73,5 +73,5 @@ class TeleopActions(ActionBase):
         return await self._link.wire.call("teleop.stop")
 
     async def teleop_status(self) -> dict[str, Any]:
-        """Tell how it goes, or how the last one went."""
+        """Return the status of teleoperation, or of the last one."""
         return await self._link.wire.call("teleop.status")

@@ -23,11 +23,11 @@ class Wire(Protocol):
 
     @property
     def stop_socket(self) -> str | None:
-        """Where the daemon takes stops before everything else, as far as it has told."""
+        """The daemon's priority socket for stops; None until the daemon reports it."""
 
     @property
     def daemon_pid(self) -> int:
-        """The process id of the daemon, 0 if unknown."""
+        """The process id of the other end, 0 if unknown."""
 
     @property
     def closed(self) -> bool:
@@ -49,7 +49,7 @@ class Wire(Protocol):
         """Take note of what the daemon says of itself."""
 
     def note_stops(self, result: Mapping[str, Any]) -> None:
-        """Take note of the stops that a result tells of, wherever it came from."""
+        """Store the stop generation of a result from any source."""
 
     def forget(self, call: Call) -> None:
         """Drop what still comes for a call."""

@@ -89,7 +89,7 @@ class LateParser(Parser):
             fill(self)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Become a parser, and parse; note in `help_of` whose help tells of what was given."""
+        """Become a parser, and parse; note in `help_of` whose help fits the arguments."""
         self.become()
         options, rest = super().parse_known_args(args, namespace)
         if not hasattr(options, "help_of"):  # else an action of this command has noted its own
@@ -121,7 +121,7 @@ def common() -> argparse.ArgumentParser:
 def parse(given: list[str]) -> argparse.Namespace:
     """Read the command line; raises `UsageError` when it is wrong.
 
-    `channel_chosen` tells whether a channel was asked for, by option or by environment, and `call`
+    `channel_chosen` is true if a channel was asked for, by option or by environment, and `call`
     how the same gripper is called again.
     """
     parser = whole_parser()

@@ -137,7 +137,7 @@ class SshWay(Way):
     longer ask for a password.
     """
 
-    # Whether anybody listens there, ssh tells by ending the connection and by nothing else.
+    # If nobody listens there, ssh ends the connection; it reports this in no other way.
     not_listening = (*Way.not_listening, LiteGripError)
 
     def __init__(self, options: Namespace) -> None:

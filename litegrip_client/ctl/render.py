@@ -44,7 +44,7 @@ def state_rows(data: Data) -> list[tuple[str, str]]:
 
 
 def is_unheard(data: Data) -> bool:
-    """Return True if the motor has never answered, so that no figure is known, not even an old one."""
+    """Return True if the motor has never answered: no figure is known, not even an old one."""
     return "feedback_s" in data and data["feedback_s"] is None and data.get("age_s") is None
 
 

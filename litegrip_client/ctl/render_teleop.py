@@ -32,7 +32,7 @@ def line(data: Data) -> str:
 
 
 def ended(data: Data, *, holding: bool = False) -> str:
-    """Show in one line how it ended; `holding` says that it was told to, so that the jaws hold."""
+    """Show in one line how it ended; with `holding` a command ended it and the jaws hold."""
     if data.get("mode") is None:
         return "no teleoperation so far"
     by = f" by {data['fault']}" if data.get("fault") else ""

@@ -100,7 +100,7 @@ class Daemon:
 class Configuration:
     """A channel's configuration file, of which the daemon's program was asked.
 
-    `content` is what it says, as `info.get` tells it; else `error` is what is wrong with it, or
+    `content` is what it says, as in `info.get`; else `error` is what is wrong with it, or
     `unchecked` why that is not known.
     """
 
@@ -138,7 +138,7 @@ class Facts:
     hung_pid: int | None = None
     """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
     configuration: Configuration | None = None
-    """The channel's file, where there is one and no daemon tells what it uses."""
+    """The channel's file, where there is one and no daemon reports what it uses."""
     interface: str | None = "socketcan"
     bus_channel: str = "can0"
     now_s: float = 0.0

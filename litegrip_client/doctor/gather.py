@@ -75,7 +75,7 @@ def from_ip(text: str) -> Link:
 def from_files(name: str, files: Mapping[str, str]) -> Link:
     """Read /sys/class/net/<name>/: the contents of `type`, `flags` and `tx_queue_len`.
 
-    They tell no bit rate and no error counters. Raises `ValueError` for what is no number.
+    They have no bit rate and no error counters. Raises `ValueError` for what is no number.
     """
     return Link(
         name=name,
@@ -311,7 +311,7 @@ ANSWER_WITHIN_S = 5.0
 def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     """Find out all that the checks need; without a daemon, what can be known without.
 
-    `channel_chosen` tells that somebody asked for this channel by name.
+    `channel_chosen` is true if the user named this channel.
     """
     daemon, failure, hung_pid = _daemon(channel, socket)
     paths = socket_paths(channel, socket) if daemon is None else [daemon.path]

@@ -23,7 +23,7 @@ LONGEST_QUEUE_S = 0.1
 """The motor's watchdog: what waits for longer would come when the motor has given up already."""
 
 RATE_HZ = 200.0
-"""The daemon's, where it does not tell."""
+"""The daemon's default, if it reports none."""
 
 UNOPENED = ("down", "adapter_gone")
 """States of a bus whose adapter the daemon could not open, or has lost."""
@@ -251,7 +251,7 @@ def _missing(facts: Facts) -> Finding:
 
 
 def _configured_bit_rate(facts: Facts) -> Finding | None:
-    """Check what the daemon is told, where it and not the system sets the bit rate."""
+    """Check the daemon's configuration, where it and not the system sets the bit rate."""
     if facts.daemon is None or facts.interface in ("socketcan", *SIMULATED):
         return None
     bitrate = facts.daemon.info.get("configuration", {}).get("bus", {}).get("bitrate")
@@ -300,7 +300,7 @@ def _down_and_up(found: Link) -> str:
 
 
 def _anew(facts: Facts, settings: str) -> str:
-    """Return the command that sets a link up anew, which the motor does not survive enabled."""
+    """Return the command that sets a link up again; an enabled motor does not survive it."""
     name, found = facts.bus_channel, facts.system.link
     commands = [f"{facts.ctl} disable"] if facts.is_enabled else []
     if found is not None and found.is_up:

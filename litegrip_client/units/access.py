@@ -29,7 +29,7 @@ class Reader:
     gids: frozenset[int] = frozenset()
 
     def may(self, path: Path, bits: int) -> bool:
-        """Return True if the mode of a file lets them; one with an access list of its own is trusted."""
+        """Return True if a file's mode lets them; one with its own access list is trusted."""
         found = path.stat()
         shift = 6 if found.st_uid == self.uid else 3 if found.st_gid in self.gids else 0
         return (found.st_mode >> shift) & bits == bits or _has_access_list(path)

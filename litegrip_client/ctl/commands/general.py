@@ -97,7 +97,7 @@ def cancel(run: Run) -> int:
 
 
 def health(run: Run) -> int:
-    """Show the daemon's verdict and figures; the exit code tells the verdict."""
+    """Show the daemon's verdict and figures; the exit code gives the verdict."""
     data = run.connection.call("health")
     run.output.result(data, render.health(data))
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)
