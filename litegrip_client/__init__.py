@@ -6,11 +6,11 @@
         gripper.enable()
         gripper.close()
 
-`litegrip_client.aio` offers the same on asyncio, which is imported when it is asked for.
+`litegrip_client.aio` offers the same on asyncio. It is imported on first use.
 
-Standard library only; nothing of the daemon is imported. And little of the library: `typing`
-and `dataclasses` take as long to import as all the rest, so the modules need the first only for
-the type checker (which knows what `TYPE_CHECKING` means, wherever it comes from), and the second
+The client uses the standard library only and imports nothing of the daemon. `typing` and
+`dataclasses` take as long to import as everything else together. So the modules import `typing`
+only for the type checker (which knows `TYPE_CHECKING`, whatever its origin), and `dataclasses`
 when the first object is made.
 """
 
@@ -130,11 +130,11 @@ _LATER = {
     "list_templates": "calibration_files",
     "list_trajectories": "trajectory_files",
 }
-"""What takes long to import, or is seldom needed, and its module."""
+"""Names that are slow to import or seldom needed, and their modules."""
 
 
 def __getattr__(name: str) -> object:
-    """Find what is imported only when it is asked for."""
+    """Return a name that is imported on first use."""
     if name in _LATER:
         from importlib import import_module  # noqa: PLC0415
 

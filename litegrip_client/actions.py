@@ -1,7 +1,7 @@
-"""The actions of a gripper, for whoever builds another driver layer on top.
+"""The actions of a gripper, for other driver layers that are built on top.
 
-They report by results, progress callbacks and exceptions and print nothing; the calibration's
-probe is the exception, as in the vendor's SDK.
+They report by results, progress callbacks and exceptions, and print nothing. Only the probe of
+the calibration prints, as in the vendor's SDK.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ class GripperActions(
     TeleopActions,
     CalibrationActions,
 ):
-    """All that makes the gripper at the other end of a link do something.
+    """All actions of the gripper at the other end of a link.
 
-    Everything raises `ConnectError` without a connection. What moves the jaws raises
-    `CommandError` (not calibrated, a value out of its range), `BusyError` (another motion runs),
-    `StoppedError` (a stop is latched, or came in between), `CancelledError` and `HardwareError`
-    (motor or bus do not work).
+    Every action raises `ConnectError` without a connection. An action that moves the jaws raises
+    `CommandError` (not calibrated, or a value out of its range), `BusyError` (another motion
+    runs), `StoppedError` (a stop is latched, or came in between), `CancelledError` and
+    `HardwareError` (the motor or the bus does not work).
     """

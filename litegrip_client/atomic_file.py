@@ -1,4 +1,4 @@
-"""Write a file wholly or not at all. What is in it, and what its errors mean, is the caller's."""
+"""Write a file completely or not at all. The caller decides its content and handles errors."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 
 def write(target: Path, content: bytes) -> None:
-    """Write `target`, with its directory, in place of what is there; raises `OSError`."""
+    """Replace the file `target`; create its directory if needed. Raises `OSError`."""
     new = target.with_name(f".{target.name}.{os.getpid()}.{threading.get_ident()}.new")
     target.parent.mkdir(parents=True, exist_ok=True)
     try:

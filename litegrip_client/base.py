@@ -1,9 +1,9 @@
-"""What the actions of a gripper for threads have in common: the core that they wait for."""
+"""The base of a gripper's actions for threads: the core that they wait for."""
 
 from __future__ import annotations
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from litegrip_client.core.base import ProgressCallback
     from litegrip_client.core.gripper import Gripper
     from litegrip_client.motion_config import MotionConfig

@@ -8,7 +8,7 @@ from collections.abc import Coroutine, Mapping
 from litegrip_client.connection import Connection
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
     from litegrip_client.calls import Call
@@ -53,22 +53,22 @@ class BlockingWire:
 
     @property
     def stop_socket(self) -> str | None:
-        """Where the daemon takes stops before everything else, as far as it has told."""
+        """The daemon's priority socket for stops; None until the daemon reports it."""
         return self.connection.stop_socket
 
     @property
     def daemon_pid(self) -> int:
-        """The process at the other end, 0 where that cannot be known."""
+        """The process id of the other end, 0 if unknown."""
         return self.connection.daemon_pid
 
     @property
     def closed(self) -> bool:
-        """True if no further call can succeed."""
+        """True if the connection has ended: every further call fails."""
         return self.connection.closed
 
     @property
     def is_own(self) -> bool:
-        """True if this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, not the parent process before a fork."""
         return self.connection.is_own
 
     async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
@@ -86,7 +86,7 @@ class BlockingWire:
         self.connection.notify_guarded(method, params)
 
     async def take_refusal(self) -> LiteGripError | None:
-        """Return why the daemon refused such a request, once it has said so."""
+        """Return the daemon's refusal of such a request, or None."""
         return self.connection.take_refusal()
 
     async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:

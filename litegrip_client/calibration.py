@@ -1,4 +1,4 @@
-"""What is known of a gripper's geometry, as values with the vendor SDK's names. No I/O here."""
+"""A gripper's geometry, as values with the vendor SDK's names. No I/O here."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -10,7 +10,7 @@ from litegrip_client.errors import CommandError, HardwareError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationData:
-    """A calibration, with the keys of its file; None stands for what a file does not have.
+    """A calibration, with the keys of its file; None means that the file lacks the key.
 
     `zero_position_rad` is the closed limit and `max_position_rad` the open one; `rad_to_mm` the
     opening per radian. `kp` (N·m/rad) and `kd` (N·m·s/rad) are the gains of the hold.
@@ -32,7 +32,7 @@ class CalibrationData:
 
     @classmethod
     def from_content(cls, content: Mapping[str, Any]) -> "CalibrationData":
-        """Read a file's keys, of which others are ignored; raises `ProtocolError`."""
+        """Read a file's keys and ignore unknown ones; raises `ProtocolError`."""
         values = pick(
             content, ("zero_position_rad", "max_position_rad", "rad_to_mm"), "calibration"
         )
@@ -42,7 +42,7 @@ class CalibrationData:
 
     @classmethod
     def from_result(cls, result: Mapping[str, Any]) -> "CalibrationData":
-        """Read how measuring ended; raises `HardwareError` or `CommandError` when it failed."""
+        """Read the result of measuring; raises `HardwareError` or `CommandError` if it failed."""
         if result.get("ok") is True:
             return cls.from_content(pick(result, ("content",), "calibration result")["content"])
         outcome = pick(result, ("outcome", "message"), "calibration result")["outcome"]
@@ -61,10 +61,10 @@ CALIBRATION_KEYS = tuple(field.name for field in fields(CalibrationData))
 
 @dataclass(frozen=True, slots=True)
 class GripperConfig:
-    """The gripper as the daemon drives it at present; not to be changed from here.
+    """The gripper as the daemon drives it now; read-only.
 
-    None stands where something is not known: the limits and `rad_to_mm` until `calibrated`,
-    `mst_id` (where the motor answers) until it has answered. `kp` is N·m/rad, `kd` N·m·s/rad.
+    Unknown values are None: the limits and `rad_to_mm` until `calibrated`, `mst_id` (the id of
+    the motor's answers) until the motor has answered. `kp` is N·m/rad, `kd` N·m·s/rad.
     """
 
     channel: str
@@ -80,7 +80,7 @@ class GripperConfig:
 
     @classmethod
     def from_wire(cls, info: Mapping[str, Any]) -> "GripperConfig":
-        """Read what the daemon tells of itself; raises `ProtocolError`."""
+        """Read the daemon's `info`; raises `ProtocolError`."""
         whole = pick(info, ("channel", "motor", "gripper"), "description")
         motor = pick(whole["motor"], ("type", "can_id", "master_id"), "motor")
         names = ("calibrated", "closed_rad", "open_rad", "rad_to_mm", "kp", "kd")

@@ -1,6 +1,6 @@
 """Measure the gripper's travel: by probing both stops, or by hand.
 
-What was measured is used by the daemon, for all its clients, from then on.
+The daemon then uses the new calibration for all its clients.
 """
 
 from __future__ import annotations
@@ -9,14 +9,14 @@ from litegrip_client.blocking import wait
 from litegrip_client.loading import LoadingActions
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from litegrip_client.base import ProgressCallback
     from litegrip_client.calibration import CalibrationData
     from litegrip_client.manual import ManualCalibration
 
 
 class CalibrationActions(LoadingActions):
-    """What concerns the calibration. None of it goes while a motion runs (`BusyError`)."""
+    """The calibration. Every action raises `BusyError` while a motion runs."""
 
     def zero(
         self,
@@ -26,11 +26,11 @@ class CalibrationActions(LoadingActions):
     ) -> CalibrationData:
         """Measure the travel by probing both stops, use it and save it.
 
-        Keep hands and objects out of the jaws. Which stop is the closed one is taken from the
-        calibration in use, or from `mount`. It probes with `motion_config.calib_*`; the daemon
-        saves, and so does this program where LITEGRIP_CALIB names a file. Prints how far it is,
-        unless `progress` is given. Raises `HardwareError` when no plausible travel was found,
-        `CommandError` when it was not saved, and what `GripperActions` says.
+        Keep hands and objects out of the jaws. The calibration in use, or `mount`,
+        determines which stop is the closed one. The probe uses `motion_config.calib_*`. The
+        daemon saves the result; this program saves it too if LITEGRIP_CALIB names a file. Prints
+        its progress, unless `progress` is given. Raises `HardwareError` when no plausible travel
+        was found, `CommandError` when it was not saved, and the errors of `GripperActions`.
         """
         return wait(self._core.zero(mount=mount, progress=progress))
 
@@ -49,8 +49,8 @@ class CalibrationActions(LoadingActions):
     ) -> CalibrationData:
         """Measure the travel as `zero` does and use it, but do not save it.
 
-        It probes with its arguments (N·m/rad, N·m·s/rad, rad, N·m; the daemon's defaults for
-        those left out) and not with `motion_config`.
+        The probe uses the arguments (N·m/rad, N·m·s/rad, rad, N·m), not `motion_config`. The
+        daemon's defaults replace arguments that are left out.
         """
         return wait(
             self._core.calibrate(
@@ -69,7 +69,7 @@ class CalibrationActions(LoadingActions):
     def manual_calibration(self) -> ManualCalibration:
         """Calibrate by hand, for `with`: the jaws are loose until its end.
 
-        Move them to each stop and say so: see `ManualCalibration`.
+        Move them to each stop and mark it: see `ManualCalibration`.
         """
         from litegrip_client.manual import ManualCalibration  # noqa: PLC0415 - see the package
 

@@ -131,7 +131,7 @@ def _foreign_keys(path: Path) -> dict[str, Any]:
 
 def _path(path: str | os.PathLike[str]) -> Path:
     try:
-        # Without links, so that one goes on pointing to what is written.
+        # Links are resolved, so that a link still points to the new file.
         return Path(path).expanduser().resolve()
     except (TypeError, ValueError, OSError, RuntimeError) as error:  # RuntimeError: no home, a loop
         text = f"{path!r:.80} cannot be the path of a calibration: {error}"

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
 MAX_LINE_BYTES = 16_384
@@ -30,7 +30,7 @@ class Call:
     """One request, to be given to `run` of a connection once.
 
     `inbox` gets its progress notifications and then its answer. `job` is the number of the job
-    that it started, once a notification told it; `answered` whether the answer has come, and
+    that it started, once a notification names it; `answered` whether the answer has come, and
     `result` what it holds, if it is no error. `on_result` is called with the result where it is
     read, before anything behind it is read.
     `keep` makes that `answered` is still kept up to date after an interrupt, until
@@ -69,12 +69,12 @@ class Call:
         self.result: Message | None = None
 
     def line(self) -> bytes:
-        """Give the request as it is sent; raises `CommandError` when it cannot be."""
+        """Return the request as it is sent; raises `CommandError` when it cannot be."""
         return request_line(self.identity, self.method, self.params)
 
 
 def request_line(identity: int | None, method: str, params: Mapping[str, Any] | None) -> bytes:
-    """Give a request as it is sent; `identity` None makes it one that gets no answer.
+    """Return a request as it is sent; `identity` None makes it one that gets no answer.
 
     Raises `CommandError` when it cannot be sent.
     """

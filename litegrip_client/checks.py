@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from litegrip_client.errors import CommandError, ProtocolError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 

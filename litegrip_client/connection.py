@@ -1,6 +1,6 @@
 """Calls and subscriptions over one connection to the daemon, for any number of threads.
 
-This module knows JSON-RPC and what every request has in common; it must not know what the
+This module handles JSON-RPC and what all requests have in common. It must not know what the
 methods do.
 """
 
@@ -15,7 +15,7 @@ from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Exchange
 from litegrip_client.multiplexer import Multiplexer
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, TypeVar
 
     from litegrip_client.feeds import Feed
@@ -31,7 +31,7 @@ class Connection(Exchange):
     """
 
     def __init__(self, path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> None:
-        """Connect; raises `OSError`. `timeout_s` limits the calls that do not say otherwise."""
+        """Connect; raises `OSError`. `timeout_s` is the default time limit of calls."""
         super().__init__(path, timeout_s)
         self._multiplexer = Multiplexer(path, timeout_s, self._router)
 
@@ -42,14 +42,14 @@ class Connection(Exchange):
         timeout_s: float | None = None,
         on_progress: Progress | None = None,
     ) -> dict[str, Any]:
-        """Ask the daemon and return its result.
+        """Send a request to the daemon and return its result.
 
-        `timeout_s` None means the connection's, `math.inf` for ever. `on_progress` is called in
-        this thread with the parameters of each progress notification of this request (to be
-        asked for by `"progress": True`), and may itself make calls. Raises the exception of
-        the daemon's error, and `ConnectError` when the connection is gone or no answer comes in
-        time. An answer that comes after an interrupt or a time-out is dropped; the connection
-        stays usable.
+        `timeout_s` None means the connection's default, `math.inf` means no limit. `on_progress`
+        is called in this thread with the parameters of each progress notification of this
+        request (request them by `"progress": True`). It may make calls itself. Raises the
+        exception of the daemon's error, and `ConnectError` when the connection is lost or no
+        answer comes in time. An answer that comes after an interrupt or a time-out is dropped;
+        the connection stays usable.
         """
         return self.run(self.prepare(method, params, on_progress), timeout_s)
 
@@ -83,13 +83,13 @@ class Connection(Exchange):
         self._post(self._guarded_notification(method, params))
 
     def take_refusal(self) -> LiteGripError | None:
-        """Return why the daemon refused what `notify_guarded` sent, once it has said so."""
+        """Return the daemon's refusal of a `notify_guarded` request, or None."""
         self._multiplexer.check_usable()
         self._multiplexer.poll()
         return self._newest_refusal()
 
     def greet(self, client: str) -> dict[str, Any]:
-        """Say hello; return what the daemon says of itself. Checks the protocol's version."""
+        """Send `hello`; return what the daemon says of itself. Checks the protocol's version."""
         hello = self.call("hello", {"client": client})
         self.accept(hello)
         return hello
@@ -97,16 +97,16 @@ class Connection(Exchange):
     def subscribe_state(
         self, hz: float = 20.0, fields: Sequence[str] | None = None, batch: int = 1
     ) -> Subscription[StateSample]:
-        """Get the state `hz` times a second (0.1 to 200), or only some `fields` of it.
+        """Subscribe to the state, or to some `fields` of it, `hz` times a second (0.1 to 200).
 
-        Up to 50 samples may come as a `batch`; each is a `StateSample` all the same.
+        Up to 50 samples may come as a `batch`; each is still a `StateSample`.
         """
         from litegrip_client.samples import StateFeed  # noqa: PLC0415 - see above
 
         return self.subscribe(StateFeed(hz, fields, lambda sample: sample, batch=batch))
 
     def subscribe_events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
-        """Get what happens in the gripper, or only some `kinds` of it."""
+        """Subscribe to the gripper's events, or only to some `kinds`."""
         from litegrip_client.feeds import EventFeed  # noqa: PLC0415 - see above
         from litegrip_client.subscription import EventSubscription  # noqa: PLC0415
 
@@ -144,22 +144,22 @@ class Connection(Exchange):
 
     @property
     def closed(self) -> bool:
-        """True if no further call can succeed."""
+        """True if the connection has ended: every further call fails."""
         return self._multiplexer.closed
 
     @property
     def is_own(self) -> bool:
-        """True if this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, not the parent process before a fork."""
         return self._multiplexer.is_own
 
     @property
     def daemon_pid(self) -> int:
-        """The process at the other end, 0 where that cannot be known."""
+        """The process id of the other end, 0 if unknown."""
         return self._multiplexer.daemon_pid
 
     @property
     def is_waiting_here(self) -> bool:
-        """True if this very thread waits for an answer: so in a signal handler during a call."""
+        """True in a signal handler that interrupts a call of its own thread."""
         return self._multiplexer.is_waiting_here
 
     def close(self) -> None:

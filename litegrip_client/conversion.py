@@ -24,5 +24,5 @@ class UnitConversion:
 
     @staticmethod
     def rad_to_mm(angle_rad: float, rad_to_mm: float) -> float:
-        """Return how far the jaws go when the motor turns, without direction."""
+        """Return how far the jaws move when the motor turns, without direction."""
         return angle_rad * rad_to_mm

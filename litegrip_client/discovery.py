@@ -13,7 +13,7 @@ from litegrip_client.errors import CommandError, ConnectError
 from litegrip_client.exchange import DEFAULT_TIMEOUT_S
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeVar
 
     _Connected = TypeVar("_Connected")
@@ -64,7 +64,7 @@ def socket_paths(
 
 
 def is_socket_given(path: str | None = None) -> bool:
-    """Check if a socket is named, by `path` or `LITEGRIPD_SOCKET`: then of no known channel."""
+    """Return True if `path` or `LITEGRIPD_SOCKET` names a socket; its channel is unknown then."""
     return bool(path if path is not None else os.environ.get(SOCKET_VARIABLE))
 
 
@@ -83,12 +83,12 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
 
 
 def is_enabled(channel: str) -> bool:
-    """Check if systemd starts a channel's daemon by itself; then it was stopped, or failed."""
+    """Return True if systemd starts a channel's daemon; one that is down was stopped or failed."""
     return os.path.lexists(f"{ENABLED_DIRECTORY}/litegripd@{channel}.service")
 
 
 def is_unit_installed() -> bool:
-    """Check if systemd has the unit of the daemons: without it there is none to be started."""
+    """Return True if systemd has the daemons' unit; without it, it can start none."""
     paths = [f"{directory}/litegripd@.service" for directory in UNIT_DIRECTORIES]
     return any(os.path.exists(path) for path in paths)  # noqa: PTH110 - see _names
 
@@ -108,7 +108,7 @@ def _directories(environment: Mapping[str, str]) -> tuple[str, str]:
 def connect(
     channel: str, path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
 ) -> Connection:
-    """Connect to the daemon of `channel`; raises `ConnectError` that tells what was tried."""
+    """Connect to the daemon of `channel`; raises `ConnectError` that lists the attempts."""
 
     async def attempt(candidate: str) -> Connection:
         return Connection(candidate, timeout_s)
@@ -121,7 +121,7 @@ async def reach(
 ) -> _Connected:
     """Connect to the daemon of `channel` by `attempt`, which raises `OSError` where none answers.
 
-    Raises `ConnectError` that tells what was tried.
+    Raises `ConnectError` that lists the attempts.
     """
     failures: list[tuple[str, OSError]] = []
     for candidate in socket_paths(channel, path):

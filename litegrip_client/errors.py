@@ -1,6 +1,6 @@
 """The client's exceptions, and how the daemon's error objects become them.
 
-Which reason is which exception stands in `_error_table`, generated from the daemon's own table.
+`_error_table` maps each reason to its exception; it is generated from the daemon's own table.
 This module must not know single reasons.
 """
 
@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from litegrip_client._error_table import CODES, REASONS
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.voices import Voice
@@ -21,11 +21,11 @@ INTERNAL_EXIT_CODE = 70
 
 
 class LiteGripError(Exception):
-    """Whatever the daemon or the connection to it refuses or fails to do.
+    """A refusal or a failure of the daemon or of the connection to it.
 
-    `reason` is stable and meant for programs (see docs/errors.md), `code` is the JSON-RPC error
-    code or None for what the client found out itself, `message` a sentence for a person, and
-    `data` all that came with it.
+    `reason` is stable and meant for programs (see docs/errors.md). `code` is the JSON-RPC error
+    code, or None for an error that the client found itself. `message` is a sentence for a person;
+    `data` is everything else that came with the error.
     """
 
     def __init__(
@@ -49,13 +49,13 @@ class LiteGripError(Exception):
 
     @property
     def hint(self) -> str | None:
-        """What to do about it, where that is known."""
+        """What to do about the error, or None."""
         hint = self.data.get("hint")
         return hint if isinstance(hint, str) else None
 
     @property
     def owner(self) -> dict[str, Any] | None:
-        """Who holds what was asked for: a mapping with pid, program and so on."""
+        """The present owner of the requested resource: a mapping with pid, program and so on."""
         owner = self.data.get("owner")
         return owner if isinstance(owner, dict) else None
 
@@ -69,7 +69,7 @@ class LiteGripError(Exception):
 
 
 class ProtocolError(LiteGripError):
-    """Client and daemon do not speak the same protocol, or one of them speaks it wrongly."""
+    """Client and daemon use different protocols, or one of them violates the protocol."""
 
 
 class CommandError(LiteGripError):
@@ -77,15 +77,15 @@ class CommandError(LiteGripError):
 
 
 class HardwareError(LiteGripError):
-    """The motor or its bus is not able to do it."""
+    """The motor or its bus cannot execute the request."""
 
 
 class ConnectError(LiteGripError, ConnectionError):
-    """There is no daemon to talk to, or no longer. Also a builtin `ConnectionError`."""
+    """No daemon answers, or the connection is lost. Also a builtin `ConnectionError`."""
 
 
 class BusyError(CommandError):
-    """Another motion is running, or there is too much at once."""
+    """Another motion is running, or too many requests came at once."""
 
 
 class TrajectoryBusyError(BusyError):
@@ -101,11 +101,11 @@ class TeleopNotReady(CommandError):  # noqa: N818 - the vendor SDK's name
 
 
 class LeaseError(BusyError):
-    """Another client has the gripper to itself, or the lease is lost; see `owner`."""
+    """Another client has the lease, or this client lost it; see `owner`."""
 
 
 class NotPermittedError(CommandError):
-    """The user's role, by the daemon's configuration, does not allow it."""
+    """The user's role in the daemon's configuration does not allow the request."""
 
 
 class StoppedError(CommandError):
@@ -139,7 +139,7 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
 def from_error_object(
     error: Any, method: str | None = None, voice: Voice | None = None
 ) -> LiteGripError:
-    """Make the exception for the error object of an answer to `method`.
+    """Return the exception for the error object of an answer to `method`.
 
     Its message and hint are put into the words of a `voice`, that of Python unless given.
 
@@ -171,7 +171,7 @@ def from_error_object(
 
 
 def exit_code(error: LiteGripError) -> int:
-    """Give the exit code of `litegripctl` for an error: by reason, else by its class."""
+    """Return the exit code of `litegripctl` for an error: by reason, else by its class."""
     row = REASONS.get(error.reason or "")
     if row is not None:
         return row[1]

@@ -16,7 +16,7 @@ from litegrip_client.errors import LiteGripError, ProtocolError, StoppedError, f
 from litegrip_client.router import Key, Router, unsubscribing
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, TypeAlias
 
     from litegrip_client.feeds import Feed
@@ -36,10 +36,10 @@ Undo: TypeAlias = "Callable[[Message], tuple[str, dict[str, Any]] | None]"
 
 
 class Exchange:
-    """The base of connections. `stop_generation` is the newest that an answer told.
+    """The base of connections. `stop_generation` is the newest in any answer.
 
     It is None when that is not known, and so is `client`, the daemon's number for the connection;
-    and `stop_socket`, where it takes stops before everything else. `has_clock` tells whether this
+    and `stop_socket`, where it takes stops before everything else. `has_clock` is true if this
     machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a forwarded socket. `voice`
     puts the daemon's errors into the reader's words; None means those of Python.
     """
@@ -58,7 +58,7 @@ class Exchange:
 
     @property
     def closed(self) -> bool:
-        """True if no further call can succeed."""
+        """True if the connection has ended: every further call fails."""
         raise NotImplementedError
 
     def _post(self, line: bytes) -> None:
@@ -73,7 +73,7 @@ class Exchange:
         params: Mapping[str, Any] | None = None,
         on_progress: Progress | None = None,
     ) -> Call:
-        """Make a call to be run: for who must know afterwards how far it came."""
+        """Return a call to be run; its caller can check later how far it came."""
         return Call(next(self._ids), method, params, on_progress)
 
     def prepare_guarded(
@@ -89,7 +89,7 @@ class Exchange:
         return guarded(params, self.stop_generation, has_clock=self.has_clock)
 
     def forget(self, call: Call) -> None:
-        """Drop what still comes for `call`: for whoever set its `keep`."""
+        """Drop later messages for `call`; for callers that set its `keep`."""
         self._router.calls.pop(call.identity, None)
 
     def abandon(self, call: Call, undo: Undo) -> None:
@@ -115,7 +115,7 @@ class Exchange:
     # Answers
 
     def accept(self, hello: Mapping[str, Any]) -> None:
-        """Note what the daemon says of itself; `ProtocolError` for another protocol."""
+        """Store the daemon's `hello`; raises `ProtocolError` for another protocol."""
         if hello.get("protocol") != PROTOCOL:
             raise ProtocolError(
                 f"the daemon speaks protocol {hello.get('protocol')!r}, this client {PROTOCOL}",
@@ -132,7 +132,7 @@ class Exchange:
         )
 
     def note_stops(self, result: Mapping[str, Any]) -> None:
-        """Note the stops that a result tells of, wherever it came from."""
+        """Store the stop generation of a result from any source."""
         generation = generation_of(result)
         if generation is not None and generation > (self.stop_generation or -1):
             self.stop_generation = generation
@@ -158,13 +158,13 @@ class Exchange:
     def _error(self, error_object: Any, method: str) -> LiteGripError:
         error = from_error_object(error_object, method, self.voice)
         if isinstance(error, StoppedError):
-            # Who is told of a stop knows of it: what it sends next is meant to come after,
-            # and `sent_s` alone guards it until an answer tells the new number.
+            # A caller that gets this error knows the stop: its next request is meant to come after,
+            # and `sent_s` alone guards it until an answer has the new number.
             self.stop_generation = generation_of(error.data)
         return error
 
     def _newest_refusal(self) -> LiteGripError | None:
-        """Take why the daemon refused a request that gets no answer, if it has said so."""
+        """Take the newest refusal of a request that gets no answer, or None."""
         refusal, self._router.refusal = self._router.refusal, None
         if refusal is None:
             return None

@@ -19,14 +19,14 @@ from litegrip_client.voices import Voice, in_python
 _Item = TypeVar("_Item")
 
 _INBOX_EVENTS = 4096
-"""Hours of work: who lets so many wait reads no more."""
+"""Hours of events: a reader with so many unread has stopped reading."""
 
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened in the gripper: `message` tells it to a person.
+    """Something that happened in the gripper: `message` describes it for a person.
 
-    `kind` and `data` tell the same to a program. `seq` counts all events since the daemon's start,
+    `kind` and `data` describe it for a program. `seq` counts all events since the daemon's start,
     so that a gap shows kinds that were not subscribed; `monotonic_s` is CLOCK_MONOTONIC seconds.
     """
 

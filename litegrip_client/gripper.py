@@ -1,6 +1,6 @@
 """`LiteGrip`, with the vendor SDK's names: a gripper that a daemon drives for this program.
 
-It only asks; whatever decides or moves is the daemon's.
+It only sends requests; the daemon decides and moves.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from litegrip_client.blocking import wait
 from litegrip_client.link import Link
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, overload
 
     from litegrip_client.lease import Lease
@@ -25,16 +25,16 @@ if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the
 class LiteGrip(GripperActions):
     """The gripper on `channel`, as `with LiteGrip("can0") as gripper:`.
 
-    The constructor connects to nothing. `can_id` None takes the motor that the daemon has;
-    given, it must be that one. Leaving the `with` block disables the motor if this object
-    enabled it, unless `disable_on_disconnect` is false: then the daemon goes on holding. Threads
-    may share an object; after a fork the child makes its own.
+    The constructor does not connect. `can_id` must be the id of the daemon's motor; None accepts
+    any. The end of the `with` block disables the motor if this object enabled it. If
+    `disable_on_disconnect` is false, the daemon continues to hold instead. Threads may share an
+    object; a child process must make its own after a fork.
 
-    `mount`, "normal" or "reverse", has the daemon load the nominal calibration of that mount
-    when connecting, as `load_template` does, whatever it has. `motion_config` is this object's
-    own: it changes nothing for other clients.
+    With `mount` "normal" or "reverse" the daemon loads the nominal calibration of that mount on
+    connecting, as `load_template` does. It replaces the calibration in use. `motion_config`
+    belongs to this object: it changes nothing for other clients.
 
-    All that makes the gripper do something stands in `GripperActions` and its bases.
+    `GripperActions` and its bases describe all actions.
     """
 
     def __init__(
@@ -58,15 +58,16 @@ class LiteGrip(GripperActions):
     def connect(self) -> None:
         """Connect to the daemon, unless connected, and load the constructor's `mount`, if any.
 
-        Raises `ConnectError` when there is none (it tells how to start one), `CommandError` when
-        its channel or CAN id is another or the mount cannot be loaded.
+        Raises `ConnectError` when no daemon answers (its hint says how to start one). Raises
+        `CommandError` when the daemon has another channel or CAN id, or cannot load the mount.
         """
         wait(self._core.connect())
 
     def disconnect(self) -> None:
-        """Disconnect; disables the motor first if this object enabled it and should.
+        """Disconnect; first disable the motor if this object enabled it.
 
-        Raises the error of the disabling; the connection is closed all the same.
+        The motor stays enabled if `disable_on_disconnect` is false. Raises the error of
+        disabling, but closes the connection in any case.
         """
         wait(self._core.disconnect())
 
@@ -96,7 +97,7 @@ class LiteGrip(GripperActions):
     def disable_on_disconnect(self) -> bool:
         """True if the end of the connection disables the motor that this object enabled.
 
-        Setting it counts for `disconnect`; for a crash counts what it was on `enable`.
+        `disconnect` uses the present value; after a crash the value at `enable` counts.
         """
         return self._core.disable_on_disconnect
 
@@ -106,7 +107,7 @@ class LiteGrip(GripperActions):
 
     @property
     def actions(self) -> GripperActions:
-        """The actions by themselves, which this object has as well."""
+        """The actions without the connection; this object has them, too."""
         return self
 
     # The lease
@@ -119,46 +120,47 @@ class LiteGrip(GripperActions):
         wait_s: float = 0.0,
         on_lost: str = "hold",
     ) -> Lease:
-        """Have the gripper to oneself: `with gripper.lease("sorting", wait_s=10):`.
+        """Take the lease, for exclusive control: `with gripper.lease("sorting", wait_s=10):`.
 
-        `enable` does it by itself, until the end of the block of the gripper. `wait_s` is how
-        long to wait for others; with `ttl_s` the lease is lost when no call is made for so long
-        (a motion that lasts longer is ended). `on_lost` is what the jaws do when it is lost:
-        "hold", "relax" or "disable"; when it is taken over, the taker says. Raises `LeaseError`
-        that names the owner. After a loss all that moves, and `disable`, raises `LeaseError`
-        (`lease_lost`), until `lease` or `enable` asks for the gripper again.
+        `enable` takes the lease automatically, until the end of the gripper's `with` block.
+        `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
+        call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when
+        the lease is lost: "hold", "relax" or "disable". In a take-over, the new owner decides.
+        Raises `LeaseError`, which names the owner. After a loss, `disable` and every motion raise
+        `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again.
         """
         from litegrip_client.lease import Lease  # noqa: PLC0415 - see the package
 
         return Lease(self._core.lease(purpose, ttl_s=ttl_s, wait_s=wait_s, on_lost=on_lost))
 
     def take_lease(self, why: str, *, jaws: str = "hold") -> None:
-        """Take the lease from whoever has it, for good reason: it is told to the loser.
+        """Take the lease from its present owner; the owner is notified of the reason `why`.
 
-        Its motion ends; the jaws then keep what they hold, or do what `jaws` says: "relax" (go
-        slack) or "disable".
+        The owner's motion ends. The jaws then keep what they hold, or follow `jaws`: "relax" (no
+        torque) or "disable".
 
-        Only from the same user, or as an admin of the daemon's configuration; else raises
-        `NotPermittedError`.
+        Raises `NotPermittedError` unless the owner is the same user, or this user is an admin in
+        the daemon's configuration.
         """
         wait(self._core.take_lease(why, jaws=jaws))
 
     # Stop
 
     def stop(self, level: str = "hold", why: str | None = None) -> GripperState:
-        """Stop the gripper, whoever moves it, until `clear_stop`.
+        """Stop the gripper, whichever client moves it, until `clear_stop`.
 
-        `level` is "hold", "relax" or "disable". May be called by any thread, and by a signal
-        handler while its thread waits for a motion. It goes by the daemon's socket for stops,
-        which no flood of requests delays, else as any other request; a reason is cut to 80
-        characters there. A software stop: no replacement for the switch that cuts the power.
+        `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal
+        handler while its thread waits for a motion. The stop uses the daemon's stop socket, which
+        other requests cannot delay; there a reason is cut to 80 characters. Without that socket it
+        is sent as a usual request. This is a software stop: it does not replace the switch that
+        cuts the power.
         """
         return wait(self._core.stop(level, why))
 
     def clear_stop(self) -> GripperState:
-        """Clear a stop, so that the motor may be enabled and moved again. Moves nothing.
+        """Clear a stop: the motor may then be enabled and moved again. Moves nothing.
 
-        Raises `StoppedError` (`sent_before_stop`) for a stop of which nothing had told this object:
+        Raises `StoppedError` (`sent_before_stop`) for a stop that this object did not know of:
         look at the state, and clear again.
         """
         return wait(self._core.clear_stop())
@@ -184,11 +186,11 @@ class LiteGrip(GripperActions):
     def states(self, hz: float = 20.0, fields: Sequence[str] | None = None, batch: int = 1) -> Any:
         """Iterate over states, `hz` times a second (0.1 to 200), until closed.
 
-        With `fields`, each is a dictionary of these only. A slow reader misses states, but what
-        it gets is new. To be used as `with gripper.states(50) as states:`.
+        With `fields`, each item is a dictionary of these only. A slow reader misses states, but
+        always gets new ones. Use it as `with gripper.states(50) as states:`.
 
-        A `batch` of up to 50 spares both sides the work of single messages, for who wants every
-        state of 200 Hz and not at once: they come one by one, but as late as the last of a batch.
+        A `batch` of up to 50 states per message costs both sides less work: use it to get every
+        state of 200 Hz. The states still come one by one, but not before the last of a batch.
         """
         from litegrip_client import samples  # noqa: PLC0415 - see above
 
@@ -199,17 +201,17 @@ class LiteGrip(GripperActions):
         return connection.subscribe(samples.StateFeed(hz, fields, samples.some_fields, batch=batch))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
-        """Iterate over what happens from now on (jobs, stops, faults, ...), until closed.
+        """Iterate over events from now on (jobs, stops, faults, ...), until closed.
 
-        Each is an `Event`; with `kinds` only these come ("job_ended", "object_lost", ...), without
-        it all but "refused". None is missed; who leaves thousands unread gets a `ConnectError`.
-        `recent` of what this returns has the last ones from before. To be used as
-        `with gripper.events() as events:`.
+        Each item is an `Event`. With `kinds` only these come ("job_ended", "object_lost", ...);
+        without it all but "refused" come. None is lost, but a reader that leaves thousands unread
+        gets a `ConnectError`. `recent` of the returned object has the latest earlier events. Use
+        it as `with gripper.events() as events:`.
         """
         return self._link.connection.subscribe_events(kinds)
 
     def health(self) -> dict[str, Any]:
-        """Return the daemon's figures of its own: its verdict, the bus, the ticks, the clients."""
+        """Return the daemon's health: its verdict, the bus, the ticks, the clients."""
         return wait(self._core.health())
 
     def info(self) -> dict[str, Any]:

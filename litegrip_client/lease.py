@@ -1,4 +1,4 @@
-"""Having the gripper to oneself for a while: `with gripper.lease("sorting"):`."""
+"""Exclusive control of the gripper for a while: `with gripper.lease("sorting"):`."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from litegrip_client.core import lease as core
 
 
 class Lease:
-    """The lease of one gripper, for `with`: got at its begin, given back at its end.
+    """The lease of one gripper, for `with`: taken at the start, returned at the end.
 
-    Unless another block, or `enable`, of the same gripper object wants it still. `token` names
+    It is kept while another block, or `enable`, of the same gripper object needs it. `token` names
     it, for another connection of the same program (`lease` of the raw methods).
     """
 
@@ -36,5 +36,5 @@ class Lease:
         wait(self._lease.__aexit__(kind, error, trace))
 
     def renew(self) -> None:
-        """Let `ttl_s` begin anew, as every call does. Raises `LeaseError` when it is lost."""
+        """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""
         wait(self._lease.renew())

@@ -10,14 +10,14 @@ from litegrip_client.base import ActionBase
 from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     import os
 
     from litegrip_client.calibration import GripperConfig
 
 
 class LoadingActions(ActionBase):
-    """What concerns calibrations that were made before."""
+    """The actions for existing calibrations."""
 
     @property
     def config(self) -> GripperConfig:
@@ -34,18 +34,18 @@ class LoadingActions(ActionBase):
         environment names; else what the daemon finds for the channel (its own file, or the user's
         whom it runs as); else ~/.litegrip/<channel>_calibration.json and
         ~/.litegrip/litegrip_calibration.json of this program's user; else, for can0, the
-        factory's. While somebody's motion runs, what the daemon has in use already will do.
+        factory's. While any client's motion runs, only the calibration already in use is accepted.
 
-        What was asked for by name and cannot be used is a `CommandError`, never another file.
-        Which way closing runs by it is in the daemon's log; `mount` tells it, too.
+        Raises `CommandError` when a named calibration cannot be used; never takes another file.
+        The daemon logs the closing direction; `mount` returns it, too.
         """
         return wait(self._core.load_calibration(path, template))
 
     def load_template(self, name: str) -> bool:
         """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
 
-        Which way closing runs by it is in the daemon's log; `mount` tells it, too. Raises
-        `CommandError` for another name, and when the daemon cannot use it.
+        The daemon logs the closing direction; `mount` returns it, too. Raises `CommandError` for
+        another name, and when the daemon cannot use it.
         """
         return wait(self._core.load_template(name))
 

@@ -1,4 +1,4 @@
-"""Calibration by hand: the jaws are loose, and their user says when they are at a stop."""
+"""Calibration by hand: the jaws are loose, and the user marks each stop."""
 
 from __future__ import annotations
 

@@ -165,7 +165,7 @@ SUMMARIES = {
 
 
 def text(health: Mapping[str, Any], *, channel: str, version: str) -> str:
-    """Give the figures of `health` as OpenMetrics text; what is not known is left out."""
+    """Return the figures of `health` as OpenMetrics text; what is not known is left out."""
     registry = CollectorRegistry()
     registry.register(_Figures(list(_metrics(health, channel, version))))
     exposed: bytes = generate_latest(registry)
@@ -179,7 +179,7 @@ class _Figures(Collector):
         self._metrics = metrics
 
     def collect(self) -> list[Metric]:
-        """Give the metrics."""
+        """Return the metrics."""
         return self._metrics
 
 

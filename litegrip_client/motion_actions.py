@@ -1,6 +1,6 @@
 """The motions: to the stops, to a position, onto an object; and the ways of holding.
 
-They ask for a motion and wait for its end; what decides or moves is the daemon's.
+They request a motion and wait for its end; the daemon decides and moves.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from litegrip_client.base import ActionBase
 from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Literal
 
     from litegrip_client.base import ProgressCallback
@@ -28,7 +28,7 @@ class MotionActions(ActionBase):
     ) -> MoveResult:
         """Open the jaws to the mechanical stop, at `speed_mm_s` or `motion_config`'s.
 
-        A success is `ok` and `stalled`: pressed onto the stop. Raises what `GripperActions` says.
+        A success is `ok` and `stalled`: pressed onto the stop. Raises as `GripperActions` does.
         """
         return wait(self._core.open(speed_mm_s, progress=progress))
 
@@ -54,18 +54,18 @@ class MotionActions(ActionBase):
 
         `force_n`: 0.5 to 30 N, `motion_config.force_n` by default; approximate. `hold_s`: seconds
         until this returns; with 0 it does not return by itself while the object is held, and
-        Ctrl-C ends the waiting. Either way the jaws go on holding with the same force, until
-        they are told something else or the motor is disabled (which the end of the `with` block
-        does). With `until` "verdict" it returns as soon as it is known whether there is an
-        object, and `hold_s` must be left out.
+        Ctrl-C ends the waiting. The jaws then continue to hold with the same force, until the
+        next command or until the motor is disabled (the end of the `with` block disables it).
+        With `until` "verdict" it returns as soon as it has detected an object or none, and
+        `hold_s` must be left out.
 
         `speed_mm_s` is the closing speed, `motion_config.grasp_speed_mm_s` by default. With
-        `width_mm` an object of another width, by more than `tolerance_mm` (to be given, too), is
-        held as well, but gives `ok` False.
+        `width_mm`, `tolerance_mm` is required, too: an object whose width differs by more is
+        still held, but `ok` is False.
         `hold_by` "gains" holds with `hold_kp` and `hold_kd` around a position, which loses force
         when the object yields.
 
-        Without an object it returns at once, with `ok` False. Raises what `GripperActions` says.
+        Without an object it returns at once, with `ok` False. Raises as `GripperActions` does.
         """
         return wait(
             self._core.grasp(
@@ -90,8 +90,8 @@ class MotionActions(ActionBase):
         """Move to an opening between the fingers, in mm: 0 at the closed stop.
 
         `duration`: seconds; None moves at `motion_config.speed_mm_s`. A success is `reached` and
-        not `stalled`. Raises what `GripperActions` says; a target outside the calibrated travel
-        is refused, and `data["limit"]` of the `CommandError` tells the travel.
+        not `stalled`. Raises as `GripperActions` does. A target outside the calibrated travel is
+        a `CommandError`; its `data["limit"]` is the travel.
         """
         return wait(self._core.goto(opening_mm, duration, progress=progress))
 
@@ -125,7 +125,7 @@ class MotionActions(ActionBase):
         """Squeeze with `force_n` from now on, 0.5 to 30 N, ramped.
 
         It changes the force of a grasp, also while another thread of this program waits for
-        that; without a grasp the jaws begin to squeeze from where they are.
+        that grasp. Without a grasp the jaws begin to squeeze at their present position.
         """
         return wait(self._core.set_force(force_n))
 
@@ -137,5 +137,5 @@ class MotionActions(ActionBase):
         return wait(self._core.zero_gravity(on))
 
     def hold(self) -> GripperState:
-        """Hold from now on: what is held already, with its force, else the measured position."""
+        """Hold from now on: a held object with its present force, else the measured position."""
         return wait(self._core.hold())

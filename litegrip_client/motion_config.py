@@ -1,7 +1,7 @@
 """`MotionConfig`: how one `LiteGrip` object wants its motions, with the vendor SDK's names.
 
-Only what the program set is sent, with each call; the daemon has its own defaults for the rest
-and checks the ranges.
+Each call sends only the fields that the program set. The daemon has defaults for the others and
+checks the ranges.
 """
 
 import time

@@ -13,7 +13,7 @@ from litegrip_client.connection import Connection
 from litegrip_client.core import motions as core
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.errors import LiteGripError
@@ -22,7 +22,7 @@ if TYPE_CHECKING:  # see the package: typing takes long to import
 class Motion:
     """One motion, to be run once.
 
-    After an interrupt, `cancelled` is the job as the daemon's answer to the cancelling tells it,
+    After an interrupt, `cancelled` is the job from the daemon's answer to the cancelling,
     and `cancel_error` why cancelling failed; both None when nothing was left to cancel.
     """
 

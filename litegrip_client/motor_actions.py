@@ -6,22 +6,22 @@ from litegrip_client.base import ActionBase
 from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from litegrip_client.results import EnableResult, SetZeroResult
 
 
 class MotorActions(ActionBase):
-    """What concerns the motor and not the jaws."""
+    """The actions of the motor itself, not of the jaws."""
 
     def enable(self, retries: int | None = None) -> EnableResult:
         """Enable the motor; true if its status says so.
 
         `retries`: enable commands at most, 1 to 20; None means `motion_config.enable_retries`.
-        It takes the lease: until the end of the `with` block nobody else moves the gripper.
-        The daemon disables the motor when this process ends without having done so, or goes on
-        holding, as `disable_on_disconnect` says now. Raises `LeaseError` when another client has
-        the lease (it names it), `StoppedError` while a stop is latched and `HardwareError` when
-        motor or bus do not work.
+        It takes the lease: until the end of the `with` block no other client moves the gripper.
+        If this process ends without disabling the motor, the daemon disables it, or continues to
+        hold, according to the present `disable_on_disconnect`. Raises `LeaseError`, which names
+        the owner, when another client has the lease, `StoppedError` while a stop is latched and
+        `HardwareError` when the motor or the bus does not work.
         """
         return wait(self._core.enable(retries))
 
@@ -30,10 +30,10 @@ class MotorActions(ActionBase):
         return wait(self._core.disable())
 
     def clear_fault(self) -> str | None:
-        """Clear the fault that the motor has latched; it stays disabled. Returns its name.
+        """Clear the motor's latched fault; return its name. The motor stays disabled.
 
-        None means that there was no fault. Accepts a position that has jumped, too: look where
-        the jaws are first. Raises `HardwareError` with the fault that does not go.
+        None means that there was no fault. This also accepts a position that has jumped: check
+        first where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
         """
         return wait(self._core.clear_fault())
 
@@ -45,9 +45,9 @@ class MotorActions(ActionBase):
         return wait(self._core.read_param(register))
 
     def set_zero(self) -> SetZeroResult:
-        """Make the motor count from its present position, for good; disables it first.
+        """Store the present position as the motor's zero, permanently; disables the motor first.
 
-        The calibration no longer fits then: motions are refused until the gripper is calibrated
-        anew, by `zero` or `manual_calibration`.
+        The calibration is then invalid: motions are refused until the gripper is calibrated
+        again, by `zero` or `manual_calibration`.
         """
         return wait(self._core.set_zero())

@@ -21,7 +21,7 @@ from litegrip_client.router import Router, no_answer
 from litegrip_client.stream import SLICE_S, LineStream, StreamEndedError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
@@ -41,22 +41,22 @@ class Multiplexer:
 
     @property
     def is_own(self) -> bool:
-        """True if this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, not the parent process before a fork."""
         return os.getpid() == self._pid
 
     @property
     def daemon_pid(self) -> int:
-        """The process at the other end, 0 where that cannot be known."""
+        """The process id of the other end, 0 if unknown."""
         return self._stream.peer_pid
 
     @property
     def closed(self) -> bool:
-        """True if no further call can succeed."""
+        """True if the connection has ended: every further call fails."""
         return self._router.ending is not None or not self.is_own or self._stream.hung_up
 
     @property
     def is_waiting_here(self) -> bool:
-        """True if this very thread reads already: so in a signal handler during a call."""
+        """True in a signal handler that interrupts a call of its own thread."""
         return self._leader == threading.get_ident()
 
     def check_usable(self) -> None:

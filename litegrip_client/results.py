@@ -1,7 +1,6 @@
 """What the gripper's methods return: values, with the vendor SDK's names and truth.
 
-A newer daemon may say more than these hold, which is ignored; what one of them needs and the
-daemon does not say is a `ProtocolError`.
+Additional fields of a newer daemon are ignored. A missing field is a `ProtocolError`.
 """
 
 from collections.abc import Mapping
@@ -26,7 +25,7 @@ __all__ = [
 class EnableResult:
     """How enabling went; true if the motor's status says that it is enabled.
 
-    `tries` counts the enable commands sent. `reason` and `message` say why not, if not.
+    `tries` counts the enable commands sent. `reason` and `message` explain a failure.
     """
 
     ok: bool
@@ -56,7 +55,7 @@ class MoveResult:
 
     For open and close that is pressed onto the mechanical stop: then `stalled` is true and
     `reached` is not, because the target lies behind the stop. For the motions to a target it is
-    `reached` and not `stalled`. `outcome` names the end; `protected` tells that the torque guard
+    `reached` and not `stalled`. `outcome` names the end; `protected` is true if the torque guard
     ended it, before the jaws pressed harder on what blocks them. `target_rad` is what was aimed
     at, `limit_rad` the calibrated stop, `final_cmd_rad` the last position commanded, `steps` the
     number of commands.
@@ -159,7 +158,7 @@ class PlayResult:
 
 @dataclass(frozen=True, slots=True)
 class SetZeroResult:
-    """The result of a new zero: `ok` if the motor counts from it, `shift_rad` moved."""
+    """True if the motor counts from its new zero; `shift_rad` is by how much it was moved."""
 
     ok: bool
     shift_rad: float

@@ -1,6 +1,6 @@
 """Where each message of the daemon goes: to the call or to the subscription that waits for it.
 
-No I/O and no waiting: whoever reads the connection hands over its lines. This module must not know
+No I/O and no waiting: the reader of the connection hands over its lines. This module must not know
 what the methods mean.
 """
 
@@ -13,7 +13,7 @@ from litegrip_client.calls import Call, Message
 from litegrip_client.errors import ConnectError, from_error_object
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, Protocol, TypeAlias
     from weakref import ref
 
@@ -42,7 +42,7 @@ class Router:
 
     Listeners are held weakly, so that a subscription that nobody has any more can be ended:
     `on_orphan` is called with the key of one for which something came. `refusal` is the newest
-    that a request without an answer got, until somebody takes it. `ending` tells why nothing
+    that a request without an answer got, until somebody takes it. `ending` says why nothing
     more can come, once that is so.
 
     Routing a line twice does no harm, so that a reader may be interrupted in between.

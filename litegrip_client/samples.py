@@ -1,6 +1,6 @@
 """The state again and again: what a sample is, and the inbox of a subscription to samples. No I/O.
 
-Samples may travel in batches; whoever takes them out of the inbox does not notice.
+Samples may travel in batches; the reader of the inbox does not notice.
 """
 
 import math
@@ -77,7 +77,7 @@ class StateFeed(Feed[_Item]):
     def begin(self, result: Message) -> None:
         """Take the subscription's number and the present state, which is the first sample.
 
-        The answer holds all of the state: it tells of stops, too, whatever fields are asked for.
+        The answer holds all of the state: it has the stops, too, whatever fields are asked for.
         """
         if self.identity < 0:
             state = result["state"]

@@ -11,7 +11,7 @@ from litegrip_client.base import ActionBase
 from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from litegrip_client.core import setpoints as core
 
 

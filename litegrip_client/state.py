@@ -24,18 +24,18 @@ class GripperState:
     """The daemon's newest state. None stands where something is not known.
 
     Times are CLOCK_MONOTONIC seconds: `monotonic_s` of this state, `feedback_s` of the motor's
-    last feedback. `age_s` is the feedback's age when the state was made; `stale` tells that the
+    last feedback. `age_s` is the feedback's age when the state was made; `stale` is true if the
     figures are old ones. `error_code` is the motor's status nibble and `status` its name. `enabled`
     is None while nobody knows: take only False for a motor that is off.
 
-    `command_rad` and `command_torque_nm` are what the motor was told, `requested_rad` and
-    `requested_torque_nm` what the motion wanted it to be told; `limited` says why they differ.
+    `command_rad` and `command_torque_nm` are the motor's command, `requested_rad` and
+    `requested_torque_nm` the motion's request; `limited` says why they differ.
     `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
     when the motor is off; `is_grasped` whether an object is being held.
 
     While one is, `clamp_n` is the least and the most force (N) that it may feel, for friction hides
     the difference; the least is 0 while the jaws search for an object that gave way.
-    `loss_detection` tells whether its loss would be noticed, `loss_detection_from_n` with which set
+    `loss_detection` is true if its loss would be noticed, `loss_detection_from_n` with which set
     force it would. All three are None without an object, and of a daemon that does not know them.
     """
 

@@ -13,7 +13,7 @@ from litegrip_client.calls import request_line
 from litegrip_client.errors import ConnectError, ProtocolError, from_error_object
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 _LEVELS = ("hold", "relax", "disable")
@@ -27,7 +27,7 @@ def stop_path(path: str) -> str:
 
 
 def is_taken_as_meant(params: Mapping[str, Any]) -> bool:
-    """Check if the socket for stops knows these parameters; any others it takes for a hold."""
+    """Return True if the stop socket understands these parameters; it takes others for a hold."""
     why = params.get("why")
     if params.get("level") not in _LEVELS or not (why is None or isinstance(why, str)):
         return False

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass, fields
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, NoReturn
 
 FORMAT = "litegrip-grips"

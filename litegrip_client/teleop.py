@@ -9,7 +9,7 @@ from litegrip_client.base import ActionBase
 from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
@@ -51,7 +51,7 @@ class TeleopActions(ActionBase):
         `dq_max` (10 rad/s) bounds the velocity that is fed forward. `fake_leader` follows a
         synthetic sweep instead of a master.
 
-        With `reflect` a slave tells its force, and a master with `reflect_n` (0, off, to 10 N)
+        With `reflect` a slave sends its force, and a master with `reflect_n` (0, off, to 10 N)
         pushes back with the share `reflect_gain` (0.5) of it: the hand feels what is gripped. Over
         udp a master's `host` may name several slaves, separated by commas.
 
@@ -91,7 +91,7 @@ class TeleopActions(ActionBase):
         return wait(self._core.teleop_stop())
 
     def teleop_status(self) -> dict[str, Any]:
-        """Tell how it goes, or how the last one went.
+        """Return the status of teleoperation, or of the last one.
 
         A dictionary with `active`, `mode`, `topic`, `frames`, `last_frame_age_ms`, `stale`,
         `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,

@@ -9,7 +9,7 @@ from litegrip_client.base import ActionBase
 from litegrip_client.blocking import wait
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # dataclasses takes longer to import than all the rest of the client
+if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any
 
     from litegrip_client.base import ProgressCallback
@@ -73,7 +73,7 @@ class TrajectoryActions(ActionBase):
         force: str = "path",
         progress: ProgressCallback | None = None,
     ) -> PlayResult:
-        """Replay a trajectory to its end; the jaws then hold there, until told otherwise.
+        """Replay a trajectory to its end; the jaws then hold there until the next command.
 
         It commands positions, by the openness and the calibration in use now; the torque that was
         recorded is never repeated. `speed` is a multiple of the one that was taught, 0.1 to 4;
@@ -120,8 +120,8 @@ class TrajectoryActions(ActionBase):
     ) -> dict[str, Any]:
         """Begin to replay in the background, as `play` does; return `trajectory_status()`.
 
-        With `loop` it goes on until `play_stop`; a trajectory of one sample is a pose, which is
-        held then. What goes wrong later is told by `error` of `trajectory_status`.
+        With `loop` it continues until `play_stop`; a trajectory of one sample is a pose, which is
+        held then. `error` of `trajectory_status` reports later errors.
         """
         return wait(
             self._core.play_start(
@@ -138,7 +138,7 @@ class TrajectoryActions(ActionBase):
         return wait(self._core.play_stop(timeout))
 
     def trajectory_status(self) -> dict[str, Any]:
-        """Tell of the recording or replay that runs, else of the latest one.
+        """Return the status of the running recording or replay, else of the latest one.
 
         `active`, `kind` ("record", "play" or None), `samples` and `error` are always there; of a
         recording also `rate_hz`, `zero_gravity`, `loop_hz`, `missed` and `duration_s`, of a replay

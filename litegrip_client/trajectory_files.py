@@ -35,7 +35,7 @@ _MAX_BYTES = HEADER.size + MAX_SAMPLES * SAMPLE.size
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryFile:
-    """A file of the directory, as its header tells; as a string it is one line.
+    """A file of the directory, from its header; as a string it is one line.
 
     `error` says why it cannot be used, if so; then the figures are 0. The samples themselves are
     not looked at before `Trajectory.load`. `grips` counts those that are kept beside it;
@@ -211,7 +211,7 @@ def _open(path: Path) -> BinaryIO:
 
 def _real(path: str | Path) -> Path:
     try:
-        # Without links, so that one goes on pointing to what is written.
+        # Links are resolved, so that a link still points to the new file.
         return Path(path).expanduser().resolve()
     except (OSError, RuntimeError) as error:  # RuntimeError: no home, a loop of links
         raise _not_a_name(path, str(error)) from error

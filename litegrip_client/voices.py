@@ -1,4 +1,4 @@
-"""What the daemon's messages name, in the words of whoever reads them: one table, three voices.
+"""What the daemon's messages name, in the words of their reader: one table, three voices.
 
 On the wire a message names methods and their parameters. A script's author can type Python calls,
 and a person at a shell commands and options. Nothing is decided by this module.
@@ -10,7 +10,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeAlias
 
 CALLS: Mapping[str, tuple[str, str]] = {
@@ -152,7 +152,7 @@ def in_shell(text: str, method: str | None = None, parameter: str | None = None)
 
 
 def is_said(message: str, hint: str) -> bool:
-    """Return whether `message` names the remedy of `hint` already: its words, or all its calls."""
+    """Return True if `message` names the remedy of `hint` already: its words, or all its calls."""
     if hint in message:
         return True
     named = [call for call in _calls() if _has(hint, call)]

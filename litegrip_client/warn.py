@@ -7,7 +7,7 @@ from collections.abc import Callable
 from litegrip_client.errors import LiteGripError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Awaitable
 
 

@@ -120,17 +120,17 @@ class Connection(Exchange):
 
     @property
     def closed(self) -> bool:
-        """True if no further call can succeed."""
+        """True if the connection has ended: every further call fails."""
         return self._router.ending is not None or self._loop.is_closed() or not self.is_own
 
     @property
     def daemon_pid(self) -> int:
-        """The process at the other end, 0 where that cannot be known."""
+        """The process id of the other end, 0 if unknown."""
         return self._stream.peer_pid
 
     @property
     def is_own(self) -> bool:
-        """True if this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, not the parent process before a fork."""
         return os.getpid() == self._pid
 
     async def close(self) -> None:

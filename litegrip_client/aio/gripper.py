@@ -39,7 +39,7 @@ class Link(core.Link):
         return await loop.run_in_executor(None, functools.partial(function, *arguments))
 
     async def pause(self, seconds: float) -> None:
-        """Wait for a while; other tasks go on."""
+        """Wait for a while; other tasks continue."""
         await asyncio.sleep(seconds)
 
     @property

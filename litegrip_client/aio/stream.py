@@ -60,7 +60,7 @@ class LineStream(asyncio.Protocol):
             self._transport.write(line)
 
     def abort(self) -> None:
-        """End the connection, soon: `ended` tells when. What waits to be sent is dropped."""
+        """End the connection soon; `ended` reports its end. What waits to be sent is dropped."""
         if self._transport is not None:
             self._transport.abort()
 

@@ -8,13 +8,13 @@ from collections.abc import Callable
 
 
 class Waiting:
-    """The tasks that wait for one connection; whoever changes something wakes them."""
+    """The tasks that wait for one connection; every change wakes them."""
 
     def __init__(self) -> None:
         self._waiting: dict[asyncio.Future[None], Callable[[], bool]] = {}
 
     async def until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
-        """Wait until `ready` or `timeout_s` seconds are over; tell whether it is so."""
+        """Wait for `ready` for at most `timeout_s` seconds; return True if it is so."""
         loop = asyncio.get_running_loop()
         deadline_s = loop.time() + timeout_s
         while not ready():

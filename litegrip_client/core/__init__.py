@@ -5,6 +5,6 @@
 `litegrip_client.blocking`). So nothing here may use asyncio, threads or sockets; what has to
 wait is awaited of the link and of its connection (`wire.Wire`).
 
-Whoever awaits may be interrupted (KeyboardInterrupt, or a cancelled task), as anything else that
-ends a wait: what must be put right then stands under `except BaseException`.
+A wait may end by an interrupt (KeyboardInterrupt, or a cancelled task) or any other exception:
+code that must restore something then stands under `except BaseException`.
 """

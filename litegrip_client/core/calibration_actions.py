@@ -1,6 +1,6 @@
 """Measure the gripper's travel: by probing both stops, or by hand.
 
-What was measured is used by the daemon, for all its clients, from then on.
+The daemon then uses the new calibration for all its clients.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # see the package: the travel is seldom measured
 
 
 class CalibrationActions(LoadingActions):
-    """What concerns the calibration. None of it goes while a motion runs (`BusyError`)."""
+    """The calibration. Every action raises `BusyError` while a motion runs."""
 
     async def zero(
         self,

@@ -1,6 +1,6 @@
 """A gripper that a daemon drives for this program: everything but how to wait for the daemon.
 
-It only asks; whatever decides or moves is the daemon's.
+It only sends requests; the daemon decides and moves.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class GripperActions(
     TeleopActions,
     CalibrationActions,
 ):
-    """All that makes the gripper at the other end of a link do something."""
+    """All actions of the gripper at the other end of a link."""
 
 
 class Gripper(GripperActions):
@@ -63,7 +63,7 @@ class Gripper(GripperActions):
             await wire.run(call, ACTION_TIMEOUT_S)
 
     async def disconnect(self) -> None:
-        """Disconnect; disables the motor first if this object enabled it and should."""
+        """Disconnect; first disable the motor if this object enabled it and should disable it."""
         await self._link.close()
 
     async def __aenter__(self) -> Any:
@@ -107,31 +107,31 @@ class Gripper(GripperActions):
         wait_s: float = 0.0,
         on_lost: str = "hold",
     ) -> Lease:
-        """Have the gripper to oneself: `async with gripper.lease("sorting", wait_s=10):`."""
+        """Take the lease: `async with gripper.lease("sorting", wait_s=10):`."""
         from litegrip_client.core.lease import Lease  # noqa: PLC0415 - see above
 
         wish = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}
         return Lease(self._link, wish)
 
     async def take_lease(self, why: str, *, jaws: str = "hold") -> None:
-        """Take the lease from whoever has it, for good reason: it is told to the loser.
+        """Take the lease from its present owner; the owner is notified of the reason `why`.
 
-        Its motion ends; the jaws then keep what they hold, or do what `jaws` says: "relax" (go
-        slack) or "disable".
+        The owner's motion ends. The jaws then keep what they hold, or follow `jaws`: "relax" (no
+        torque) or "disable".
         """
         await self._link.take(why, jaws)
 
     # Stop
 
     async def stop(self, level: str = "hold", why: str | None = None) -> GripperState:
-        """Stop the gripper, whoever moves it, until `clear_stop`: "hold", "relax" or "disable"."""
+        """Stop the gripper for all clients until `clear_stop`: "hold", "relax" or "disable"."""
         params = {"level": level} if why is None else {"level": level, "why": why}
         return state_of(await stop(self._link, params))
 
     async def clear_stop(self) -> GripperState:
-        """Clear a stop, so that the motor may be enabled and moved again. Moves nothing.
+        """Clear a stop: the motor may then be enabled and moved again. Moves nothing.
 
-        Raises `StoppedError` (`sent_before_stop`) for a stop of which nothing had told this object:
+        Raises `StoppedError` (`sent_before_stop`) for a stop that this object did not know of:
         look at the state, and clear again.
         """
         wire = self._link.wire
@@ -144,7 +144,7 @@ class Gripper(GripperActions):
         return GripperState.from_wire(await self._link.wire.call("state.get"))
 
     async def health(self) -> dict[str, Any]:
-        """Return the daemon's figures of its own: its verdict, the bus, the ticks, the clients."""
+        """Return the daemon's health: its verdict, the bus, the ticks, the clients."""
         from litegrip_client.voices import in_python  # noqa: PLC0415 - see above
 
         figures = await self._link.wire.call("health")

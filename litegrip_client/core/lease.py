@@ -1,4 +1,4 @@
-"""Having the gripper to oneself for a while: `async with gripper.lease("sorting"):`."""
+"""Exclusive control of the gripper for a while: `async with gripper.lease("sorting"):`."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from litegrip_client.core.link import Link
 from litegrip_client.warn import leave
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.core.wire import Wire
 
 
 class Lease:
-    """The lease of one gripper: got at the begin of the block, given back at its end.
+    """The lease of one gripper: taken at the start of the block, returned at its end.
 
-    Unless another block, or `enable`, of the same gripper object wants it still. `token` names
+    It is kept while another block, or `enable`, of the same gripper object needs it. `token` names
     it, for another connection of the same program (`lease` of the raw methods).
     """
 
@@ -48,5 +48,5 @@ class Lease:
             await self._link.leave_lease(wire)
 
     async def renew(self) -> None:
-        """Let `ttl_s` begin anew, as every call does. Raises `LeaseError` when it is lost."""
+        """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""
         await self._link.wire.call("lease.renew")

@@ -21,7 +21,7 @@ from litegrip_client.errors import (
 from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Awaitable
     from typing import Any, TypeVar
 
@@ -37,7 +37,7 @@ class Link:
     """A daemon, by channel, and the connection to it while there is one.
 
     `enabled_here` is true from this link's enabling on until its disabling; only then does its
-    end do anything to the motor. `keeps_lease` tells that it wants the lease until its end,
+    end do anything to the motor. `keeps_lease` is true if it wants the lease until its end,
     `leased` that it has it, as far as it knows.
     """
 
@@ -223,7 +223,7 @@ class Link:
             await _release(self.wire)
 
     async def take(self, why: str, jaws: str) -> None:
-        """Take the lease from whoever has it, and keep it."""
+        """Take the lease from its present owner, and keep it."""
         params = {"why": why, "purpose": _program()} | ({} if jaws == "hold" else {"jaws": jaws})
         await self._get("lease.take", params, 0.0)
         self.keeps_lease = True

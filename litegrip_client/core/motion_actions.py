@@ -10,7 +10,7 @@ from litegrip_client.core.base import ActionBase, ProgressCallback, state_of
 from litegrip_client.results import GraspResult, GripperState, MoveResult
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, Literal
 
 
@@ -48,7 +48,7 @@ class MotionActions(ActionBase):
         """Close until an object stops the jaws, then hold it with `force_n`, 0.5 to 30 N.
 
         It returns after `hold_s` seconds of holding (0: not by itself while the object is held),
-        or at the verdict; in either case the jaws go on holding.
+        or at the verdict; in either case the jaws continue to hold.
         """
         params: dict[str, Any] = given_numbers(
             force_n=force_n,

@@ -14,7 +14,7 @@ from litegrip_client.exchange import FOREVER_S
 from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.core.wire import Wire
@@ -25,7 +25,7 @@ _CANCEL_TIMEOUT_S = 2.0
 class Motion:
     """One motion, to be run once.
 
-    After an interrupt, `cancelled` is the job as the daemon's answer to the cancelling tells it,
+    After an interrupt, `cancelled` is the job from the daemon's answer to the cancelling,
     and `cancel_error` why cancelling failed; both None when nothing was left to cancel.
     """
 
@@ -40,7 +40,7 @@ class Motion:
         self.cancel_error: LiteGripError | None = None
         self._wire = wire
         self._method = method
-        # Always with progress, because that tells the number of the job.
+        # Always with progress, because that gives the number of the job.
         self._params = {**params, "progress": True}
         self._on_progress = on_progress
 
@@ -79,7 +79,7 @@ class Motion:
             warn(f"the interrupted {self._method} could not be cancelled: {error}")
 
     async def _find_job(self, call: Call) -> int | None:
-        """Find the running job of this connection: no notification has told its number yet."""
+        """Find the running job of this connection: no notification has named its number yet."""
         listed = (await self._wire.call("job.list", None, _CANCEL_TIMEOUT_S))["jobs"]
         running = [job for job in listed if job["state"] == "running"]
         for job in running:
@@ -94,7 +94,7 @@ class Motion:
         return None
 
     def _is_own(self, owner: Mapping[str, Any]) -> bool:
-        """Return whether a job is of this connection; of this process, where that is not known."""
+        """Return True if a job is of this connection, or, where unknown, of this process."""
         client = self._wire.client
         if client is not None and "client" in owner:
             return bool(owner["client"] == client)

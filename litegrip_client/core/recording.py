@@ -13,7 +13,7 @@ from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.core.wire import Wire
@@ -41,7 +41,7 @@ async def begin(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
 
 
 async def end(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
-    """End the recording and have the daemon keep it; return what is told of it."""
+    """End the recording and have the daemon keep it; return its description."""
     return await wire.call("trajectory.record_stop", params, ACTION_TIMEOUT_S)
 
 
@@ -79,7 +79,7 @@ class Recording:
         self._on_status = on_status
 
     async def run(self) -> dict[str, Any]:
-        """Record; return what `trajectory.record_stop` tells of it.
+        """Record; return the result of `trajectory.record_stop`.
 
         Raises `CommandError` that tells how many samples there are when it did not fill. Whatever
         else ends the waiting ends the recording first, so that the jaws hold, and is then raised.

@@ -17,7 +17,7 @@ from litegrip_client.errors import CommandError
 from litegrip_client.warn import leave
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.core.wire import Wire

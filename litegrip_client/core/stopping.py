@@ -9,7 +9,7 @@ from litegrip_client.errors import LiteGripError
 from litegrip_client.stopping import is_taken_as_meant
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.core.link import Link

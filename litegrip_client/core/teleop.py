@@ -10,7 +10,7 @@ from litegrip_client.core.base import ActionBase
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
@@ -73,5 +73,5 @@ class TeleopActions(ActionBase):
         return await self._link.wire.call("teleop.stop")
 
     async def teleop_status(self) -> dict[str, Any]:
-        """Tell how it goes, or how the last one went."""
+        """Return the status of teleoperation, or of the last one."""
         return await self._link.wire.call("teleop.status")

@@ -134,7 +134,7 @@ class TrajectoryActions(ActionBase):
         return status
 
     async def trajectory_status(self) -> dict[str, Any]:
-        """Tell of the recording or replay that runs, else of the latest one."""
+        """Return the status of the running recording or replay, else of the latest one."""
         status = await self._link.wire.call("trajectory.status")
         if status["kind"] == "play" and status["job"] == self._ended_job:
             status["error"] = None  # as it was told to

@@ -13,7 +13,7 @@ from litegrip_client.core.link import ACTION_TIMEOUT_S
 from litegrip_client.errors import CommandError, ProtocolError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.core.wire import Wire

@@ -23,19 +23,19 @@ class Wire(Protocol):
 
     @property
     def stop_socket(self) -> str | None:
-        """Where the daemon takes stops before everything else, as far as it has told."""
+        """The daemon's priority socket for stops; None until the daemon reports it."""
 
     @property
     def daemon_pid(self) -> int:
-        """The process at the other end, 0 where that cannot be known."""
+        """The process id of the other end, 0 if unknown."""
 
     @property
     def closed(self) -> bool:
-        """True if no further call can succeed."""
+        """True if the connection has ended: every further call fails."""
 
     @property
     def is_own(self) -> bool:
-        """True if this process made the connection, and not the parent that it was forked from."""
+        """True if this process made the connection, not the parent process before a fork."""
 
     def prepare(self, method: str, params: Mapping[str, Any] | None = None) -> Call:
         """Make a call."""
@@ -49,7 +49,7 @@ class Wire(Protocol):
         """Note what the daemon says of itself."""
 
     def note_stops(self, result: Mapping[str, Any]) -> None:
-        """Note the stops that a result tells of, wherever it came from."""
+        """Store the stop generation of a result from any source."""
 
     def forget(self, call: Call) -> None:
         """Drop what still comes for a call."""

@@ -12,7 +12,7 @@ from pathlib import Path
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Mapping
     from typing import Any
 

@@ -20,7 +20,7 @@ from litegrip_client.ctl.watching import Scene
 from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 _BAR_WIDTH = 40

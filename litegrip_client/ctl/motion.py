@@ -1,6 +1,6 @@
 """Run a motion for a command: a live line on the way, and cancelling at Ctrl-C.
 
-It must not know what the motions do, nor how their results are told.
+It must not know what the motions do, nor how their results are shown.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from litegrip_client.errors import CancelledError
 from litegrip_client.motions import Motion
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
 def start(run: Run, method: str, params: Mapping[str, Any]) -> int:
-    """Start a motion and tell its job, without waiting for its end."""
+    """Start a motion and show its job, without waiting for its end."""
     call = run.connection.prepare_guarded(method, {**params, "detach": True, "wait": False})
     data = run.connection.run(call)
     run.output.result(data, f"{run.options.command}: job {data['job']} started")

@@ -1,4 +1,4 @@
-"""Where `litegripctl` writes: results as text or JSON, and one line that is written anew.
+"""Where `litegripctl` writes: results as text or JSON, and one line that is rewritten.
 
 It must not decide what is said.
 """
@@ -13,7 +13,7 @@ from litegrip_client.errors import LiteGripError
 from litegrip_client.voices import is_said
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
@@ -52,7 +52,7 @@ class Output:
             self._open_line = False
 
     def end_line(self) -> None:
-        """Keep the line that `line` wrote, and go on below it."""
+        """Keep the line that `line` wrote, and continue below it."""
         if self._open_line:
             _write("\n")
             self._open_line = False
@@ -72,7 +72,7 @@ class Output:
                 print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
 
     def note(self, text: str) -> None:
-        """Tell a person something that is no result."""
+        """Show a person something that is not a result."""
         print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
 
 

@@ -18,7 +18,7 @@ from litegrip_client.discovery import check_channel
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, NoReturn
 
     from litegrip_client.ctl.run import Fill
@@ -89,7 +89,7 @@ class LateParser(Parser):
             fill(self)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Become a parser, and parse; note in `help_of` whose help tells of what was given."""
+        """Become a parser, and parse; note in `help_of` whose help fits the arguments."""
         self.become()
         options, rest = super().parse_known_args(args, namespace)
         if not hasattr(options, "help_of"):  # else an action of this command has noted its own
@@ -98,7 +98,7 @@ class LateParser(Parser):
 
 
 def common() -> argparse.ArgumentParser:
-    """Give the options that every command takes, in front of its name and behind it."""
+    """Return the options that every command takes, in front of its name and behind it."""
     # Without defaults, so that the later place does not undo the earlier.
     parser = argparse.ArgumentParser(add_help=False, argument_default=argparse.SUPPRESS)
     where = parser.add_mutually_exclusive_group()
@@ -121,7 +121,7 @@ def common() -> argparse.ArgumentParser:
 def parse(given: list[str]) -> argparse.Namespace:
     """Read the command line; raises `UsageError` when it is wrong.
 
-    `channel_chosen` tells whether a channel was asked for, by option or by environment, and `call`
+    `channel_chosen` is true if a channel was asked for, by option or by environment, and `call`
     how the same gripper is called again.
     """
     parser = whole_parser()

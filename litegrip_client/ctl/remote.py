@@ -23,7 +23,7 @@ from litegrip_client.errors import ConnectError, LiteGripError
 from litegrip_client.stopping import stop_path
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from argparse import Namespace
 
 
@@ -137,7 +137,7 @@ class SshWay(Way):
     longer ask for a password.
     """
 
-    # Whether anybody listens there, ssh tells by ending the connection and by nothing else.
+    # If nobody listens there, ssh ends the connection; it reports this in no other way.
     not_listening = (*Way.not_listening, LiteGripError)
 
     def __init__(self, options: Namespace) -> None:
@@ -156,7 +156,7 @@ class SshWay(Way):
             raise self._explained() or error from error
 
     def paths(self) -> list[str]:
-        """Give the socket's end on this machine, which is there then."""
+        """Return the socket's end on this machine, which is there then."""
         self._connected().close()
         return [self._here]
 

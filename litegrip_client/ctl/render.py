@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
 Data: TypeAlias = "Mapping[str, Any]"
@@ -44,7 +44,7 @@ def state_rows(data: Data) -> list[tuple[str, str]]:
 
 
 def is_unheard(data: Data) -> bool:
-    """Check if the motor has never answered, so that no figure is known, not even an old one."""
+    """Return True if the motor has never answered: no figure is known, not even an old one."""
     return "feedback_s" in data and data["feedback_s"] is None and data.get("age_s") is None
 
 

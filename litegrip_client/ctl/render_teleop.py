@@ -32,7 +32,7 @@ def line(data: Data) -> str:
 
 
 def ended(data: Data, *, holding: bool = False) -> str:
-    """Show in one line how it ended; `holding` says that it was told to, so that the jaws hold."""
+    """Show in one line how it ended; with `holding` a command ended it and the jaws hold."""
     if data.get("mode") is None:
         return "no teleoperation so far"
     by = f" by {data['fault']}" if data.get("fault") else ""
@@ -78,7 +78,7 @@ def _owners(data: Data) -> tuple[str, str]:
 
 
 def _followers(data: Data) -> str:
-    """Return how many follow, as far as a leader can know: each is heard only with reflection."""
+    """Show how many follow, as far as a leader can know: each is heard only with reflection."""
     count = data.get("followers")
     if count is not None:
         return f"{count} heard"
@@ -109,7 +109,7 @@ def _address(host: object, port: object) -> str:
 
 
 def _felt(data: Data) -> list[str]:
-    """Tell of force reflection: what a slave told last, or with what a master pushes now."""
+    """Show force reflection: the slave's last report, or the master's present push."""
     force_n = data.get("reflected_n")
     if force_n is None:
         return []

@@ -15,7 +15,7 @@ from litegrip_client.ctl.output import Output
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeAlias
 
     from litegrip_client.ctl.parser import LateParser

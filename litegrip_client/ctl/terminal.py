@@ -9,17 +9,17 @@ import sys
 
 
 def may_ask() -> bool:
-    """Return whether somebody is there to read a question and to answer it."""
+    """Return True if somebody is there to read a question and to answer it."""
     return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
 
 
 def say(text: str) -> None:
-    """Tell something on the way to a result."""
+    """Show a message before the result."""
     print(text, file=sys.stderr, flush=True)
 
 
 def ask(question: str) -> str | None:
-    """Give the answer in lower case, without the spaces around it; None at the end of input."""
+    """Return the answer in lower case, without the spaces around it; None at the end of input."""
     try:
         sys.stderr.write(f"{question} ")
         sys.stderr.flush()
@@ -34,5 +34,5 @@ def ask(question: str) -> str | None:
 
 
 def confirm(question: str) -> bool:
-    """Return whether the answer is yes; everything else is no."""
+    """Return True if the answer is yes; everything else is no."""
     return ask(f"{question} [y/N]") in ("y", "yes")

@@ -14,7 +14,7 @@ from litegrip_client.errors import ConnectError
 from litegrip_client.feeds import Event, EventFeed
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.ctl.way import Way
@@ -40,7 +40,7 @@ class Scene:
 
 
 def scenes(way: Way, connection: Connection, hz: float) -> Iterator[Scene]:
-    """Give the same scene again with each state and each trouble; does not end by itself.
+    """Return the same scene again with each state and each trouble; does not end by itself.
 
     Begins with a `connection` and makes another one by `way` whenever it is lost. Raises
     `LiteGripError` when a daemon is there and refuses.

@@ -14,7 +14,7 @@ from litegrip_client.errors import CommandError
 from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Mapping
     from types import TracebackType
     from typing import Any
@@ -84,7 +84,7 @@ class Way:
 
 
 def way_of(options: Namespace) -> Way:
-    """Give the way that the command line asks for."""
+    """Return the way that the command line asks for."""
     if options.ssh_host is None:
         return Way(options)
     from litegrip_client.ctl.remote import SshWay  # noqa: PLC0415 - seldom needed

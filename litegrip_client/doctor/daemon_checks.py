@@ -135,7 +135,7 @@ def real_time(facts: Facts) -> Finding | None:
 
 
 def _stood_still(control: Mapping[str, Any]) -> str | None:
-    """Report that the daemon did not run for so long that the motor disarmed itself, if so."""
+    """Return a report if the daemon paused so long that the motor disarmed itself, or None."""
     worst_us = control.get("lateness", {}).get("worst_us")
     if worst_us is None or worst_us < STANDSTILL_US:
         return None
@@ -158,7 +158,7 @@ def health(facts: Facts) -> Finding | None:
 
 
 def _no_daemon(facts: Facts) -> Finding:
-    """Tell why none answers, as far as is known, and how one is started."""
+    """Return why no daemon answers, as far as known, and how to start one."""
     status = None if facts.unit is None else f"systemctl status {facts.unit}"
     if _closed(facts):
         text = "not known whether it runs: its socket is closed to this user"
@@ -191,7 +191,7 @@ def _no_daemon(facts: Facts) -> Finding:
 
 
 def _not_installed(facts: Facts, failure: str) -> Finding:
-    """Tell how a daemon is started where systemd has no unit for any."""
+    """Return how to start a daemon where systemd has no unit for it."""
     foreground = f"litegripd {facts.channel}"
     option = f" --can {facts.bus_channel}" if facts.interface == "socketcan" else ""
     is_wrong = facts.configuration is not None and facts.configuration.error is not None
@@ -210,7 +210,7 @@ def _closed(facts: Facts) -> list[str]:
 
 
 def _admit(facts: Facts) -> str | None:
-    """Give the command that lets this user connect."""
+    """Return the command that lets this user connect."""
     user = facts.user
     if user.has_group:
         return _systemctl("restart", facts)
@@ -224,7 +224,7 @@ def _admit(facts: Facts) -> str | None:
 
 
 def _then(facts: Facts) -> str:
-    """Say what else it takes; whether the daemon is systemd's is not known."""
+    """Return the next steps; it is unknown if systemd runs the daemon."""
     login = "groups count from the next login on"
     if facts.user.group_exists:
         return login

@@ -1,4 +1,4 @@
-"""What the checks are told: values, and nothing that asks for them.
+"""The facts for the checks: values only, no requests.
 
 What the daemon answered is kept as it came, so that an older or newer daemon is examined, too.
 """
@@ -21,7 +21,7 @@ class Link:
     is_can: bool
     is_up: bool
     kind: str | None = None
-    """As iproute2 names it: "can" for an adapter, "vcan"; None where iproute2 told nothing."""
+    """As iproute2 names it: "can" for an adapter, "vcan"; None without iproute2's answer."""
     queue_frames: int | None = None
     bitrate: int | None = None
     sample_point: float | None = None
@@ -40,7 +40,7 @@ class System:
 
     link: Link | None = None
     ip_problem: str | None = None
-    """Why iproute2 told nothing, if so; the link is then what the kernel's files tell."""
+    """Why iproute2 gave no answer, or None; the link then comes from the kernel's files."""
     can_links: tuple[str, ...] = ()
     """The CAN interfaces that there are."""
     driver: str | None = None
@@ -100,7 +100,7 @@ class Daemon:
 class Configuration:
     """A channel's configuration file, of which the daemon's program was asked.
 
-    `content` is what it says, as `info.get` tells it; else `error` is what is wrong with it, or
+    `content` is what it says, as in `info.get`; else `error` is what is wrong with it, or
     `unchecked` why that is not known.
     """
 
@@ -138,7 +138,7 @@ class Facts:
     hung_pid: int | None = None
     """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
     configuration: Configuration | None = None
-    """The channel's file, where there is one and no daemon tells what it uses."""
+    """The channel's file, where there is one and no daemon reports what it uses."""
     interface: str | None = "socketcan"
     bus_channel: str = "can0"
     now_s: float = 0.0

@@ -75,7 +75,7 @@ def from_ip(text: str) -> Link:
 def from_files(name: str, files: Mapping[str, str]) -> Link:
     """Read /sys/class/net/<name>/: the contents of `type`, `flags` and `tx_queue_len`.
 
-    They tell no bit rate and no error counters. Raises `ValueError` for what is no number.
+    They have no bit rate and no error counters. Raises `ValueError` for what is no number.
     """
     return Link(
         name=name,
@@ -174,7 +174,7 @@ _FILES = ("type", "flags", "tx_queue_len")
 
 
 class IpError(Exception):
-    """iproute2 is not there, or told nothing that can be used; the message says which."""
+    """iproute2 is not there, or gave no usable answer; the message says which."""
 
 
 def system(interface: str, bus_channel: str, net: Path = NET) -> System:
@@ -189,7 +189,7 @@ def system(interface: str, bus_channel: str, net: Path = NET) -> System:
 
 
 def is_can(name: str) -> bool:
-    """Return whether there is a CAN interface of a name."""
+    """Return True if there is a CAN interface of a name."""
     return name in _can_links(NET)
 
 
@@ -249,7 +249,7 @@ def ask_ip(name: str) -> str | None:
 
 
 def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
-    """Return the link and why iproute2 told nothing of it, if so."""
+    """Return the link, and why iproute2 gave no answer, or None."""
     try:
         told = ask_ip(name)
         return (None if told is None else from_ip(told)), None
@@ -311,7 +311,7 @@ ANSWER_WITHIN_S = 5.0
 def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     """Find out all that the checks need; without a daemon, what can be known without.
 
-    `channel_chosen` tells that somebody asked for this channel by name.
+    `channel_chosen` is true if the user named this channel.
     """
     daemon, failure, hung_pid = _daemon(channel, socket)
     paths = socket_paths(channel, socket) if daemon is None else [daemon.path]

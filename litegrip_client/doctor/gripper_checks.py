@@ -235,7 +235,7 @@ def _registers(facts: Facts) -> Mapping[str, Any]:
 
 
 def _calibration(daemon: Daemon) -> Mapping[str, Any]:
-    """Return where the calibration came from; an older daemon tells the file alone."""
+    """Return where the calibration came from; an older daemon reports only the file."""
     told = daemon.info.get("calibration")
     return told if isinstance(told, Mapping) else {"file": daemon.info.get("calibration_file")}
 

@@ -23,7 +23,7 @@ LONGEST_QUEUE_S = 0.1
 """The motor's watchdog: what waits for longer would come when the motor has given up already."""
 
 RATE_HZ = 200.0
-"""The daemon's, where it does not tell."""
+"""The daemon's default, if it reports none."""
 
 UNOPENED = ("down", "adapter_gone")
 """States of a bus whose adapter the daemon could not open, or has lost."""
@@ -57,7 +57,7 @@ _WIRING = (
 
 
 def tool(facts: Facts) -> Finding | None:
-    """Check whether iproute2 tells about the link."""
+    """Check that iproute2 describes the link."""
     problem = facts.system.ip_problem
     if facts.interface != "socketcan" or problem is None:
         return None
@@ -184,7 +184,7 @@ def errors(facts: Facts) -> Finding | None:
 
 
 def adapter(facts: Facts) -> Finding | None:
-    """Tell which driver and adapter it is."""
+    """Report the driver and the adapter."""
     found, system = _can_link(facts), facts.system
     if found is None or _is_virtual(found):
         return None
@@ -228,7 +228,7 @@ def _bus_figures(facts: Facts) -> Mapping[str, Any]:
 
 
 def _unopened(facts: Facts, text: str) -> Finding | None:
-    """Pass on why the daemon cannot use an adapter that looks all right from here, if so."""
+    """Return why the daemon cannot use an adapter that looks right from here, or None."""
     figures = _bus_figures(facts)
     if figures.get("state") not in UNOPENED:
         return None
@@ -251,7 +251,7 @@ def _missing(facts: Facts) -> Finding:
 
 
 def _configured_bit_rate(facts: Facts) -> Finding | None:
-    """Check what the daemon is told, where it and not the system sets the bit rate."""
+    """Check the daemon's configuration, where it and not the system sets the bit rate."""
     if facts.daemon is None or facts.interface in ("socketcan", *SIMULATED):
         return None
     bitrate = facts.daemon.info.get("configuration", {}).get("bus", {}).get("bitrate")
@@ -271,7 +271,7 @@ def _can_link(facts: Facts) -> Link | None:
 
 
 def _controller(facts: Facts) -> Link | None:
-    """Give the link if it has a controller, about which iproute2 has told."""
+    """Return the link if it has a controller that iproute2 describes."""
     found = _can_link(facts)
     return found if found is not None and found.kind == "can" else None
 
@@ -300,7 +300,7 @@ def _down_and_up(found: Link) -> str:
 
 
 def _anew(facts: Facts, settings: str) -> str:
-    """Give the command that sets a link up anew, which the motor does not survive enabled."""
+    """Return the command that sets a link up again; an enabled motor does not survive it."""
     name, found = facts.bus_channel, facts.system.link
     commands = [f"{facts.ctl} disable"] if facts.is_enabled else []
     if found is not None and found.is_up:

@@ -29,7 +29,7 @@ class Reader:
     gids: frozenset[int] = frozenset()
 
     def may(self, path: Path, bits: int) -> bool:
-        """Check if the mode of a file lets them; one with an access list of its own is trusted."""
+        """Return True if a file's mode lets them; one with its own access list is trusted."""
         found = path.stat()
         shift = 6 if found.st_uid == self.uid else 3 if found.st_gid in self.gids else 0
         return (found.st_mode >> shift) & bits == bits or _has_access_list(path)
@@ -66,7 +66,7 @@ def obstacle(programs: str, reader: Reader) -> Obstacle | None:
 
 
 def _closed(step: Path, reader: Reader, bits: int) -> str | None:
-    """Return why a reader has not these rights; a directory must let them through in any case."""
+    """Return why a reader lacks these rights, or None; directories must always let them through."""
     try:
         mode = step.stat().st_mode
         needed = bits | (_SEARCH if stat.S_ISDIR(mode) else 0)

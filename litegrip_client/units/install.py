@@ -44,12 +44,12 @@ class Wishes:
 
 
 def uses_networkd(root: Path) -> bool:
-    """Return whether systemd-networkd is enabled in a system."""
+    """Return True if systemd-networkd is enabled in a system."""
     return any(root.glob(_NETWORKD))
 
 
 def is_packaged(root: Path) -> bool:
-    """Return whether a system has the units from the Debian package."""
+    """Return True if a system has the units from the Debian package."""
     return (root / plan.PACKAGED).is_file()
 
 
@@ -59,13 +59,13 @@ def enabled(root: Path) -> list[str]:
 
 
 def running(root: Path) -> list[str]:
-    """Return which daemons systemd runs, or is about to start anew: litegripd@can0, say."""
+    """Return the daemons that systemd runs or is about to restart: litegripd@can0, say."""
     names = (note.name.partition(":")[2] for note in root.glob(_RUNNING))
     return sorted(name.removesuffix(".service") for name in names)
 
 
 def foreign_users(root: Path) -> list[str]:
-    """Say which drop-ins have a daemon run as another user, and why that does not work."""
+    """Return the drop-ins that run a daemon as another user, and why that does not work."""
     notes = []
     for path in sorted({*root.glob(f"etc/{_DROP_INS}"), *root.glob(f"run/{_DROP_INS}")}):
         for value in _FOREIGN.findall(path.read_text(errors="replace")):
@@ -96,7 +96,7 @@ def channels(root: Path) -> list[str]:
 
 
 def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
-    """Install what is wished for, and anew what was installed before.
+    """Install the requested files, and reinstall those installed before.
 
     Where the package has brought the units, only what belongs beside them; copies of an earlier
     installation, which would be used in their place, are removed. Raises `CommandError` where a

@@ -72,7 +72,7 @@ def serial() -> list[Planned]:
 
 
 def udev(channels: Sequence[str]) -> list[Planned]:
-    """Return what has udev bring these CAN interfaces up, whoever is in charge of the network."""
+    """Return what has udev bring these CAN interfaces up, whatever manages the network."""
     return [Planned(RULES, _for(channels, "systemd/85-litegrip.rules", "|"))]
 
 

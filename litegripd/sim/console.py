@@ -100,7 +100,7 @@ def _with_number(act: Callable[[Simulator, float], None]) -> _Reader:
 
 
 def _with_integer(act: Callable[[Simulator, int], None]) -> _Reader:
-    """Read a command with one whole number, such as 3 or 0xB."""
+    """Read a command with one whole number, for example 3 or 0xB."""
 
     def read(words: Sequence[str]) -> Action:
         _expect(words, 1, 1)
@@ -277,7 +277,7 @@ _LONGEST = 200
 class Console:
     """The commands that come from `fd`; without one, none come.
 
-    `say` is given what is to be told: what went wrong with a line, and help.
+    `say` gets the messages: errors of a line, and help.
     """
 
     def __init__(self, fd: int | None, simulator: Simulator, say: Callable[[str], None]) -> None:
@@ -317,7 +317,7 @@ class Console:
 
 
 def _is_in_background(fd: int) -> bool:
-    """Check if what is typed is meant for another program: reading it would stop this process."""
+    """Return True if the input is for another program: reading it would stop this process."""
     try:
         return os.isatty(fd) and os.tcgetpgrp(fd) != os.getpgrp()
     except OSError:

@@ -40,7 +40,7 @@ class FrameFaults:
         self.seed(seed)
 
     def seed(self, seed: int) -> None:
-        """Begin the sequence of chances anew."""
+        """Restart the sequence of chances."""
         with self._lock:
             self._random = random.Random(f"{self._direction} {seed}")  # noqa: S311 - no secret
 
@@ -172,7 +172,7 @@ class BusFaults:
         return self._is_unplugged
 
     def seed(self, seed: int) -> None:
-        """Begin the chances of both directions anew."""
+        """Restart the chances of both directions."""
         self._channel.wire.seed(seed)
 
     def inject(self, frame: CanFrame) -> None:
@@ -276,7 +276,7 @@ class BusFaults:
             node.error_code = errno.ENETDOWN
 
     def admit(self, node: Node, message: can.Message) -> bool:
-        """Return whether a node's frame goes out now; else it is lost, or waits.
+        """Return True if a node's frame goes out now; else it is lost, or waits.
 
         The caller holds the channel's lock. Raises `can.CanOperationError`.
         """

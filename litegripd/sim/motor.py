@@ -385,7 +385,7 @@ class SimulatedMotor:
         self._plant.set_speed_filter(self._registers[reg.V_BW])
 
     def _forget_command(self) -> None:
-        """Drive nothing until the next command: no mode takes over what another was told.
+        """Drive nothing until the next command: no mode takes over another mode's command.
 
         That is an estimate; the maker does not say what a change of the mode does while enabled.
         """

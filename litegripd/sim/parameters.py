@@ -34,7 +34,7 @@ class SimulatorParameters:
     Raises `ValueError` for a figure that is not finite or out of its range.
     """
 
-    # What the motor's registers tell of its type. The figures below are a DM4310's as well; those
+    # What the motor's registers say of its type. The figures below are a DM4310's as well; those
     # of another type are made by `of_motor`.
     motor_type: MotorType = DM4310
 

@@ -138,7 +138,7 @@ class Plant:
         return self._object
 
     def take_mean_square_torque(self, duration_s: float) -> float:
-        """Return the mean of the squared torque over the last `duration_s`, and start anew."""
+        """Return the mean of the squared torque over the last `duration_s`, and restart."""
         mean = self._energy_nm2_s / duration_s
         self._energy_nm2_s = 0.0
         return mean
@@ -175,7 +175,7 @@ class Plant:
         self._free_damping = 1.0 + self._gain * damping_nm_s_rad
 
     def push(self, torque_nm: float) -> None:
-        """Let a hand push with this torque (motor's direction) until told otherwise; 0 lets go."""
+        """Let a hand push with this torque (motor's direction) until the next call; 0 lets go."""
         self._hand = self._sign * torque_nm
 
     def jam(self, *, jammed: bool) -> None:

@@ -144,7 +144,7 @@ def _of_type(motor_type: MotorType) -> dict[int, float]:
 class Registers:
     """The registers of one motor. Writes live in RAM until they are saved to the flash.
 
-    `sources` tells the value of each register that is measured when it is asked for.
+    `sources` returns the value of each register that is measured on request.
     """
 
     def __init__(

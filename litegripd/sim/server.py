@@ -28,7 +28,7 @@ OK, ERROR = b"\r", b"\a"
 # The longest command: T, 8 digits of id, a length, 16 digits of data, and 4 of a time stamp.
 _LONGEST = 32
 _HEX = frozenset(b"0123456789abcdefABCDEF")
-_TIMESTAMP_MS = 60_000  # Lawicel: the time stamp counts milliseconds and starts anew each minute
+_TIMESTAMP_MS = 60_000  # Lawicel: the time stamp counts milliseconds and restarts each minute
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +46,7 @@ class SlcanDevice:
         self.reset()
 
     def reset(self) -> None:
-        """Start anew, as when the host closes the port."""
+        """Reset, as when the host closes the port."""
         self._line = bytearray()
         self._overlong = False
         self._open = False
@@ -144,7 +144,7 @@ _READ_BYTES = 4096
 
 
 class StopSignal:
-    """Lets another context, such as a signal handler, end a server's loop at once."""
+    """Lets another context, for example a signal handler, end a server's loop at once."""
 
     def __init__(self) -> None:
         self.read_fd, self._write_fd = os.pipe()
@@ -168,7 +168,7 @@ class PtyServer:
 
     Clients may come and go. A client that does not read loses frames, which `dropped` counts; it
     never holds up the simulation. `link` is a symbolic link that leads to the terminal while there
-    is one; `announce` is told its path.
+    is one; `announce` gets its path.
 
     Raises `OSError` when there is no terminal, or the link cannot be made.
     """
@@ -205,7 +205,7 @@ class PtyServer:
             os.close(fd)
             raise
         finally:
-            # Without a client the terminal reports a hang-up, which tells when one leaves.
+            # Without a client the terminal reports a hang-up: so a leaving client is noticed.
             os.close(client_fd)
         self._fd = fd
         self._announce(self._path)
@@ -297,7 +297,7 @@ class BusServer:
         self._bus = bus
 
     def run(self, is_stopped: Callable[[], bool], console: Console) -> None:
-        """Answer as the motor would, until `is_stopped` says so.
+        """Answer as the motor would, until `is_stopped` returns True.
 
         Raises `can.CanError` when the bus fails.
         """
@@ -348,7 +348,7 @@ def _write_some(fd: int, output: bytes) -> int:
 
 
 def _is_foreign(message: can.Message) -> bool:
-    """Return whether this is anything but a classic data frame of a standard id."""
+    """Return True if this is anything but a classic data frame of a standard id."""
     return (
         message.is_error_frame or message.is_remote_frame or message.is_extended_id or message.is_fd
     )

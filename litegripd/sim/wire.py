@@ -29,7 +29,7 @@ class MotorWire:
         self._number = 0  # keeps the order of frames that arrive at the same time
 
     def seed(self, seed: int) -> None:
-        """Begin the chances of both directions anew."""
+        """Restart the chances of both directions."""
         self.to_motor.seed(seed)
         self.from_motor.seed(seed)
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from litegrip_client.ctl.run import Command, Fill
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
@@ -98,7 +98,7 @@ OF_THIS_MACHINE = ("doctor", "completion", "install-units")
 
 
 def needs_daemon(options: Namespace) -> bool:
-    """Return whether the command line asks for something of the daemon's."""
+    """Return True if the command line asks for something of the daemon's."""
     if options.command == "plot":
         return is_name(options.file) and not options.local
     if options.command == "trajectories":
@@ -107,7 +107,7 @@ def needs_daemon(options: Namespace) -> bool:
 
 
 def is_name(text: str) -> bool:
-    """Return whether it can only be a name of the daemon's, and no file here."""
+    """Return True if it can only be a name of the daemon's, and no file here."""
     path = Path(text)
     return path.name == text and not path.suffix and not path.exists()
 

@@ -19,7 +19,7 @@ from litegrip_client.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 _AS_BEFORE = "the calibration is as it was"

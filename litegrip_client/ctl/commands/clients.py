@@ -12,7 +12,7 @@ from litegrip_client.errors import CommandError
 from litegrip_client.stopping import is_taken_as_meant, stop_at
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from argparse import Namespace
     from typing import Any
 
@@ -95,7 +95,7 @@ def _question(before: Mapping[str, Any], whose: Mapping[str, Any], options: Name
 
 
 def _jaws(state: Mapping[str, Any]) -> str:
-    """Tell what the jaws do after a take-over."""
+    """Show what the jaws do after a take-over."""
     if state.get("mode") == "relaxed":
         return "the jaws are slack"
     if state.get("mode") != "holding":
@@ -106,7 +106,7 @@ def _jaws(state: Mapping[str, Any]) -> str:
 
 
 def stop_first(way: Way, output: Output) -> bool:
-    """Stop by the socket that is served first; tell whether there was one.
+    """Stop by the stop socket; return True if there was one.
 
     A daemon that serves none is stopped as by any other request, and so for too long a reason.
     """
@@ -144,7 +144,7 @@ def _params(options: Namespace) -> dict[str, str]:
 
 
 def stopped(data: Mapping[str, Any]) -> str:
-    """Tell that a stop is latched."""
+    """Show that a stop is latched."""
     return render.plain(f"stopped: {data['level']}, until: litegripctl clear")
 
 

@@ -78,7 +78,7 @@ CHECKS: tuple[Check, ...] = (
 
 
 def doctor(run: Run) -> int:
-    """Show what was found; the exit code tells whether there is an error."""
+    """Show what was found; the exit code shows if there is an error."""
     options = run.options
     if options.ssh_host is not None:
         return run.refuse(

@@ -12,7 +12,7 @@ from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 
@@ -97,7 +97,7 @@ def cancel(run: Run) -> int:
 
 
 def health(run: Run) -> int:
-    """Show the daemon's verdict and figures; the exit code tells the verdict."""
+    """Show the daemon's verdict and figures; the exit code gives the verdict."""
     data = run.connection.call("health")
     run.output.result(data, render.health(data))
     return {"ok": 0, "degraded": 1}.get(data["verdict"], 2)

@@ -14,7 +14,7 @@ from litegrip_client.ctl.run import OK, Command, Fill, Run
 from litegrip_client.errors import CommandError, HardwareError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from argparse import _ActionsContainer
     from typing import Any
 

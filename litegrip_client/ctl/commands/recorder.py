@@ -21,7 +21,7 @@ from litegrip_client.link import ACTION_TIMEOUT_S
 from litegrip_client.trajectory import MAGIC, Trajectory
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 

@@ -10,7 +10,7 @@ from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.run import NOT_OK, OK, Command, Fill, Run
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 _LOOK_EVERY_S = 0.2

@@ -30,7 +30,7 @@ from litegrip_client.trajectory_files import (
 )
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
 _REPLACE = "take another name, or replace it with: --overwrite"
@@ -194,7 +194,7 @@ def keep(run: Run) -> int:
 
 
 def kept(run: Run) -> list[dict[str, Any]]:
-    """Return what the daemon tells of all that it keeps."""
+    """Return the daemon's list of all that it keeps."""
     return kept_and_usage(run)[0]
 
 
@@ -294,7 +294,7 @@ def showing(run: Run) -> Iterator[Callable[[float], None]]:
 
 
 def _row(file: dict[str, Any]) -> dict[str, Any]:
-    """Name what a file tells as the daemon names it."""
+    """Return a file's fields under the daemon's names."""
     return {**file, "created_s": file.pop("created")}
 
 

@@ -1,4 +1,4 @@
-"""The command that installs the units for systemd, and tells what is to be done then."""
+"""The command that installs the units for systemd, and shows the next steps."""
 
 from __future__ import annotations
 
@@ -100,14 +100,14 @@ def _after_installation(root: Path, done: Sequence[Done], channels: Sequence[str
 
 
 def _has_new_settings(done: Sequence[Done]) -> bool:
-    """Return whether the daemons' unit is not what it was, its drop-in included."""
+    """Return True if the daemons' unit is not what it was, its drop-in included."""
     return any(
         one.what in ("installed", "replaced") and "/litegripd@.service" in one.path for one in done
     )
 
 
 def _reloads(root: Path, done: Sequence[Done], *, is_rule_wanted: bool = False) -> list[str]:
-    """Return what has networkd and udev read their files anew, where one of them has changed."""
+    """Return the commands for networkd and udev to reload their files, if any has changed."""
     changed = [one.path for one in done if one.what not in ("unchanged", "kept")]
     is_network = any("/systemd/network/" in path for path in changed)
     is_rule = any("/rules.d/" in path for path in changed)

@@ -11,7 +11,7 @@ from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.run import OK, Command, Fill, Run, installing
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeAlias
 
     from litegrip_client.ctl.watching import Scene

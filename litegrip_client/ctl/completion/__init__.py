@@ -32,5 +32,5 @@ def complete(words: Sequence[str]) -> list[str]:
 
 
 def _fits(word: str, current: str) -> bool:
-    """Check if a word may take the place of `current`; a file's name may hold newlines."""
+    """Return True if a word may take the place of `current`; file names may hold line ends."""
     return word.startswith(current) and word.isprintable()

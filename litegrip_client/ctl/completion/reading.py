@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from litegrip_client.ctl.parser import LateParser, Parser
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeAlias
 
 Words: TypeAlias = "list[tuple[str, str]]"
@@ -41,7 +41,7 @@ class CommandLine:
         self._enter(parser)
 
     def _enter(self, parser: Parser) -> None:
-        """Go on with the parser of a command, or of its action."""
+        """Continue with the parser of a command, or of its action."""
         if isinstance(parser, LateParser):
             parser.become()
         self._parser = parser
@@ -82,7 +82,7 @@ class CommandLine:
             del self._plain[0]
 
     def wanted(self, word: str) -> Wanted:
-        """Tell what may stand in the place of `word`, which is not finished."""
+        """Return what may stand in the place of `word`, which is not finished."""
         if self._open is not None:
             return self._values(self._open)
         if word.startswith("-") and not self._only_plain:

@@ -14,7 +14,7 @@ from litegrip_client.discovery import connect, running_channels
 from litegrip_client.errors import LiteGripError
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: typing takes long to import
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.ctl.completion.reading import Words
