@@ -126,7 +126,7 @@ class FollowerCommand:
         """Return how much of the leader's velocity is fed forward: within the torque the lead
         leaves.
 
-        Braking is always allowed.
+        It may always brake.
         """
         kd = gains.kd_nm_s_rad
         if kd == 0.0 or velocity_rad_s == 0.0:

@@ -30,7 +30,7 @@ class Backlog:
     """Judges a sender's frames by their offset: arrival less the sender's own time, in seconds."""
 
     def __init__(self, late_s: float) -> None:
-        """A frame this much later than before is late, unless that lasts for this time."""
+        """Store how much later than before is late, and how long that may last."""
         self._late_s = late_s
         self._least_s: tuple[float, float] | None = None
         self._window_began_s = 0.0

@@ -43,8 +43,7 @@ class Links(Protocol):
 
 
 class InProcessLinks:
-    """A bus inside the process: leaders reach the followers of the same topic, without a
-    network."""
+    """A bus inside the process: links leaders and followers of a topic, without a network."""
 
     def __init__(self) -> None:
         self._ends: list[InProcessLink] = []

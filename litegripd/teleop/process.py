@@ -141,7 +141,7 @@ class Station:
         self._error = None
         try:
             endpoint = self._make(order)
-        except Exception as error:  # noqa: BLE001 - whatever it is, it is reported, and opening is retried
+        except Exception as error:  # noqa: BLE001 - whatever it is: report and retry
             self._tell(order, LinkStatus("failed", _not_opened(error, order.wish)))
             return None
         self._endpoint = endpoint

@@ -82,8 +82,7 @@ class Teleoperation:
     """Begins and ends teleoperation on one controller, over given links."""
 
     def __init__(self, controller: Controller, links: Links, sender: int = 0) -> None:
-        """Store the collaborators; `sender` distinguishes this daemon's force frames from
-        others."""
+        """Store the collaborators; `sender` identifies this daemon's force frames."""
         self._controller = controller
         self._links = links
         self._sender = sender

@@ -111,8 +111,7 @@ class UdpLeader:
         return next((listener.failure for listener in self._listeners if listener.failure), None)
 
     def publish(self, payload: bytes) -> None:
-        """Send one datagram to each; nobody has to be there, and an error at one delays no
-        other."""
+        """Send one datagram to each; nobody has to be there, and an error delays no other one."""
         errors = [_sent(own, payload, address) for own, address in self._targets]
         failed = next((error for error in errors if error is not None), None)
         if failed is not None:
