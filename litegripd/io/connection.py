@@ -45,8 +45,7 @@ class Owner(Protocol):
     """What a connection needs from the server."""
 
     def take_turn(self, connection: "Connection") -> bool:
-        """Queue the connection for its turn to read and be served; False if it is queued
-        already."""
+        """Queue the connection for its turn; False if it is queued already."""
 
     def serve_last(self, connection: "Connection", line: bytes) -> None:
         """Serve now a line that must not be lost."""
@@ -246,8 +245,7 @@ class Connection:
         self._socket.close()
 
     def _may_be_overtaken(self, line: bytes) -> bool:
-        """Return True if `line` is a set-point, the last of what is read, and more is to be
-        read."""
+        """Return True if `line` is a set-point, the last one read, and more is to be read."""
         is_last = self._unread > 0 and self._received.find(b"\n", self._taken) < 0
         has_room = len(self._received) - self._begin <= MAX_LINE_BYTES
         return is_last and has_room and is_set_point(line)

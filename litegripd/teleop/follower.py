@@ -123,8 +123,7 @@ class FollowerCommand:
         return gains, min(cap_rad, lead_rad)
 
     def _fed(self, velocity_rad_s: float, gains: Gains, lead_rad: float, ahead_rad: float) -> float:
-        """Return how much of the leader's velocity is fed forward: within the torque the lead
-        leaves.
+        """Return how much of the leader's velocity is fed forward: what torque the lead leaves.
 
         It may always brake.
         """

@@ -50,7 +50,8 @@ class Backlog:
         self._least_s = before_s, min(least_s, offset_s)
 
     def holds(self, offset_s: float, at_s: float) -> bool:
-        """True if a frame is old, so that a fresh one can be expected; pass it every frame."""
+        """Return True if a frame is old, so that a fresh one can be expected; pass it every
+        frame."""
         if self._least_s is None or offset_s - min(self._least_s) <= self._late_s:
             self._late_since_s = None
             return False
@@ -128,7 +129,7 @@ class Intake:
         return self._source
 
     def is_stale(self, now_s: float) -> bool:
-        """True if no frame has come within the watchdog's time, by our own clock."""
+        """Return True if no frame has come within the watchdog's time, by our own clock."""
         return self.latest is not None and now_s - self._arrived_s >= self._watchdog_s
 
     def age_s(self, now_s: float) -> float | None:
@@ -224,5 +225,5 @@ class ForceIntake:
 
 
 def _is_recent(echo_s: float, now_s: float) -> bool:
-    """True if a position of this time is recent; a future time is of another clock."""
+    """Return True if a position of this time is recent; a future time is of another clock."""
     return 0.0 <= now_s - echo_s <= MOST_ROUND_TRIP_S

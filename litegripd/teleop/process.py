@@ -55,7 +55,7 @@ class Flood:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def passes(self, now_s: float) -> bool:
-        """True if one more may pass now."""
+        """Return True if one more may pass now."""
         with self._lock:
             self._left = min(self._left + (now_s - self._at_s) * _FASTEST_HZ, _BURST)
             self._at_s = now_s

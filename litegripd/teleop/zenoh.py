@@ -176,7 +176,8 @@ def _protocol(config: zenoh.Config) -> str:
 
 
 def _names(config: zenoh.Config, keys: Sequence[str]) -> bool:
-    """True if TLS has one of these; asked one by one, since zenoh hides `_base64` in a row."""
+    """Return True if TLS has one of these; asked one by one, since zenoh hides `_base64` in a
+    row."""
     return any(json.loads(config.get_json(f"transport/link/tls/{key}")) for key in keys)
 
 
@@ -191,7 +192,7 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 def _is_protected(config: zenoh.Config, *, leads: bool) -> bool:
-    """True if the configuration lets only those take part whom it names.
+    """Return True if the configuration lets only those take part whom it names.
 
     For a leader that is TLS with certificates of both ends, an access list, or users with
     passwords. A follower chooses its leader, so it is TLS with the authority of the leader's
