@@ -50,8 +50,7 @@ class Backlog:
         self._least_s = before_s, min(least_s, offset_s)
 
     def holds(self, offset_s: float, at_s: float) -> bool:
-        """Return True if a frame is old, so that a fresh one can be expected; pass it every
-        frame."""
+        """Return True if a frame is old and a fresh one can be expected; pass it every frame."""
         if self._least_s is None or offset_s - min(self._least_s) <= self._late_s:
             self._late_since_s = None
             return False

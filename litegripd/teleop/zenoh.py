@@ -176,8 +176,7 @@ def _protocol(config: zenoh.Config) -> str:
 
 
 def _names(config: zenoh.Config, keys: Sequence[str]) -> bool:
-    """Return True if TLS has one of these; asked one by one, since zenoh hides `_base64` in a
-    row."""
+    """Return True if TLS has one of these; asked one by one: zenoh hides `_base64` in a row."""
     return any(json.loads(config.get_json(f"transport/link/tls/{key}")) for key in keys)
 
 
