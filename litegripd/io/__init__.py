@@ -1,1 +1,1 @@
-"""Clocks, sockets, processes and the CAN bus live here, and nowhere below."""
+"""Clocks, sockets, processes and the CAN bus live here, and in no lower layer."""

@@ -1,4 +1,4 @@
-"""One client's socket: splits what comes into lines, sends what is queued, within bounds."""
+"""One client's socket: splits what arrives into lines, sends what is queued, within bounds."""
 
 import fcntl
 import logging
@@ -27,7 +27,7 @@ _NEWLINE = ord("\n")
 _LAST_BYTES = 65_536
 _LAST_READS = 64  # more than any socket's buffer holds
 _OVERTAKEN_AT_ONCE = 64
-"""So many set-points that a newer one has overtaken are left out in one turn."""
+"""At most this many set-points that a newer one has overtaken are left out in one turn."""
 
 _TOO_LONG = Refusal(
     "line_too_long",
@@ -42,29 +42,29 @@ _BACKLOG_FULL = Refusal(
 
 
 class Owner(Protocol):
-    """The server, as a connection needs it."""
+    """What a connection needs from the server."""
 
     def take_turn(self, connection: "Connection") -> bool:
-        """Let the connection wait for its turn to read and be served; False if it does already."""
+        """Queue the connection for its turn; False if it is queued already."""
 
     def serve_last(self, connection: "Connection", line: bytes) -> None:
-        """Serve a line that must not be lost, now."""
+        """Serve now a line that must not be lost."""
 
     def drop(self, connection: "Connection") -> None:
         """Close the connection for good."""
 
     def is_idle(self, connection: "Connection") -> bool:
-        """Return whether nothing more will be sent to it by itself."""
+        """Return True if nothing more will be sent to it unasked."""
 
 
 class Connection:
-    """A client that has been let in.
+    """A client that has been accepted.
 
-    `line` is the next one to be served, None where there is none, `received_s` the time
-    (CLOCK_MONOTONIC) by which its end had come, `waits_since_s` when it was noticed that something
-    had. A client that closes only its sending side, as `socat` does at the end of its input, still
-    gets the answers that it waits for; a last line without its newline counts as one. What is left
-    unread of a client that is gone is dropped, but for stops.
+    `line` is the next line to be served, or None. `received_s` is the time (CLOCK_MONOTONIC) by
+    which its end had arrived, `waits_since_s` when the daemon noticed that something had arrived. A
+    client that closes only its sending side, as `socat` does at the end of its input, still gets
+    the answers that it waits for; a last line without its newline counts as one. Unread input of a
+    lost client is dropped, except for stops.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Connection:
         self._taken = 0
         self._newest = -1  # where the newest set-point begins
         self._came_s = 0.0
-        self._unread = 0  # bytes that are known to lie in the kernel, and by when they did
+        self._unread = 0  # bytes that are known to be in the kernel, and by when they were
         self._unread_s = 0.0
         self._unsent = bytearray()
         self._sent_whole = True
@@ -92,7 +92,7 @@ class Connection:
         """True while the loop watches for more to read."""
 
     def on_event(self, mask: int) -> None:
-        """Wait for a turn to read, write, or close, as the kernel tells."""
+        """Wait for a turn to read, write, or close, as the kernel reports."""
         if mask & (select.EPOLLERR | select.EPOLLHUP):
             self.forget_unread()
             self._owner.drop(self)
@@ -102,16 +102,16 @@ class Connection:
         if mask & _LISTEN and not self._half_closed:
             if self._owner.take_turn(self):
                 self._noticed_s = time.monotonic()
-            else:  # told twice: it is heard again when its turn has come
+            else:  # reported twice: it is heard again in its turn
                 self.hear(False)
 
     @property
     def has_more(self) -> bool:
-        """True if there is something to be served, or read, in another turn."""
+        """True if something is to be served, or read, in another turn."""
         return self.line is not None or self._unread > 0
 
     def prepare(self) -> bool:
-        """Read where that is due; return whether `line` is to be served now.
+        """Read if that is due; return True if `line` is to be served now.
 
         A set-point is not served while a newer one of this connection may have come.
         """
@@ -130,13 +130,13 @@ class Connection:
         return False
 
     def hear(self, hears: bool) -> None:
-        """Have the loop watch for more to read, or not."""
+        """Start or stop watching for more to read."""
         if hears != self.is_heard:
             self.is_heard = hears
             self._watch()
 
     def advance(self) -> None:
-        """Go on to the next line of what has been received; blank ones do not count."""
+        """Advance to the next line of the received bytes; blank lines do not count."""
         if self._taken == len(self._received) and not self._half_closed:
             self.line, self._received, self._begin, self._taken, self._newest = None, b"", 0, 0, -1
             return
@@ -163,17 +163,17 @@ class Connection:
             self._drop_if_done()
 
     def note_stop(self, stopped_s: float) -> None:
-        """Count what lies unread in the kernel as received before a stop of `stopped_s`.
+        """Count the bytes unread in the kernel as received before a stop of `stopped_s`.
 
-        What has come behind bytes that were known to lie there counts as old as they.
+        Bytes behind those known to be there count as equally old.
         """
         before_s = math.nextafter(stopped_s, -math.inf)
         self._note_unread(self._unread_s if self._unread else before_s)
 
     def forget_unread(self) -> None:
-        """Drop all whole lines that its client has sent until now, but serve the stops among them.
+        """Drop all whole lines that the client has sent until now, but serve the stops among them.
 
-        For a client that is gone: what it wanted it wants no more.
+        For a lost client: its other requests no longer count.
         """
         if self.line is not None:
             self._received = self._received[self._begin :]
@@ -182,23 +182,23 @@ class Connection:
         for _ in range(_LAST_READS):
             try:
                 chunk = self._socket.recv(_LAST_BYTES)
-            except OSError:  # there is no more, or it is gone
+            except OSError:  # there is no more, or the client is gone
                 break
             if not chunk:
                 self._half_closed = True
                 break
             self._received += chunk
         whole, self._received = self._received, b""
-        if not self._half_closed:  # a forked heir may end the last line
+        if not self._half_closed:  # a forked child may end the last line
             whole, _, self._received = whole.rpartition(b"\n")
         self.line, self._begin, self._taken, self._newest, self._unread = None, 0, 0, -1, 0
-        self._watch()  # the end of what comes would be told for ever
+        self._watch()  # the end of the input would be reported for ever
         for line in stops_in(whole):
             self._owner.serve_last(self, line)
         self._drop_if_done()
 
     def flush(self) -> None:
-        """Send as much as the client takes now; close a client that lets too much wait."""
+        """Send as much as the client takes now; close a client with too long a backlog."""
         session, unsent, was_congested = self.session, self._unsent, self.session.congested
         outgoing = session.outgoing
         try:
@@ -223,14 +223,14 @@ class Connection:
             self._drop_if_done()
 
     def _send_at_once(self, outgoing: list[bytes]) -> None:
-        """Send the one line that waits, without a copy where it is taken whole."""
+        """Send the one waiting line, without a copy if the kernel takes it whole."""
         line = outgoing.pop()
         sent = self._send(line)
         if sent < len(line):
             self._unsent += line[sent:]
 
     def _send(self, waiting: bytes | bytearray) -> int:
-        """Send as much as is taken now; raises `OSError` when the client is gone."""
+        """Send as much as is taken now; raises `OSError` if the client is gone."""
         try:
             sent = self._socket.send(waiting)
         except BlockingIOError:
@@ -240,18 +240,18 @@ class Connection:
         return sent
 
     def close(self) -> None:
-        """Close the socket; what was not sent is lost."""
+        """Close the socket; unsent lines are lost."""
         self._reactor.remove(self._socket.fileno())
         self._socket.close()
 
     def _may_be_overtaken(self, line: bytes) -> bool:
-        """Check if `line` is a set-point, the last of what is read, and more is to be read."""
+        """Return True if `line` is a set-point, the last one read, and more is to be read."""
         is_last = self._unread > 0 and self._received.find(b"\n", self._taken) < 0
         has_room = len(self._received) - self._begin <= MAX_LINE_BYTES
         return is_last and has_room and is_set_point(line)
 
     def _read_beyond(self, line: bytes, received_s: float) -> None:
-        """Read what comes behind a set-point; it stays as old as it was."""
+        """Read the bytes after a set-point; it stays as old as it was."""
         self._received = self._received[self._begin :]
         self._taken = 0
         if not self._half_closed:
@@ -289,13 +289,13 @@ class Connection:
         self._newest = newest_set_point(self._received, self._taken)
 
     def _note_unread(self, by_s: float) -> None:
-        """Note that all that lies unread in the kernel has come by a time."""
+        """Record that all bytes unread in the kernel have arrived by a time."""
         answer = fcntl.ioctl(self._socket.fileno(), termios.FIONREAD, bytes(_INT.size))
         (self._unread,) = _INT.unpack(answer)
         self._unread_s = by_s
 
     def _drop_if_done(self) -> None:
-        """Close a half-closed connection once nothing is left to be done or told."""
+        """Close a half-closed connection once nothing is left to do or to send."""
         waits = self.line is not None or self.session.outgoing or self._unsent
         if self._half_closed and not waits and self._owner.is_idle(self):
             self._owner.drop(self)
@@ -306,7 +306,7 @@ class Connection:
         peer = self.session.peer
         _log.warning("closing %s (pid %d): %s", peer.program, peer.pid, refusal.message)
         try:
-            # Room for the reason behind what a client that does not read has left no room for.
+            # Make room for the reason where a client that does not read has left none.
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 2 * MAX_UNSENT_BYTES)
             self._socket.send(before + error_line(None, refusal))
         except OSError as error:

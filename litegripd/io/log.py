@@ -1,9 +1,9 @@
 """Log lines that leave without waiting; lines that cannot leave are counted.
 
-Under systemd each line is a datagram to the journal, sent without blocking, with fields by which
-it is found. Elsewhere the helper process writes it to standard error, which may be a full pipe or
-a terminal stopped by Ctrl-S, and a write to it can wait forever. `LineWriter` leaves that wait to a
-thread of the helper process; `BoundedHandler` is for the control process, before and after its
+Under systemd each line is a datagram to the journal, sent without blocking, with fields for
+searching. Elsewhere the helper process writes it to standard error. That may be a full pipe or a
+terminal stopped by Ctrl-S, and a write to it can wait forever. `LineWriter` leaves that wait to a
+thread of the helper process. `BoundedHandler` is for the control process, before and after its
 loop, where a thread has no place.
 """
 
@@ -18,7 +18,7 @@ from collections.abc import Callable
 from typing import TextIO
 
 STUCK_AFTER_S = 1.0
-"""A line that has waited so long for its reader is taken for stuck."""
+"""A line that has waited this long for its reader counts as stuck."""
 
 MOST_WAITING_BYTES = 262_144
 WRITE_WITHIN_S = 0.5
@@ -27,8 +27,8 @@ WRITE_WITHIN_S = 0.5
 class LineWriter:
     """Writes lines to a descriptor in a thread of its own, which begins with the first line.
 
-    `lost` counts the lines that found no room behind those that wait, and those that could not be
-    written. The next line that can be says how many these were.
+    `lost` counts the lines for which the queue had no room, and those that could not be written.
+    The next line that can be written reports their number.
     """
 
     def __init__(self, descriptor: int = 2) -> None:
@@ -55,7 +55,7 @@ class LineWriter:
         return since_s is not None and time.monotonic() - since_s >= STUCK_AFTER_S
 
     def write(self, text: str) -> None:
-        """Have `text`, which ends in a newline, written; never waits."""
+        """Queue `text`, which ends in a newline; never waits."""
         line = text.encode(errors="backslashreplace")
         with self._condition:
             if self._waiting_bytes + len(line) > MOST_WAITING_BYTES:
@@ -69,7 +69,7 @@ class LineWriter:
             self._condition.notify_all()
 
     def finish(self, within_s: float) -> bool:
-        """Wait until all is written, at most `within_s`; return False if it is not."""
+        """Wait at most `within_s` until all lines are written; return False if they are not."""
         with self._condition:
             return self._condition.wait_for(
                 lambda: not self._lines and self._since_s is None, within_s
@@ -107,7 +107,7 @@ class LineWriter:
 class BoundedHandler(logging.StreamHandler[TextIO]):
     """Writes a line if the stream takes it within `WRITE_WITHIN_S`, and drops it otherwise.
 
-    After one that was dropped none is waited for, until one can be written again.
+    After a dropped line it does not wait again until a line can be written.
     """
 
     def __init__(self) -> None:
@@ -124,7 +124,7 @@ class BoundedHandler(logging.StreamHandler[TextIO]):
     def _is_ready(self) -> bool:
         try:
             descriptor = self.stream.fileno()
-        except (OSError, ValueError):  # in memory: that never waits
+        except (OSError, ValueError):  # in memory: it never waits
             return True
         poll = select.poll()
         poll.register(descriptor, select.POLLOUT)
@@ -140,7 +140,7 @@ FIELDS = "journal_fields"
 
 
 class LogHandler(logging.Handler):
-    """Hands each line to a sink that never waits and says whether it took the line."""
+    """Hands each line to a sink that never waits and returns whether it took the line."""
 
     def __init__(self, sink: Callable[[logging.LogRecord, str], bool]) -> None:
         super().__init__()
@@ -148,7 +148,7 @@ class LogHandler(logging.Handler):
         self._sink = sink
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Send one line; one that cannot be made or sent is counted."""
+        """Send one line; a line that cannot be made or sent is counted."""
         try:
             taken = self._sink(record, self.format(record))
         except Exception:  # noqa: BLE001 - a badly written log call must not end a tick
@@ -157,15 +157,15 @@ class LogHandler(logging.Handler):
 
 
 class PriorityFormatter(logging.Formatter):
-    """For lines that reach the journal by standard error: the journal takes "<3>" in front off."""
+    """For lines that reach the journal by standard error: the journal removes "<3>" in front."""
 
     def format(self, record: logging.LogRecord) -> str:
-        """Put the priority in front."""
+        """Add the priority in front."""
         return f"<{_priority(record)}>{super().format(record)}"
 
 
 class JournalSink:
-    """Sends lines to the journal in its native form; every one has the channel as a field."""
+    """Sends lines to the journal in its native form; each has the channel as a field."""
 
     def __init__(self, channel: str) -> None:
         self._channel = channel
@@ -173,7 +173,7 @@ class JournalSink:
         self._socket.setblocking(False)
 
     def __call__(self, record: logging.LogRecord, text: str) -> bool:
-        """Send a line; False when the journal does not take it now."""
+        """Send a line; False if the journal does not take it now."""
         fields = {
             "PRIORITY": _priority(record),
             "SYSLOG_IDENTIFIER": "litegripd",
@@ -198,13 +198,13 @@ def _priority(record: logging.LogRecord) -> int:
 
 
 def _field(name: str, value: str) -> bytes:
-    """Encode with the length in front: whatever is in the value, it is no other field."""
+    """Encode with the length in front: no value can become another field."""
     content = value.encode(errors="replace")
     return name.encode() + b"\n" + len(content).to_bytes(8, "little") + content + b"\n"
 
 
 def goes_to_journal() -> bool:
-    """Return whether standard error is the journal, as the environment of a systemd unit tells."""
+    """Return True if standard error is the journal, as a systemd unit's environment shows."""
     try:
         device, inode = map(int, os.environ.get("JOURNAL_STREAM", "").split(":"))
         status = os.fstat(2)

@@ -1,10 +1,10 @@
 """The one loop of the control thread: a tick first, then a bounded share of requests.
 
 The loop never starts a request that could run into the next tick, and never gives requests more
-than their share of a period: a flood at real-time priority would run into the kernel's
-real-time throttle, which stops the process for 50 ms in every second. What is not served waits in
-the kernel's socket buffers. Stops and signals (`Urgent`) are served first in every tick and do
-not wait behind a flood of requests.
+than their share of a period: a flood at real-time priority would run into the kernel's real-time
+throttle, which stops the process for 50 ms in every second. Unserved requests wait in the kernel's
+socket buffers. Stops and signals (`Urgent`) are served first in every tick and do not wait behind a
+flood of requests.
 """
 
 import ctypes
@@ -54,9 +54,9 @@ def _check(result: int) -> int:
 class PeriodicTimer:
     """Fires at `first_s + n * period_s` of CLOCK_MONOTONIC, however late it is read.
 
-    By default it first fires one period from now.
-    `wait()` blocks until the next firing and returns how many have passed since the last call;
-    the descriptor may also be polled. Raises `OSError` where the kernel refuses.
+    By default it first fires one period from now. `wait()` blocks until the next firing and returns
+    how many have passed since the last call; the descriptor may also be polled. Raises `OSError` if
+    the kernel refuses.
     """
 
     def __init__(self, period_s: float, first_s: float | None = None) -> None:
@@ -85,12 +85,12 @@ class PeriodicTimer:
 
     @property
     def first_due_s(self) -> float:
-        """When the first of the firings that the last `wait` has returned was due."""
+        """When the first firing that the last `wait` returned was due."""
         return (self._first_ns + (self._fired - self._at_once) * self._period_ns) / _NS_PER_S
 
     @property
     def last_due_s(self) -> float:
-        """When the latest firing that `wait` has returned was due."""
+        """When the latest firing that `wait` returned was due."""
         return (self._first_ns + (self._fired - 1) * self._period_ns) / _NS_PER_S
 
     @property
@@ -104,7 +104,7 @@ class PeriodicTimer:
 
 
 _BUCKET_S = 10e-6
-_BUCKETS = 1000  # 10 ms; what is longer counts as the last bucket, the worst is kept exactly
+_BUCKETS = 1000  # 10 ms; a longer one counts in the last bucket, the worst is kept exactly
 
 
 class LatenessMeter:
@@ -156,7 +156,7 @@ def _us(duration_s: float | None) -> float | None:
 
 
 class RecentLateness:
-    """The durations of the last one to two windows, for a verdict about the present."""
+    """The durations of the last one to two windows, for a statement about the present."""
 
     def __init__(self, window_s: float) -> None:
         self._window_s = window_s
@@ -190,21 +190,22 @@ class RecentLateness:
 
 REQUEST_SHARE = 0.5  # of each period
 SPARE_SHARE = 0.25
-"""Of each period: so much longer light requests are served once a flood has used up its share."""
+"""Of a period: light requests are served for this much longer after a flood has used up its
+share."""
 GUARD_S = 150e-6  # no request starts closer than this to the next tick
 _EVENTS_PER_POLL = 16
 RECENT_S = 30.0
 ROOM_SHARE = 0.1  # of a period: less than this between two ticks is no room for requests
 STARVED_AFTER_S = 0.1
-"""After so long without room, one share is served although a tick is due: a loop whose ticks take
+"""After this time without room, one share is served although a tick is due: a loop whose ticks take
 longer than its period must still hear a stop and SIGTERM."""
 
 
 class Handler(Protocol):
-    """What a descriptor is registered with; `mask` holds the `select.EPOLL*` bits."""
+    """The handler of a descriptor; `mask` holds the `select.EPOLL*` bits."""
 
     def on_event(self, mask: int) -> None:
-        """Do what is ready, without waiting."""
+        """Handle what is ready, without waiting."""
 
 
 class Backlog(Protocol):
@@ -212,24 +213,24 @@ class Backlog(Protocol):
 
     @property
     def pending(self) -> bool:
-        """True if anything is left."""
+        """True if requests are left."""
 
     def serve(self, until_s: float, *, light_only: bool = False) -> None:
-        """Answer some of it by `until_s`; it is called again while there is time.
+        """Answer some of them by `until_s`; it is called again while there is time.
 
-        With `light_only` only of those who have used little: the share of all is used up.
+        With `light_only` serve only those who have used little: the share of all is used up.
         """
 
     @property
     def pending_light(self) -> bool:
-        """True if anything is left of who has used little time."""
+        """True if requests are left of those who have used little time."""
 
 
 class Reactor:
     """Calls `on_tick(now_s)` at an absolute rate, serves descriptors and `backlog` in between.
 
-    An exception in a handler is logged and its descriptor forgotten; one in the tick or in the
-    backlog is logged once and counted: none ends the loop.
+    An exception in a handler is logged and its descriptor removed; one in the tick or in the
+    backlog is logged once and counted. None ends the loop.
     """
 
     def __init__(self, period_s: float, on_tick: Callable[[float], None]) -> None:
@@ -254,34 +255,34 @@ class Reactor:
         self._collector = GarbageCollector()
 
     def add(self, fd: int, handler: Handler, mask: int = select.EPOLLIN) -> None:
-        """Serve `fd` from now on; raises `OSError` where the kernel refuses."""
+        """Serve `fd` from now on; raises `OSError` if the kernel refuses."""
         self._epoll.register(fd, mask)
         self._handlers[fd] = handler
 
     def modify(self, fd: int, mask: int) -> None:
-        """Change what `fd` is served for."""
+        """Change the events for which `fd` is served."""
         self._epoll.modify(fd, mask)
 
     def remove(self, fd: int) -> None:
-        """Forget `fd`, if it is served; call it before the descriptor is closed."""
+        """Remove `fd`, if it is served; call it before the descriptor is closed."""
         if self._handlers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
 
     def serves(self, fd: int) -> bool:
-        """Return whether `fd` is served; one whose handler has failed is not."""
+        """Return True if `fd` is served; False after its handler has failed."""
         return fd in self._handlers
 
     def stop(self) -> None:
-        """Let `run` return after what it is doing now."""
+        """Let `run` return after its present step."""
         self._running = False
 
     @property
     def longest_collection_s(self) -> float:
-        """How long the longest garbage collection took."""
+        """The longest garbage collection."""
         return self._collector.longest_s
 
     def freeze(self) -> None:
-        """Exempt all that lives now from garbage collection, which takes many milliseconds."""
+        """Exempt all living objects from garbage collection, which takes many milliseconds."""
         self._collector.freeze()
 
     def run(self, first_tick_s: float | None = None) -> None:
@@ -304,21 +305,21 @@ class Reactor:
         self._epoll.close()
 
     def _run_period(self, timer: PeriodicTimer) -> None:
-        """Wait for a tick while serving requests, then do the tick."""
+        """Serve requests until a tick is due, then do the tick."""
         latest_s = self._latest_s(timer.next_due_s - GUARD_S)
         if self._serve_until(latest_s, timer.fileno(), is_late=latest_s > timer.next_due_s):
             self.budget_exhausted += 1
         fired = timer.wait()
         now_s = time.monotonic()
         self.next_tick_s = timer.next_due_s
-        self.late_s = late_s = now_s - timer.first_due_s  # of lost ticks, the first
+        self.late_s = late_s = now_s - timer.first_due_s  # the first of the lost ticks
         self.lateness.add(late_s)
         self.recent_lateness.add(now_s, late_s)
         self.ticks += fired
         self.lost_ticks += fired - 1
         try:
             self._on_tick(now_s)
-        except Exception:  # noqa: BLE001 - the loop outlives any defect above it
+        except Exception:  # noqa: BLE001 - the loop survives any defect above it
             self.tick_errors += 1
             if self.tick_errors == 1:
                 _log.exception("the tick failed; further failures are only counted")
@@ -328,7 +329,7 @@ class Reactor:
             self._collector.collect(ended_s)
 
     def _latest_s(self, latest_s: float) -> float:
-        """Return until when requests are served; later than `latest_s` only when they starve."""
+        """Return until when requests are served; later than `latest_s` only if they starve."""
         now_s = time.monotonic()
         if now_s + self.period_s * ROOM_SHARE < latest_s:
             self._had_room_s = now_s
@@ -339,10 +340,10 @@ class Reactor:
         return latest_s
 
     def _serve_until(self, latest_s: float, timer_fd: int, *, is_late: bool) -> bool:
-        """Serve until the timer fires or the share is used up; tell whether it was used up.
+        """Serve until the timer fires or the share is used up; return True if it was used up.
 
-        Those who have used little time are served beyond that, as long as there is spare time.
-        With `is_late` what waits is served until `latest_s` although the timer has fired.
+        Those who have used little time are served beyond that, while there is spare time. With
+        `is_late`, waiting requests are served until `latest_s` although the timer has fired.
         """
         left_s = self.period_s * REQUEST_SHARE
         spare_s = self.period_s * SPARE_SHARE
@@ -380,7 +381,7 @@ class Reactor:
             return
         try:
             self.backlog.serve(until_s, light_only=is_spare)
-        except Exception:  # noqa: BLE001 - the loop outlives any defect above it
+        except Exception:  # noqa: BLE001 - the loop survives any defect above it
             self.backlog_errors += 1
             if self.backlog_errors == 1:
                 _log.exception("serving a request failed; further failures are only counted")
@@ -397,14 +398,14 @@ class Reactor:
 
 
 SHARE = 0.1
-"""Of a period; so much of each tick a flood of stops can take at most."""
+"""Of a period; a flood of stops can take at most this much of each tick."""
 
 
 class Urgent:
-    """A row of descriptors of its own; register `fileno()` with the loop, and call `serve` first.
+    """A set of descriptors; register `fileno()` with the loop, and call `serve` first.
 
     The descriptors take turns: one that is always ready keeps no other waiting. A handler that
-    fails is asked again: no defect makes the daemon deaf to a stop.
+    fails is called again: no defect makes the daemon deaf to a stop.
     """
 
     def __init__(self, period_s: float) -> None:
@@ -418,17 +419,17 @@ class Urgent:
         return self._epoll.fileno()
 
     def add(self, fd: int, handler: Handler) -> None:
-        """Serve `fd` whenever it can be read; raises `OSError` where the kernel refuses."""
+        """Serve `fd` whenever it can be read; raises `OSError` if the kernel refuses."""
         self._epoll.register(fd, select.EPOLLIN)
         self._handlers[fd] = handler
 
     def remove(self, fd: int) -> None:
-        """Forget `fd`, if it is served; call it before the descriptor is closed."""
+        """Remove `fd`, if it is served; call it before the descriptor is closed."""
         if self._handlers.pop(fd, None) is not None:
             self._epoll.unregister(fd)
 
     def serve(self) -> None:
-        """Serve what is ready now, without waiting, within the share of a period."""
+        """Serve what is ready now, without waiting, within its share of a period."""
         until_s = time.monotonic() + self._share_s
         while ready := self._epoll.poll(0, 1):  # one at a time: the kernel lets them take turns
             self._dispatch(*ready[0])
@@ -475,7 +476,7 @@ class Signals:
                 handler()
 
     def close(self) -> None:
-        """Give the signals back to who had them before."""
+        """Restore the previous handlers of the signals."""
         signal.set_wakeup_fd(-1)
         for number, previous in self._previous.items():
             signal.signal(number, previous)
@@ -484,14 +485,14 @@ class Signals:
 
 
 def _ignore(_number: int, _frame: FrameType | None) -> None:
-    """Do nothing: the wake-up descriptor has told the loop already."""
+    """Do nothing: the wake-up descriptor has notified the loop already."""
 
 
 class ProcessWatch:
     """Calls `on_end` once, from the event loop, when process `pid` has ended.
 
-    Raises `OSError` where the process cannot be watched: it has ended already, or is in another
-    pid namespace, whose processes have no number here (pid 0).
+    Raises `OSError` if the process cannot be watched: it has ended already, or is in another pid
+    namespace, whose processes have no number here (pid 0).
     """
 
     def __init__(self, reactor: Reactor, pid: int, on_end: Callable[[], None]) -> None:
@@ -505,12 +506,12 @@ class ProcessWatch:
             raise
 
     def on_event(self, _mask: int) -> None:
-        """Note the end."""
+        """Record the end."""
         self.close()
         self._on_end()
 
     def close(self) -> None:
-        """Watch no longer."""
+        """Stop watching."""
         if self._pidfd is not None:
             self._reactor.remove(self._pidfd)
             os.close(self._pidfd)

@@ -1,4 +1,4 @@
-"""Asks the kernel for real-time rights and tells which were granted; none is ever required."""
+"""Asks the kernel for real-time rights and reports which were granted; none is ever required."""
 
 import ctypes
 import gc
@@ -14,7 +14,7 @@ _MCL_ONFAULT = 4  # Linux 4.4: lock what is touched, so that unused mappings cos
 
 @dataclass(frozen=True, slots=True)
 class RealtimeRights:
-    """What the kernel granted; a text says why not where it did not."""
+    """What the kernel granted; a text gives the reason if it did not."""
 
     fifo_priority: int
     memory_locked: bool
@@ -25,8 +25,8 @@ class RealtimeRights:
 def acquire(priority: int, cpus: Sequence[int]) -> RealtimeRights:
     """Ask for SCHED_FIFO at `priority` (0: stay ordinary), locked memory and the CPUs `cpus`.
 
-    Children go back to the ordinary policy (`SCHED_RESET_ON_FORK`): the priority is for the
-    control thread alone. Raises nothing: a refusal is part of the answer.
+    Children return to the ordinary policy (`SCHED_RESET_ON_FORK`): the priority is for the control
+    thread alone. Raises nothing: a refusal is part of the result.
     """
     refused: list[str] = []
 
@@ -57,9 +57,9 @@ def acquire(priority: int, cpus: Sequence[int]) -> RealtimeRights:
 
 
 def give_up_priority() -> None:
-    """Go back to ordinary scheduling: what is left to do here must not keep others waiting.
+    """Return to ordinary scheduling: the remaining work must not keep others waiting.
 
-    `SCHED_RESET_ON_FORK` stays: without privileges nobody may take it back.
+    `SCHED_RESET_ON_FORK` stays: nobody may clear it without privileges.
     """
     os.sched_setscheduler(0, os.SCHED_OTHER | os.SCHED_RESET_ON_FORK, os.sched_param(0))
 
@@ -74,8 +74,8 @@ def _lock_memory() -> None:
 class GarbageCollector:
     """Keeps Python's collector out of the ticks: frozen after start, run only in slack.
 
-    Reference counting frees nearly everything; what is left are cycles, of which the daemon
-    makes few. `collect` is called when nothing else is to be done in a period.
+    Reference counting frees nearly everything. Only cycles are left, and the daemon makes few.
+    `collect` is called when a period has nothing else to do.
     """
 
     _YOUNG_EVERY_S = 1.0
@@ -87,7 +87,7 @@ class GarbageCollector:
         self._next_full_s = 0.0
 
     def freeze(self) -> None:
-        """Collect once, exempt all that lives now, and switch the automatic runs off."""
+        """Collect once, exempt all living objects, and switch the automatic runs off."""
         gc.collect()
         gc.freeze()
         gc.disable()
@@ -96,12 +96,12 @@ class GarbageCollector:
         self._next_full_s = now_s + self._FULL_EVERY_S
 
     def thaw(self) -> None:
-        """Give the collector back to the interpreter."""
+        """Return the collector to the interpreter."""
         gc.unfreeze()
         gc.enable()
 
     def collect(self, now_s: float) -> None:
-        """Run the collection that is due, if any."""
+        """Run the collection that is due, or none."""
         if now_s < self._next_young_s:
             return
         full = now_s >= self._next_full_s

@@ -1,9 +1,9 @@
 """The Unix socket at which clients speak JSON-RPC: bytes in and out, fairly, without waiting.
 
 It knows lines and bounds, not methods: every line goes to the `Service`. Users take turns by the
-time they have used, then each user's connections: a user with 64 connections is served as much as
-a user with one. A turn is for one line. A connection whose lines still wait is not read further,
-so that a flood waits in the kernel; only a newer set-point overtakes older ones.
+time they have used, then each user's connections: a user with 64 connections is served as much as a
+user with one. A turn is for one line. A connection whose lines still wait is not read further, so a
+flood waits in the kernel; only a newer set-point overtakes older ones.
 """
 
 import logging
@@ -25,16 +25,16 @@ if TYPE_CHECKING:
     from litegripd.io.connection import Connection
 
 LIGHT_SHARE = 0.1
-"""Of a period: a user who used less of late is light, and is served although a flood has used up
-the time for requests."""
+"""Of a period: a user who has used less recently is light, and is served although a flood has used
+up the time for requests."""
 
-_FADES = 0.5  # what was used counts half after each period
+_FADES = 0.5  # the used time counts half after each period
 _FORGOTTEN = 1e-3  # of a period
 
 
 @dataclass(slots=True, eq=False)
 class _User:
-    """One user's connections that wait, the next one first, and the seconds used of late."""
+    """One user's waiting connections, the next one first, and the seconds used recently."""
 
     used_s: float = 0.0
     waiting: "dict[Connection, None]" = field(default_factory=dict)
@@ -43,7 +43,7 @@ class _User:
 class Turns:
     """The connections that have something to be read or served.
 
-    `charge` whatever time a user costs; `next_period` lets the past fade.
+    `charge` the time that a user costs; `next_period` lets the past fade.
     """
 
     def __init__(self, period_s: float) -> None:
@@ -51,7 +51,7 @@ class Turns:
         self._forgotten_s = _FORGOTTEN * period_s
         self._users: dict[int, _User] = {}
         self.waiting: dict[int, _User] = {}
-        """The users of whom a connection waits, by uid."""
+        """The users with a waiting connection, by uid."""
 
     @property
     def has_light(self) -> bool:
@@ -59,7 +59,7 @@ class Turns:
         return any(user.used_s < self._light_s for user in self.waiting.values())
 
     def add(self, connection: "Connection") -> bool:
-        """Let a connection wait behind the same user's others; False if it waits already."""
+        """Queue a connection behind the same user's others; False if it waits already."""
         uid = connection.session.peer.uid
         user = self._users.get(uid)
         if user is None:
@@ -71,7 +71,7 @@ class Turns:
         return True
 
     def remove(self, connection: "Connection") -> bool:
-        """Let a connection wait no longer; False if it did not."""
+        """Remove a connection from the queue; False if it was not in it."""
         uid = connection.session.peer.uid
         user = self.waiting.get(uid)
         if user is None or connection not in user.waiting:
@@ -82,7 +82,7 @@ class Turns:
         return True
 
     def heads(self, *, light_only: bool) -> "list[Connection]":
-        """Return each user's next connection, whose user has used the least first."""
+        """Return each user's next connection, the user who has used the least first."""
         users = list(self.waiting.values())
         if light_only:
             users = [user for user in users if user.used_s < self._light_s]
@@ -91,14 +91,14 @@ class Turns:
         return [next(iter(user.waiting)) for user in users]
 
     def charge(self, uid: int, used_s: float) -> None:
-        """Note that a user has cost some time."""
+        """Charge a user for some time."""
         user = self._users.get(uid)
         if user is None:
             user = self._users[uid] = _User()
         user.used_s += used_s
 
     def next_period(self, periods: int) -> None:
-        """Let what was used fade, once for each period that has begun."""
+        """Let the used time fade, once for each period that has begun."""
         fades = _FADES**periods
         for uid, user in list(self._users.items()):
             user.used_s *= fades
@@ -115,13 +115,13 @@ _NOBODY = -1  # as a user: samples are charged to nobody
 _STEPS_AT_ONCE = 4  # lines, samples and flushes
 _COST_PER_LINE_S = 60e-6
 _COST_PER_BYTE_S = 65e-9  # parsing 64 KiB takes about 4 ms
-_COST_SHARE_AT_MOST = 0.4  # of a period; less than the share that all requests have of it
+_COST_SHARE_AT_MOST = 0.4  # of a period; less than the share of all requests
 
 
 class Server:
     """Accepts clients on a bound socket and passes their lines to `service`.
 
-    `room` is for how many there are descriptors, where that is less than `MAX_CONNECTIONS`.
+    `room` is the number of clients for which there are descriptors, if less than `MAX_CONNECTIONS`.
     """
 
     def __init__(
@@ -144,7 +144,7 @@ class Server:
         self._ticks = reactor.ticks
         self._dirty: deque[Connection] = deque()
         self._samples_turn = False
-        self._stopped_s: float | None = None  # some who wait to be let in came before that stop
+        self._stopped_s: float | None = None  # some who wait to be accepted came before that stop
         listener.setblocking(False)
         listener.listen(LISTEN_BACKLOG)
         reactor.add(listener.fileno(), self)
@@ -161,12 +161,12 @@ class Server:
 
     @property
     def pending_light(self) -> bool:
-        """True if a line of a user waits who has used little time of late, or what it is told."""
+        """True if a line or a sample waits for a user who has used little time recently."""
         return bool(self._dirty) or self._turns.has_light
 
     @property
     def is_open(self) -> bool:
-        """True if new clients are heard."""
+        """True if new clients are accepted."""
         return self._reactor.serves(self._listener.fileno())
 
     @property
@@ -177,11 +177,10 @@ class Server:
     def serve(self, until_s: float, *, light_only: bool = False) -> None:
         """Send what waits and serve lines in turn, while there is time.
 
-        Samples and lines take turns, so that neither can starve the other. A long line that
-        would end in the next tick waits for the begin of a period. After a few steps it returns:
-        the loop has to see who else has sent something, or a newcomer would have to wait until
-        a flood has used up the whole share. With `light_only` only those are served who have used
-        little time of late.
+        Samples and lines take turns, so that neither can starve the other. A long line that would
+        end in the next tick waits for the begin of a period. It returns after a few steps: the loop
+        has to see who else has sent something, or a new client would wait until a flood has used up
+        the whole share. With `light_only` only users are served who have used little time recently.
         """
         if self._ticks != self._reactor.ticks:
             self._turns.next_period(self._reactor.ticks - self._ticks)
@@ -199,7 +198,7 @@ class Server:
                 return
 
     def _step(self, now_s: float, until_s: float, light_only: bool) -> int | None:
-        """Do what is next; return the user for whom, None where there is nothing to do in time."""
+        """Do the next step; return its user, or None if nothing can be done in time."""
         if self._dirty:
             connection = self._dirty.popleft()
             connection.flush()
@@ -216,7 +215,7 @@ class Server:
         return None
 
     def _take_turn(self, connection: Connection, now_s: float, until_s: float) -> bool:
-        """Read, and serve a line; return False, with nothing done, where that would take long."""
+        """Read, and serve a line; return False, with nothing done, if that would take long."""
         is_ready = connection.prepare()
         if is_ready and now_s + self._cost_s(connection) > until_s:
             return False
@@ -224,7 +223,7 @@ class Server:
             if is_ready:
                 self._serve_line(connection, now_s)
         finally:
-            if self._turns.remove(connection):  # else it was dropped
+            if self._turns.remove(connection):  # otherwise it was dropped
                 if connection.has_more:
                     self._turns.add(connection)
                 elif not connection.is_heard:
@@ -232,7 +231,7 @@ class Server:
         return True
 
     def flush(self) -> None:
-        """Send all that waits to be sent, as far as the clients take it."""
+        """Send all waiting lines, as far as the clients take them."""
         while self._service.pending:
             self._service.send_one()
         while self._dirty:
@@ -256,18 +255,18 @@ class Server:
             connection.flush()
 
     def _cost_s(self, connection: Connection) -> float:
-        """Estimate what the connection's line takes; a fresh period has room for any."""
+        """Return the estimated time of the connection's line; a fresh period has room for any."""
         length = 0 if connection.line is None else len(connection.line)
         cost_s = _COST_PER_LINE_S + _COST_PER_BYTE_S * length
         return min(cost_s, _COST_SHARE_AT_MOST * self._reactor.period_s)
 
     def on_event(self, _mask: int) -> None:
-        """Let one new client in; the next one is the next event's."""
+        """Accept one new client; the next one is for the next event."""
         try:
             accepted, _address = self._listener.accept()
         except BlockingIOError:
             return
-        except OSError:  # gone already, or no descriptors or memory left: another may have luck
+        except OSError:  # gone already, or out of descriptors or memory: another may succeed
             self.refused_connections += 1
             return
         self._admit(accepted)
@@ -275,7 +274,7 @@ class Server:
             self._stopped_s = None
 
     def drop(self, connection: Connection) -> None:
-        """Close a connection and tell the service that it is gone."""
+        """Close a connection and notify the service."""
         if self._connections.pop(connection.session.identity, None) is None:
             return
         self._per_uid[connection.session.peer.uid] -= 1
@@ -291,11 +290,11 @@ class Server:
         self._service.closed(connection.session, time.monotonic())
 
     def let_in(self, allowed: bool) -> None:
-        """Let new clients in, or let them wait in the kernel until this is called again."""
+        """Accept new clients, or let them wait in the kernel until this is called again."""
         self._reactor.modify(self._listener.fileno(), select.EPOLLIN if allowed else 0)
 
     def drain(self, until_s: float) -> None:
-        """Read and serve what every client has sent until now, while there is time."""
+        """Read and serve all that every client has sent until now, while there is time."""
         for connection in list(self._connections.values()):
             connection.on_event(select.EPOLLIN)
         while self.pending and time.monotonic() < until_s:
@@ -311,8 +310,9 @@ class Server:
     def note_stop(self, stopped_s: float) -> None:
         """Count all that clients have sent until now as received before a stop of `stopped_s`.
 
-        Those who wait to be let in have sent something, too. How many they are nobody says: so
-        until nobody waits, what whoever is let in has sent by then counts as from before the stop.
+        Clients that wait to be accepted may have sent something, too. Their number is unknown: so
+        until nobody waits, what a newly accepted client has sent by then counts as from before the
+        stop.
         """
         for connection in self._connections.values():
             connection.note_stop(stopped_s)
@@ -320,7 +320,7 @@ class Server:
             self._stopped_s = stopped_s
 
     def take_turn(self, connection: Connection) -> bool:
-        """Let a connection wait for its turn to read and be served; False if it does already."""
+        """Queue a connection for its turn to read and be served; False if it is queued already."""
         return self._turns.add(connection)
 
     def serve_last(self, connection: Connection, line: bytes) -> None:
@@ -330,11 +330,11 @@ class Server:
         self._service.handle(connection.session, line, now_s, now_s)
 
     def is_idle(self, connection: Connection) -> bool:
-        """Return whether a client that sends nothing more has nothing more to receive."""
+        """Return True if a client that sends nothing more has nothing more to receive."""
         return self._service.is_idle(connection.session)
 
     def _somebody_waits(self) -> bool:
-        """Return whether anybody waits in the kernel to be let in."""
+        """Return True if a client waits in the kernel to be accepted."""
         listener = self._listener
         return listener.fileno() >= 0 and bool(select.select((listener,), (), (), 0)[0])
 
@@ -377,7 +377,7 @@ class Server:
             watch = ProcessWatch(self._reactor, session.peer.pid, ended)
         except ProcessLookupError:  # it has ended since it connected: who has its socket now?
             ended()
-        except OSError as error:  # then the end of its connection is what tells
+        except OSError as error:  # then the end of its connection reports it
             _log.debug("process %d is not watched: %s", session.peer.pid, error)
         else:
             self._watches[session.identity] = watch

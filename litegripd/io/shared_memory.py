@@ -1,20 +1,21 @@
-"""Memory of fixed size that the control process writes and its helper reads, whoever dies first.
+"""Memory of fixed size that the control process writes and its helper reads.
 
-It belongs to no file system: it is gone when the last process that has it is gone.
+Either may die first. It belongs to no file system: it is gone when the last process that has it is
+gone.
 """
 
 import fcntl
 import mmap
 import os
 
-_LEAST_FD = 64  # above the descriptors that a child finds at fixed places
+_LEAST_FD = 64  # above the descriptors that a child finds at fixed numbers
 
 
 class SharedMemory:
-    """So many bytes, all zero; `fd` is given to a child, `view` is written.
+    """Memory of a fixed size, all zero; `fd` is given to a child, `view` is written.
 
-    All of it is there from the start: no later write can fail for want of memory. Raises `OSError`
-    where there is not so much.
+    All of it is allocated at the start: no later write can fail for want of memory. Raises
+    `OSError` if there is not enough.
     """
 
     def __init__(self, size_bytes: int) -> None:
@@ -28,12 +29,12 @@ class SharedMemory:
         self.view = memoryview(self._map)
 
     def close(self) -> None:
-        """Close the descriptor; the mapping stays as long as anybody has a part of it."""
+        """Close the descriptor; the mapping stays while anybody has a part of it."""
         os.close(self.fd)
 
 
 def copy_of(fd: int) -> bytes:
-    """Return what the memory holds now; raises `OSError` where `fd` is none."""
+    """Return the memory's present content; raises `OSError` if `fd` is no such memory."""
     size = os.fstat(fd).st_size
     content = os.pread(fd, size, 0)
     if len(content) != size:

@@ -1,9 +1,9 @@
-"""The places of the daemon in the system: its sockets and the locks that make it the only one.
+"""The daemon's places in the system: its sockets and the locks that make it the only one.
 
-A name in the abstract socket namespace can be taken by anybody; a lock file in the run directory
-only by users who may run its daemon, so both are held. The three sockets (`Places`: the claim on
+A name in the abstract socket namespace can be taken by anybody, a lock file in the run directory
+only by users who may run its daemon: so both are held. The three sockets (`Places`: the claim on
 the channel, the stop socket, the socket of all other requests) are handed to a successor and are
-never closed in between, so no attempt to connect fails while one process takes another's place.
+never closed in between, so no attempt to connect fails while one process replaces another.
 """
 
 import ctypes
@@ -49,16 +49,16 @@ class ChannelLock:
 
 
 def lock_path(claim: str) -> Path:
-    """Return the lock's file for a claim; CAN interfaces belong to a network namespace."""
+    """Return a claim's lock file; CAN interfaces belong to a network namespace."""
     namespace = Path("/proc/self/ns/net").stat().st_ino
     digest = hashlib.sha256(f"{namespace}/{claim}".encode()).hexdigest()
     return RUN_DIRECTORY / f"{digest[:32]}.lock"
 
 
 def lock_channel(claim: str) -> ChannelLock | None:
-    """Take the lock of a claim; None where this user may not use the run directory.
+    """Take the lock of a claim; None if this user may not use the run directory.
 
-    Raises `LockedError` where another process has it.
+    Raises `LockedError` if another process has it.
     """
     path = lock_path(claim)
     while True:
@@ -88,13 +88,13 @@ _UCRED = struct.Struct("3i")
 
 
 class InUseError(RuntimeError):
-    """Somebody else has the socket or the channel; the message says who."""
+    """Another process has the socket or the channel; the message says which."""
 
 
 def runtime_directory() -> Path:
-    """Return /run/litegripd where it can be used, else the user's own runtime directory.
+    """Return /run/litegripd if it can be used, else the user's own runtime directory.
 
-    Raises `InUseError` where neither is possible: then the socket's path must be given.
+    Raises `InUseError` if neither is possible: then the socket's path must be given.
     """
     shared = Path("/run/litegripd")
     if os.access(shared, os.W_OK | os.X_OK) or os.access(shared.parent, os.W_OK | os.X_OK):
@@ -112,11 +112,11 @@ class ChannelClaim:
     """Makes this process the owner of a CAN channel until `close`, or until it dies.
 
     The lock is a name in the abstract socket namespace: the kernel frees it with the process, so
-    that nothing stale can be left, and it belongs to the network namespace, as the CAN interface
-    does. Anybody can bind it; who also holds the lock in the run directory does without it where a
-    user has it who may not run a daemon there. Raises `InUseError` with the owner's pid and uid.
-    Register it with the loop: it lets whoever asks for the owner connect, and closes the
-    connection.
+    nothing stale can be left. It belongs to the network namespace, as the CAN interface does.
+    Anybody can bind it. A process that also holds the lock in the run directory does without the
+    name if a user has it who may not run a daemon there. Raises `InUseError` with the owner's pid
+    and uid. Register it with the loop: it accepts connections from processes that ask for the
+    owner, and closes them.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ class ChannelClaim:
         claimed: socket.socket | None = None,
         lock_descriptor: int | None = None,
     ) -> None:
-        """Claim the channel, or go on with the claim and the lock of a predecessor."""
+        """Claim the channel, or continue with the claim and the lock of a predecessor."""
         self._lock: ChannelLock | None = None
         if claimed is None:
             self._lock = _lock(interface, channel)
@@ -145,24 +145,24 @@ class ChannelClaim:
 
     @property
     def descriptors(self) -> tuple[int, ...]:
-        """What a successor gets: the lock's, where there is one."""
+        """What a successor gets: the claim, and the lock if there is one."""
         return () if self._lock is None else (self._lock.descriptor,)
 
     def remove(self) -> None:
-        """Remove the lock's file: no successor goes on with it."""
+        """Remove the lock's file: no successor continues with it."""
         if self._lock is not None:
             self._lock.remove()
 
     def name_owner(self) -> None:
-        """Let the kernel name this process to whoever asks for the owner."""
+        """Let the kernel name this process to a process that asks for the owner."""
         self._socket.listen()
 
     def fileno(self) -> int:
-        """Return the descriptor that is readable when somebody asks."""
+        """Return the descriptor that is readable when a process asks for the owner."""
         return self._socket.fileno()
 
     def on_event(self, _mask: int) -> None:
-        """Let one asker go; the kernel has told it the owner already."""
+        """Close one asker's connection; the kernel has named the owner already."""
         try:
             self._socket.accept()[0].close()
         except OSError as error:
@@ -215,7 +215,7 @@ def _claim(interface: str, channel: str, *, has_lock: bool) -> socket.socket:
 
 
 def _without_name() -> socket.socket:
-    """Return a listening socket whose name the kernel has chosen."""
+    """Return a listening socket with a name chosen by the kernel."""
     claimed = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     claimed.bind("")
     claimed.listen()
@@ -236,23 +236,23 @@ def _claim_text(interface: str, channel: str) -> str:
 
 
 def listen(path: Path, group: str | None) -> socket.socket:
-    """Bind a Unix socket at `path`, mode 0660, group `group` where it exists.
+    """Bind a Unix socket at `path`, mode 0660, group `group` if it exists.
 
-    A file that no process listens on any more is replaced. Raises `InUseError` where one does,
-    where something else has the name, and where the path is not usable.
+    A file on which no process listens any more is replaced. Raises `InUseError` if one does, if
+    something else has the name, or if the path is not usable.
     """
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         path.parent.mkdir(mode=0o755, parents=True, exist_ok=True)
         _remove_stale(path)
-        # Set before it exists, so that nobody can connect before its mode is right.
+        # Set before the socket exists: nobody can connect before its mode is right.
         umask = os.umask(0o777 & ~SOCKET_MODE)
         try:
             listener.bind(str(path))
         finally:
             os.umask(umask)
         _give_to_group(path, group)
-        listener.listen(LISTEN_BACKLOG)  # from now on it does not look stale
+        listener.listen(LISTEN_BACKLOG)  # from now on the file does not look stale
     except InUseError:
         listener.close()
         raise
@@ -263,7 +263,7 @@ def listen(path: Path, group: str | None) -> socket.socket:
 
 
 def listen_on_all(paths: Sequence[Path], group: str | None) -> list[socket.socket]:
-    """Bind a Unix socket at each path, as `listen` does, or at none where one cannot be made."""
+    """Bind a Unix socket at each path, as `listen` does, or at none if one fails."""
     listeners: list[socket.socket] = []
     try:
         for path in paths:
@@ -294,7 +294,7 @@ def _remove_stale(path: Path) -> None:
 
 @dataclass(frozen=True, slots=True)
 class _Owner:
-    """Who listens on an address, as the kernel knows it; no pid where it does not say."""
+    """The listener on an address, as the kernel knows it; no pid if the kernel does not give it."""
 
     pid: int | None = None
     uid: int | None = None
@@ -309,9 +309,9 @@ class _Owner:
 
 
 def _owner_of(address: str) -> _Owner | None:
-    """Return the process that listens on an address; None where there is none.
+    """Return the process that listens on an address, or None.
 
-    Raises `OSError` where that cannot be told, such as for another user's socket.
+    Raises `OSError` if this is unknown, as for another user's socket.
     """
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
         probe.setblocking(False)
@@ -332,7 +332,7 @@ def _give_to_group(path: Path, group: str | None) -> None:
     try:
         gid = grp.getgrnam(group).gr_gid
         if path.lstat().st_gid != gid:  # as in a unit with that Group=, which may not change owners
-            os.chown(path, -1, gid, follow_symlinks=False)  # whatever has taken its place since
+            os.chown(path, -1, gid, follow_symlinks=False)  # whatever has replaced it since
     except KeyError:
         _log.warning("there is no group %r: %s stays with group %s", group, path, _group_of(path))
     except PermissionError:
@@ -375,7 +375,7 @@ class Places:
         return (*sockets, *self.claim.descriptors)
 
     def name_owner(self) -> None:
-        """Let the kernel name this process to whoever asks who listens."""
+        """Let the kernel name this process to a process that asks who listens."""
         self.claim.name_owner()
         for listener in (self.stops, self.requests):
             listener.listen(LISTEN_BACKLOG)
@@ -388,12 +388,12 @@ class Places:
 
 
 def occupy(interface: str, channel: str, path: Path, group: str | None) -> Places:
-    """Take the places; raises `InUseError` where one belongs to another process."""
+    """Take the places; raises `InUseError` if one belongs to another process."""
     if path.name.endswith(STOP_ENDING):
         raise InUseError(f"{path}: names that end in {STOP_ENDING} are kept for stop sockets")
     claim = ChannelClaim(interface, channel)
     stop_path = stop_socket_path(path)
-    # In this order, so that whoever has reached the one can stop by the other.
+    # In this order: a client that has reached the one can stop by the other.
     try:
         stops, requests = listen_on_all((stop_path, path), group)
     except InUseError:
@@ -404,7 +404,7 @@ def occupy(interface: str, channel: str, path: Path, group: str | None) -> Place
 
 
 def take_over(interface: str, channel: str, path: Path, descriptors: Sequence[int]) -> Places:
-    """Make the places of what a predecessor has handed over."""
+    """Return the places that a predecessor has handed over."""
     *sockets, lock = (*descriptors, None) if len(descriptors) == _SOCKETS else descriptors
     claim, stops, requests = (socket.socket(fileno=descriptor) for descriptor in sockets)
     claimed = ChannelClaim(interface, channel, claim, lock)
@@ -420,7 +420,7 @@ SO_PEERGROUPS = 59
 """Of Linux 4.13 and later; the standard library has no name for it."""
 
 _GID_BYTES = 4
-_COMM_BYTES = 128  # more than any process is called, kernel threads included
+_COMM_BYTES = 128  # longer than any process's name, kernel threads included
 
 _libc = ctypes.CDLL(None)
 _libc.getsockopt.argtypes = (
@@ -433,16 +433,16 @@ _libc.getsockopt.argtypes = (
 
 
 def peer_of(connected: socket.socket) -> Peer:
-    """Return who connected, with the groups that the process had when it did."""
+    """Return who connected, with the groups that the process then had."""
     credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _UCRED.size)
     pid, uid, gid = _UCRED.unpack(credentials)
     return Peer(pid, uid, gid, _program(pid), _groups(connected))
 
 
 def _program(pid: int) -> str:
-    """Return the name of a process as /proc tells it, in which only printable characters are.
+    """Return a process's name from /proc, with only its printable characters.
 
-    By plain system calls: a file object costs seven times as much, and every connection pays.
+    It uses plain system calls: a file object costs seven times as much, for every connection.
     """
     try:
         fd = os.open(f"/proc/{pid}/comm", os.O_RDONLY)
@@ -457,13 +457,13 @@ def _program(pid: int) -> str:
 
 
 def _groups(connected: socket.socket) -> tuple[int, ...]:
-    """Return the supplementary groups, however many; none where the kernel does not tell them.
+    """Return the supplementary groups, of any number; none if the kernel does not give them.
 
-    `socket.getsockopt` takes at most 1024 bytes, which a user of a large directory may exceed.
+    `socket.getsockopt` takes at most 1024 bytes, too few for a user of a large directory.
     """
     size = ctypes.c_uint32(0)
     question = (connected.fileno(), socket.SOL_SOCKET, SO_PEERGROUPS)
-    _libc.getsockopt(*question, None, ctypes.byref(size))  # refused, but now `size` is known
+    _libc.getsockopt(*question, None, ctypes.byref(size))  # rejected, but now `size` is known
     groups = (ctypes.c_uint32 * (size.value // _GID_BYTES))()
     if _libc.getsockopt(*question, groups, ctypes.byref(size)) != 0:
         return ()

@@ -1,7 +1,7 @@
 """The stop socket: every line sent to it is a stop, in any form; nothing else is done here.
 
-It is served before everything else in every tick, so that no flood on the other socket can delay
-it. Its lines are read leniently: a client that cannot spell still gets the jaws stopped.
+It is served before everything else in every tick, so no flood on the other socket can delay it. Its
+lines are read leniently: a client that misspells a stop still gets the jaws stopped.
 """
 
 import logging
@@ -23,7 +23,7 @@ MAX_STOP_CONNECTIONS = 64
 MAX_STOP_LINE_BYTES = 1024
 
 OnStop: TypeAlias = Callable[[StopLevel, Owner, str | None], tuple[StopLevel, int]]
-"""Stops by a level, by whom and why; returns the level that is latched then and the generation."""
+"""Stops by a level, an owner and a reason; returns the latched level and its generation."""
 
 _GIVES_WAY = Refusal(
     "too_many_connections",
@@ -34,10 +34,10 @@ _GIVES_WAY = Refusal(
 
 
 class StopListener:
-    """Lets whoever may use a bound socket stop the gripper by it.
+    """Accepts every client of a bound socket, and stops the gripper for it.
 
-    Where there are too many connections, the one that has been idle the longest gives way: a
-    newcomer, which may well have come to stop, is never turned away.
+    With too many connections, the one that has been idle the longest is closed: a new client, which
+    may have come to stop, is never rejected.
     """
 
     def __init__(self, urgent: Urgent, listener: socket.socket, on_stop: OnStop) -> None:
@@ -55,7 +55,7 @@ class StopListener:
         return len(self._connections)
 
     def on_event(self, _mask: int) -> None:
-        """Let one in, and read at once what it has sent already."""
+        """Accept one, and read at once what it has sent already."""
         try:
             accepted, _address = self._listener.accept()
         except BlockingIOError:
@@ -77,20 +77,20 @@ class StopListener:
             connection.on_event(0)
 
     def stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
-        """Stop; return what is in force then."""
+        """Stop; return the stop in force then."""
         return self._on_stop(level, by, why)
 
     def let_in_no_more(self) -> None:
-        """Leave those who come from now on to a successor."""
+        """Leave new clients from now on to a successor."""
         self._urgent.remove(self._listener.fileno())
 
     def touch(self, connection: "StopConnection") -> None:
-        """Note that a connection has said something."""
+        """Record that a connection has sent something."""
         del self._connections[connection]
         self._connections[connection] = None
 
     def forget(self, connection: "StopConnection") -> None:
-        """Note that a connection is about to be closed."""
+        """Record that a connection is about to be closed."""
         self._urgent.remove(connection.fileno())
         del self._connections[connection]
 
@@ -108,10 +108,10 @@ class StopListener:
 
 
 class StopConnection:
-    """Somebody at the stop socket; every line is answered, and no answer is waited for.
+    """A client at the stop socket; every line is answered, and no answer is waited for.
 
-    One line is taken at a time, the others wait in the kernel. What is left without its newline
-    at the end counts as a line, and so does what is too long for one.
+    One line is taken at a time, the others wait in the kernel. A last line without its newline
+    counts as a line, and so does one that is too long.
     """
 
     def __init__(self, connected: socket.socket, listener: StopListener) -> None:
@@ -127,7 +127,7 @@ class StopConnection:
         return self._socket.fileno()
 
     def on_event(self, _mask: int) -> None:
-        """Read up to the end of a line; stop if there is one, or the end of everything."""
+        """Read up to the end of a line, or of the input; stop if that was a line."""
         taken = self._receive()
         if taken is None:
             return
@@ -143,7 +143,7 @@ class StopConnection:
                 self.close()
 
     def give_way(self) -> None:
-        """Close; what has been sent until now is a stop all the same."""
+        """Close; what has been sent until now is still a stop."""
         self._line += self._receive() or b""
         try:
             if self._line:
@@ -159,13 +159,13 @@ class StopConnection:
         self._socket.close()
 
     def _receive(self) -> bytes | None:
-        """Return what there is of the line; nothing at the end, None where nothing has come."""
+        """Return the line's bytes so far; empty at the end, None if nothing has come."""
         try:
             waiting = self._socket.recv(MAX_STOP_LINE_BYTES - len(self._line), socket.MSG_PEEK)
             return self._socket.recv(waiting.find(b"\n") + 1 or len(waiting))
         except BlockingIOError:
             return None
-        except OSError:  # reset: gone, whatever it has said before
+        except OSError:  # reset: gone, whatever it has sent before
             return b""
 
     def _stop(self) -> None:
@@ -183,7 +183,7 @@ class StopConnection:
 
 
 OWN = 64  # for sockets, files, timers, links and child processes
-PER_CLIENT = 2  # its connection, and what tells that its process has ended
+PER_CLIENT = 2  # its connection, and the watch on its process
 LEAST_CLIENTS = 16
 
 
@@ -192,9 +192,9 @@ class TooFewDescriptorsError(OSError):
 
 
 def clients_within_limit(wanted: int) -> int:
-    """Raise the limit of open files where that is needed and allowed; return how many clients fit.
+    """Raise the limit of open files if needed and allowed; return how many clients fit.
 
-    Returns `wanted` at most. Raises `TooFewDescriptorsError` where there is hardly room for any.
+    Returns at most `wanted`. Raises `TooFewDescriptorsError` if there is hardly room for any.
     """
     reserved = OWN + MAX_STOP_CONNECTIONS
     enough = reserved + PER_CLIENT * wanted

@@ -14,7 +14,7 @@ _LOOK_EVERY_MS = 5
 
 
 class Notifier:
-    """A socket to the manager that stays open: nothing is made anew for what is told often."""
+    """A socket to the manager that stays open, for frequent notifications."""
 
     def __init__(self) -> None:
         path = os.environ.get("NOTIFY_SOCKET", "")
@@ -22,24 +22,25 @@ class Notifier:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self.is_full = False
-        """True if what was sent last found no room: the manager has not read what came before."""
+        """True if the last notification found no room: the manager has not read the earlier
+        ones."""
 
     def send(self, text: str) -> bool:
-        """Send lines such as READY=1; tell whether they left. Never waits, raises nothing."""
+        """Send lines (READY=1); return whether they left. Never waits, raises nothing."""
         return self._left(lambda address: self._send_text(text, address))
 
     def insist(self, text: str, goes_on: Callable[[], bool]) -> bool:
-        """Send lines, again and again while there is no room; tell whether they left.
+        """Send lines, and retry while there is no room; return whether they left.
 
-        `goes_on` is called every few milliseconds; where it returns False, that is the end.
+        `goes_on` is called every few milliseconds; when it returns False, the attempt ends.
         """
         return self._insist(lambda: self.send(text), goes_on)
 
     def barrier(self, within_s: float, goes_on: Callable[[], bool]) -> bool:
-        """Wait until the manager has taken in all that was sent; False if it has not in time.
+        """Wait until the manager has read all that was sent; False if it has not in time.
 
-        It closes the descriptor that it gets, which we see (systemd 246; others never do). The time
-        counts from when there was room for that. `goes_on` is as for `insist`.
+        It closes the descriptor that it gets, which we see (systemd 246; other managers never do).
+        The time counts from when there was room for that. `goes_on` is as for `insist`.
         """
         ours, theirs = os.pipe()
         try:
@@ -86,14 +87,14 @@ class Notifier:
         self._socket.sendto(text.encode(errors="replace"), address)
 
     def _send_descriptor(self, descriptor: int, address: str) -> None:
-        self._socket.connect(address)  # before Python 3.12 `send_fds` heeds no address
+        self._socket.connect(address)  # before Python 3.12 `send_fds` ignores an address
         socket.send_fds(self._socket, [_BARRIER], (descriptor,))
 
 
 def watchdog_s(*, follows: bool = False) -> float | None:
-    """Return within what time the manager wants to hear WATCHDOG=1, None where it does not.
+    """Return the time within which the manager expects WATCHDOG=1, or None.
 
-    It names the process that it means; who follows that one in its place has inherited the name.
+    It names the process that it means; a successor of that one has inherited the name.
     """
     named = os.environ.get("WATCHDOG_PID", "")
     if named and not follows and named != str(os.getpid()):
@@ -103,5 +104,5 @@ def watchdog_s(*, follows: bool = False) -> float | None:
 
 
 def one_line(text: str) -> str:
-    """Make one line of a text: in a message to the manager each line is an order of its own."""
+    """Return a text as one line: in a message to the manager each line is a command of its own."""
     return "".join(letter if letter.isprintable() else " " for letter in text)

@@ -1,6 +1,6 @@
-"""What has happened, on its way to the log and to the clients.
+"""Events, on their way to the log and to the clients.
 
-The log gets a bounded number per tick, and what is too many is told as one event. On the wire each
+The log gets a bounded number per tick, and the excess is reported as one event. On the wire each
 event is numbered, the latest of each kind are kept, and nothing is dropped: a client that does not
 read fills its backlog, and the transport closes it.
 """
@@ -31,14 +31,14 @@ class EventLog:
         self._left_out = 0
 
     def note(self, event: Event) -> None:
-        """Keep an event; refusals never crowd out what happened to the gripper."""
+        """Keep an event; refusals never displace what happened to the gripper."""
         if len(self._events) < (_REFUSALS_KEPT if event.kind == "refused" else _EVENTS_KEPT):
             self._events.append(event)
         else:
             self._left_out += 1
 
     def take(self) -> list[Event]:
-        """Return what has happened, the oldest first, so much at once as a tick can log."""
+        """Return the events, the oldest first, as many as a tick can log."""
         taken = [self._events.popleft() for _ in range(min(EVENTS_PER_TICK, len(self._events)))]
         if self._left_out and not self._events:
             text = f"{self._left_out} events are left out of the log: too many came at once"
@@ -51,13 +51,13 @@ class EventLog:
 
 EVENT_KINDS: tuple[str, ...] = get_args(EventKind)
 UNASKED_KINDS: tuple[str, ...] = tuple(kind for kind in EVENT_KINDS if kind != "refused")
-"""What a subscription has that names no kinds: refusals are other clients' mistakes."""
+"""The kinds of a subscription that names none: refusals are other clients' mistakes."""
 
 KEPT_EVENTS = 32
 
 
 class _Numbered:
-    """One event with its number and time; encoded once, and only when somebody wants it."""
+    """One event with its number and time; encoded once, and only if a client wants it."""
 
     __slots__ = ("_at_s", "_encoded", "event", "sequence")
 
@@ -84,7 +84,7 @@ class _Numbered:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EventSubscription:
-    """One subscription; its client has been told the events up to `after` in the answer to it."""
+    """One subscription; the answer to it has reported the events up to `after`."""
 
     number: int
     session: Session
@@ -93,10 +93,10 @@ class EventSubscription:
 
 
 class EventStream:
-    """Keeps the subscriptions to events, and tells one client at a time what is new.
+    """Keeps the subscriptions to events, and sends new events to one client at a time.
 
-    Events wait in rows: all clients are told one row, each in its turn, while what happens
-    meanwhile makes the next. So a flood costs a tick nothing but the time that the transport has.
+    Events wait in rows: all clients get one row, each in its turn, while new events make the next.
+    So a flood costs a tick nothing except the transport's time.
     """
 
     def __init__(self) -> None:
@@ -111,7 +111,7 @@ class EventStream:
         self._to_tell: deque[EventSubscription] = deque()
 
     def note(self, event: Event, now_s: float) -> None:
-        """Take one event, of the time `now_s`."""
+        """Take one event of the time `now_s`."""
         self.last_sequence += 1
         numbered = _Numbered(self.last_sequence, now_s, event)
         self._kept[event.kind].append(numbered)
@@ -125,12 +125,12 @@ class EventStream:
         return b"[%b]" % b",".join(b"{%b}" % numbered.members() for numbered in latest)
 
     def add(self, number: int, session: Session, kinds: Iterable[str]) -> None:
-        """Begin a subscription to what happens from now on."""
+        """Begin a subscription to future events."""
         self._all[number] = EventSubscription(number, session, frozenset(kinds), self.last_sequence)
         self._find_wanted()
 
     def remove(self, number: int, session: Session) -> bool:
-        """End a subscription of `session`; tell whether there was one."""
+        """End a subscription of `session`; return whether there was one."""
         sub = self._all.get(number)
         if sub is None or sub.session is not session:
             return False
@@ -145,11 +145,11 @@ class EventStream:
 
     @property
     def pending(self) -> bool:
-        """True if somebody is still to be told of something."""
+        """True while events wait to be sent."""
         return bool(self._to_tell or self._next_row)
 
     def send_one(self) -> None:
-        """Tell the client that has waited longest all that this row has for it."""
+        """Send to the client that has waited longest all that this row has for it."""
         if not self._to_tell:
             self._row, self._next_row = tuple(self._next_row), []
             self._to_tell.extend(self._all.values())

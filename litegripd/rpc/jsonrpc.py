@@ -1,7 +1,7 @@
 """JSON-RPC 2.0 on one line: strict parsing of requests, and the making of answers.
 
-`json` of the standard library accepts more than JSON (NaN, duplicate keys): refused here. What
-JSON allows but a field does not, such as 1e999, is refused where the field is checked.
+`json` of the standard library accepts more than JSON (NaN, duplicate keys): rejected here. What
+JSON allows but a field does not, for example 1e999, is rejected where the field is checked.
 """
 
 import json
@@ -20,7 +20,7 @@ MAX_CONTAINERS = 512
 """Objects and arrays in one line. Each costs 0.4 µs, so that 16 KiB of `{}` took over 2 ms."""
 
 MAX_ID_CHARACTERS = 128
-_USUAL_ID = 2**53  # a number below it is surely short enough
+_USUAL_ID = 2**53  # a shorter line is surely short enough
 
 RequestId: TypeAlias = str | int | None
 
@@ -30,14 +30,14 @@ _encoder = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
 
 
 class ErrorData(TypedDict):
-    """What programs compare with; by its reason an error has further members."""
+    """The reason that programs compare; the data of an error has more members for some reasons."""
 
     reason: str
     retryable: bool
 
 
 class ErrorObject(TypedDict):
-    """Why a request was refused, or a job could not run its course."""
+    """Why a request was rejected, or a job failed."""
 
     code: int
     message: str
@@ -61,7 +61,7 @@ class BadRequest:
 
 
 def parse(line: bytes) -> Request | BadRequest:
-    """Read one line. Never raises, whatever the bytes are."""
+    """Read one line. Never raises, for any bytes."""
     if line.count(b"{") + line.count(b"[") > MAX_CONTAINERS:
         text = f"a request has at most {MAX_CONTAINERS} objects, arrays, or braces in its texts"
         return _bad(None, "invalid_request", text)
@@ -111,7 +111,7 @@ def _problem_of_id(identity: object, *, is_given: bool) -> str | None:
 
 
 def result_line(identity: RequestId, result: bytes) -> bytes:
-    """Answer request `identity` with `result`, which is JSON already."""
+    """Answer request `identity` with `result`, already JSON."""
     return b'{"jsonrpc":"2.0","id":%b,"result":%b}\n' % (_encoded_id(identity), result)
 
 
@@ -124,19 +124,19 @@ def error_line(identity: RequestId, refusal: Refusal) -> bytes:
 
 
 def notification_line(method: str, params: bytes) -> bytes:
-    """Tell the client something that it subscribed to; `params` is JSON already."""
+    """Return a notification for a subscription; `params` is already JSON."""
     return b'{"jsonrpc":"2.0","method":"%b","params":%b}\n' % (method.encode(), params)
 
 
 def error_object(refusal: Refusal) -> ErrorObject:
-    """Return a refusal in its wire form."""
+    """Return a refusal's form on the wire."""
     kind = refusal.kind
     data = {"reason": kind.reason, "retryable": kind.retryable, **refusal.data}
     return {"code": kind.code, "message": refusal.message, "data": cast(ErrorData, data)}
 
 
 def encode(value: object) -> bytes:
-    """Make compact JSON of a value; a number that JSON cannot hold, such as a NaN, becomes null."""
+    """Return a value as compact JSON; a number that JSON cannot hold (NaN) becomes null."""
     try:
         return _encoder.encode(value).encode()
     except ValueError:

@@ -1,7 +1,7 @@
-"""What a line asks for, found before its turn comes: a stop, however it is spelt, or a set-point.
+"""What a line asks for, found before its turn: a stop, in any spelling, or a set-point.
 
-Whoever asks for a stop gets one. Of the set-points without an id there may be many, and such a line
-is never answered, so that a newer one may take its place unread: it is recognized without parsing.
+Every request for a stop gets one. Set-points without an id may be many, and are never answered, so
+a newer one may replace an older one unread: such a line is recognized without parsing.
 """
 
 import json
@@ -18,7 +18,7 @@ from litegripd.rpc.jsonrpc import MAX_CONTAINERS, MAX_LINE_BYTES, RequestId, par
 _LEVELS: Mapping[str, StopLevel] = {level: level for level in STOP_LEVELS}
 _WHY_CHARACTERS = 80
 _LAST_STOPS = 32
-"""So many stops that a client has left behind are read; who needs more has a socket for stops."""
+"""At most this many stops of a lost client are read; a client with more can use the stop socket."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +33,8 @@ class StopLine:
 def stop_in(line: bytes) -> StopLine:
     """Read a line of the stop socket: a level's bare name, a request `stop`, else a `hold`.
 
-    Never raises, whatever the bytes are. A line that says something else is its own reason; a
-    reason that cannot be shown is left out.
+    Never raises, for any bytes. A line that says something else is its own reason; a reason that
+    cannot be shown is left out.
     """
     level = _LEVELS.get(line.strip().lower().decode(errors="replace"))
     if level is not None:
@@ -49,12 +49,12 @@ def stop_in(line: bytes) -> StopLine:
 def asked_stop(line: bytes) -> StopLine | None:
     """Return the stop that a line asks for by its `method`, well-formed or not; None for others.
 
-    A level that there is not, or that cannot be read, is a `hold`. Never raises.
+    An unknown or unreadable level is a `hold`. Never raises.
     """
     if b"stop" not in line and b"\\" not in line:
         return None
     if line.count(b"{") + line.count(b"[") > MAX_CONTAINERS or len(line) > MAX_LINE_BYTES:
-        return None  # it would take long to read
+        return None  # it would take too long to read
     try:
         value = json.loads(line.decode(errors="replace"))
     except (ValueError, RecursionError):
@@ -66,9 +66,9 @@ def asked_stop(line: bytes) -> StopLine | None:
 
 
 def stops_in(text: bytes) -> list[bytes]:
-    """Return the lines that ask for a stop among those that a client has left behind.
+    """Return the lines that ask for a stop among those of a lost client.
 
-    Few are read, plainly spelt ones before those that only may be stops.
+    Few are read; plainly spelt ones come before those that only may be stops.
     """
     if b"stop" not in text and b"\\" not in text:
         return []
@@ -88,7 +88,7 @@ def _stop_of(params: Any) -> StopLine:
 
 
 def _shown(text: str) -> str | None:
-    """Return a reason as one short line; None where there is nothing that can be shown."""
+    """Return a reason as one short line; None if nothing can be shown."""
     text = text.strip()
     return text[:_WHY_CHARACTERS] if text.isprintable() and text else None
 
@@ -96,8 +96,8 @@ def _shown(text: str) -> str | None:
 # Set-points ---------------------------------------------------------------------------------------
 
 _MARK = b'"stream.set"'
-_MOST_BYTES = 512  # more than any that a client has reason to write; it is matched in microseconds
-_LOOKS = 8  # so many lines that only name the method are looked at for the newest set-point
+_MOST_BYTES = 512  # longer than a client has reason to write; it is matched in microseconds
+_LOOKS = 8  # at most this many lines that only name the method are checked for the newest set-point
 
 _BLANKS = b" \t\r"
 _S = rb"[ \t\r]*"
@@ -112,17 +112,17 @@ _JSONRPC = rb'"jsonrpc"' + _S + rb":" + _S + rb'"2\.0"'
 _METHOD = rb'"method"' + _S + rb":" + _S + _MARK
 _ITEM = rb"(?:" + rb"|".join((_JSONRPC, _METHOD, rb'"params"' + _S + rb":" + _S + _PARAMS)) + rb")"
 _LINE = re.compile(
-    # Three members, and each of the three names: whatever their order, none is there twice. Blanks
-    # around it are stripped before: tried one by one, they would take the square of their number.
+    # Three members, and each of the three names: in any order, none is there twice. Blanks around
+    # it are stripped before: tried one by one, they would take the square of their number.
     rb"(?=[^\n]*" + _JSONRPC + rb")(?=[^\n]*" + _METHOD + rb')(?=[^\n]*"params")\{'
     + _S + _ITEM + _S + rb"(?:," + _S + _ITEM + _S + rb"){2}\}"
 )  # fmt: skip
 
 
 def is_set_point(line: bytes) -> bool:
-    """Return whether a line is a well-formed `stream.set` without an id.
+    """Return True for a well-formed `stream.set` without an id.
 
-    False for anything that is long or spelt in an unusual way: that is only served one by one.
+    False for any long or unusually spelt line: such a line is only served one by one.
     """
     if len(line) > _MOST_BYTES or _MARK not in line:
         return False
@@ -130,7 +130,7 @@ def is_set_point(line: bytes) -> bool:
 
 
 def newest_set_point(text: bytes, begin: int) -> int:
-    """Return where the last whole line from `begin` on starts that is a set-point, else -1."""
+    """Return where the last whole line from `begin` on starts that is a set-point, or -1."""
     at = text.rfind(_MARK, begin)
     for _ in range(_LOOKS):
         if at < 0:

@@ -1,4 +1,4 @@
-"""What a method is: its row, the request that it is given, and the answers that it may give."""
+"""A method: its row, the request that it gets, and the answers that it may give."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -16,9 +16,9 @@ from litegripd.rpc.sessions import Role, Session
 
 
 class Refused(Exception):  # noqa: N818 - no error: an answer
-    """Raised by a method's function, or what it calls, in place of returning a refusal.
+    """Raised by a method's function, or by its callees, instead of returning a refusal.
 
-    Not by what is called later, when a helper process has answered.
+    Not by later callbacks, when a helper process has answered.
     """
 
     def __init__(self, refusal: Refusal) -> None:
@@ -30,14 +30,14 @@ T = TypeVar("T")
 
 
 def accepted(answer: T | Refusal) -> T:
-    """Return what was answered; raise `Refused` where that is a refusal."""
+    """Return the answer; raise `Refused` if it is a refusal."""
     if isinstance(answer, Refusal):
         raise Refused(answer)
     return answer
 
 
 class Call(NamedTuple):
-    """One request whose parameters have been checked; `received_s` is when its line came."""
+    """One request with checked parameters; `received_s` is when its line came."""
 
     session: Session
     owner: Owner
@@ -47,11 +47,11 @@ class Call(NamedTuple):
 
     @property
     def detached(self) -> bool:
-        """True if the motion outlives its connection: as asked for, else if not waited for."""
+        """True if the motion outlives its connection: as requested, else if not waited for."""
         return bool(self.params.get("detach", not self.params.get("wait", True)))
 
     def config(self, base: MotionConfig, period_s: float, motor_type: MotorType) -> MotionConfig:
-        """Return `base` with what the caller wants to be otherwise."""
+        """Return `base` with the changes that the caller wants."""
         given = self.params.get("config")
         if given is None:
             return base
@@ -74,7 +74,7 @@ Result: TypeAlias = Mapping[str, Any] | bytes | Refusal
 
 
 class Deferred:
-    """The answer comes when somebody calls `resolve`, once."""
+    """The answer comes with the one call of `resolve`."""
 
     def __init__(self) -> None:
         self._answer: Result | None = None
@@ -87,14 +87,14 @@ class Deferred:
             self._on_answer(answer)
 
     def then(self, on_answer: Callable[[Result], None]) -> None:
-        """Call `on_answer` with the answer, at once where it has been given already."""
+        """Call `on_answer` with the answer, at once if it has been given already."""
         self._on_answer = on_answer
         if self._answer is not None:
             on_answer(self._answer)
 
 
 Answer: TypeAlias = Result | Later | Deferred
-"""A result at once, as a value or as JSON, a refusal, or an answer later."""
+"""A result now, as a value or as JSON, a refusal, or a later answer."""
 
 Function: TypeAlias = Callable[[Call], Answer]
 
@@ -110,7 +110,7 @@ COMMON_PARAMS = (
     Param("sent_s", "number", "When the request was sent, seconds of CLOCK_MONOTONIC.", minimum=0),
     Param("stop_generation", "integer", "The count of stops that the sender knew of.", minimum=0),
 )
-"""Every method takes these; what was sent before a stop neither moves nor clears after it."""
+"""Every method takes these; a request from before a stop neither moves nor clears after it."""
 
 LEASE = Param("lease", "string", "The token of the lease under which to do it.")
 KEY = Param(
@@ -127,7 +127,7 @@ IF_BUSY = Param(
     choices=("reject", "replace", "queue"),
 )
 AT_ONCE = Shape("AtOnce", (JobNumber,), closed=True)
-"""What a method answers that does not wait for the end of its job."""
+"""The answer of a method that does not wait for the end of its job."""
 
 WAIT = Param("wait", "boolean", "Answer when it has ended (true, the default), or at once.")
 DETACH = Param(
@@ -141,7 +141,7 @@ CONFIG = Param(
     "Fields of the motion configuration (config.get lists them) that count for this call only.",
 )
 RUN_PARAMS = (CONFIG, WAIT, PROGRESS, DETACH, IF_BUSY, KEY)
-"""What every motion takes that lasts."""
+"""What every lasting motion takes."""
 
 F = TypeVar("F", bound=Callable[..., Answer])
 _ROW = "_method"
@@ -151,12 +151,11 @@ _ROW = "_method"
 class Method:
     """One method; put above its function as a decorator.
 
-    `returns` is the type of the result when all is done: the schema of it is made from there.
-    `role` is the least that its caller must be; `needs_lease` marks those that are for the holder
-    of the lease alone, as long as somebody holds it; `stop_voids` those that a stop makes void when
-    they were sent before it; `waits` those whose answer comes when a job has ended; `may_notify`
-    those that may be sent without an id; `lifts_stop` the one that is for whoever has stopped and
-    for admins as well, whatever their role and whoever has the lease.
+    `returns` is the type of the final result: its schema is made from it. `role` is the lowest role
+    of a caller; `needs_lease` marks methods that only the holder of the lease may call, while there
+    is one; `stop_voids` those that a later stop makes void; `waits` those whose answer comes when a
+    job has ended; `may_notify` those that may be sent without an id; `lifts_stop` the one that is
+    also for the client that has stopped and for admins, with any role and any holder of the lease.
     """
 
     name: str
@@ -179,18 +178,18 @@ class Method:
         object.__setattr__(self, "declared", declared)
 
     def __call__(self, function: F) -> F:
-        """Take this row to the function that it stands above, as a decorator."""
+        """Attach this row to the function below it, as a decorator."""
         setattr(function, _ROW, self)
         return function
 
     def with_motor(self, motor_type: MotorType) -> "Method":
-        """Return the row as it is with a type of motor, whose limits differ."""
+        """Return the row for a type of motor, which has its own limits."""
         return replace(self, params=tuple(param.with_motor(motor_type) for param in self.params))
 
 
 @dataclass(frozen=True, slots=True)
 class Feature:
-    """What a slice adds to the service: objects with methods, and what a connection's end ends."""
+    """What a slice adds to the service: objects with methods, and calls at a connection's end."""
 
     groups: tuple[object, ...]
     session_ended: Callable[[Session], None] = lambda _session: None
@@ -202,7 +201,7 @@ def methods_of(group: type) -> tuple[Method, ...]:
 
 
 def functions_of(group: object) -> Mapping[str, Function]:
-    """Return the functions of an object that have a row, by the names of their methods."""
+    """Return the functions of an object that have a row, by their methods' names."""
     return {row.name: getattr(group, name) for name, row in _rows(type(group))}
 
 
@@ -214,13 +213,13 @@ def _rows(group: type) -> Iterator[tuple[str, Method]]:
 
 
 def speed_param(default: str) -> Param:
-    """Describe a jaw speed whose default is this field of the configuration."""
+    """Return a parameter for a jaw speed whose default is this field of the configuration."""
     text = f"Jaw speed (default: {default} of the configuration)."
     return config_param("speed_mm_s", text)
 
 
 def config_param(name: str, description: str) -> Param:
-    """Describe a parameter that may be what the field of the configuration of its name may be."""
+    """Return a parameter with the range of the configuration's field of the same name."""
     low, high = ranges_of(DM4310)[name]
     return Param(
         name,
@@ -233,7 +232,7 @@ def config_param(name: str, description: str) -> Param:
 
 
 def target_params() -> tuple[Param, ...]:
-    """Describe where to go, in one of three quantities."""
+    """Return the parameters of a target, in one of three quantities."""
     return (
         Param("opening_mm", "number", "Where to go: the opening, 0 closed."),
         Param("position_rad", "number", "Where to go: the motor's position."),

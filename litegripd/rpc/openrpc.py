@@ -65,7 +65,7 @@ class Loser(TypedDict):
 
 @dataclass(frozen=True, slots=True)
 class Notification:
-    """One kind of notification: what it is for, and the type of its parameters."""
+    """One kind of notification: its purpose, and the type of its parameters."""
 
     name: str
     summary: str
@@ -126,7 +126,7 @@ PROTOCOL_VERSION = 1
 def document(methods: Iterable[Method]) -> Discovered:
     """Describe methods, with the limits of their rows, notifications and errors.
 
-    OpenRPC has no word for what a server sends unasked: an extension of the document does.
+    OpenRPC has no word for unrequested messages of a server: an extension of the document has.
     """
     schemas = Schemas(FORMS)
     return {
@@ -149,7 +149,7 @@ def document(methods: Iterable[Method]) -> Discovered:
 
 
 def result_schema(method: Method, schemas: Schemas) -> Schema:
-    """Describe the results of a method; one that can be told not to wait has two."""
+    """Describe the results of a method; one that does not have to wait has two."""
     schema = schemas.of(method.returns)
     if WAIT.name in method.declared:
         schema = {"anyOf": [schema, schemas.of(AT_ONCE)]}

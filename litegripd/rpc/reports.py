@@ -1,6 +1,6 @@
-"""The forms that states, jobs and results have on the wire, and who waits for them.
+"""The forms of states, jobs and results on the wire, and the requests that wait for them.
 
-What is the same for many, such as the state of a tick, is encoded once and spliced in as it is.
+What is the same for many, for example the state of a tick, is encoded once and spliced in.
 """
 
 from collections.abc import Mapping, Sequence
@@ -111,12 +111,12 @@ class ProgressEnd(TypedDict):
 
 
 def _plain(value: Any) -> dict[str, Any]:
-    """Make a dict of a flat dataclass, field by field; `dataclasses.asdict` copies deeply."""
+    """Return a dict of a flat dataclass, field by field; `dataclasses.asdict` copies deeply."""
     return {field.name: getattr(value, field.name) for field in fields(value)}
 
 
 def state_view(state: GripperState, names: tuple[str, ...] = ()) -> StateView:
-    """Return a state in its wire form, or only these fields of it, in this order."""
+    """Return a state's wire form, or only these fields of it, in this order."""
     view: dict[str, Any] = {name: getattr(state, name) for name in names or _STATE_FIELDS}
     if view.get("job") is not None:
         view["job"] = _summary_view(view["job"])
@@ -131,7 +131,7 @@ def _summary_view(job: JobSummary) -> JobSummaryView:
 
 
 def owner_view(owner: Owner) -> OwnerView:
-    """Return an owner in its wire form."""
+    """Return an owner's wire form."""
     return {
         "client": owner.client,
         "pid": owner.pid,
@@ -162,14 +162,14 @@ def encode_job(job: Job, phase: str | None, result: bytes | None) -> bytes:
 
 
 def _with(encoded: bytes, name: bytes, value: bytes) -> bytes:
-    """Add a member, which is JSON already, to an encoded object that has others."""
+    """Add a member, already JSON, to an encoded object that has others."""
     return b'%b,"%b":%b}' % (encoded[:-1], name, value)
 
 
 def progress_view(
     job: Job, request: RequestId, progress: Progress, opening_mm: float | None
 ) -> dict[str, Any]:
-    """Return a progress report in its wire form; `request` is the id of its request."""
+    """Return a progress report's wire form; `request` is the id of the request that wants it."""
     return {
         "job": job.number,
         "request": request,
@@ -191,9 +191,9 @@ class _End:
 
 
 class Reporter:
-    """One encoding of the state per tick serves all who ask for it.
+    """One encoding of the state per tick serves all clients.
 
-    A request may change the state between two ticks: `refresh` is called after each that can.
+    A request may change the state between two ticks: `refresh` is called after each such request.
     """
 
     def __init__(self, controller: Controller, period_s: float) -> None:
@@ -215,7 +215,7 @@ class Reporter:
         self.refresh()
 
     def refresh(self) -> None:
-        """Make the state anew when it is next asked for."""
+        """Compute the state again when it is next needed."""
         self._state = None
         self._line = None
 
@@ -236,7 +236,7 @@ class Reporter:
         return self._line
 
     def job(self, job: Job) -> bytes:
-        """Return a job as JSON; one that has ended with the state in which it ended."""
+        """Return a job as JSON; an ended job has the state in which it ended."""
         if job.is_running:
             progress = self._controller.progress() if job is self._controller.jobs.running else None
             return encode_job(job, None if progress is None else progress.phase, None)
@@ -255,14 +255,14 @@ class Reporter:
             self._ends = {number: end for number, end in self._ends.items() if number in kept}
 
     def memory(self) -> dict[str, list[str | None]]:
-        """Return what is kept of the jobs that have ended, as JSON can hold it."""
+        """Return what is kept of the ended jobs, in a form for JSON."""
         return {
             str(number): [end.job.decode(), None if end.result is None else end.result.decode()]
             for number, end in self._ends.items()
         }
 
     def restore(self, plain: Mapping[str, Sequence[str | None]]) -> None:
-        """Keep what `memory` has returned in a predecessor."""
+        """Restore what `memory` has returned in a predecessor."""
         for number, (job, result) in plain.items():
             encoded = None if result is None else result.encode()
             self._ends[int(number)] = _End((job or "").encode(), encoded)
@@ -277,7 +277,7 @@ class Reporter:
         return end
 
 
-# Who waits ----------------------------------------------------------------------------------------
+# Waiting requests
 
 MAX_PER_SESSION = 32
 PROGRESS_INTERVAL_S = 0.05  # 20 Hz
@@ -295,9 +295,9 @@ class Waiter:
 
 
 class Waiters:
-    """The unanswered requests by the number of the job that they wait for, and their answers.
+    """The unanswered requests by the number of their job, and their answers.
 
-    A defect in one answer leaves the others.
+    A defect in one answer does not affect the others.
     """
 
     def __init__(self, controller: Controller, reporter: Reporter) -> None:
@@ -335,9 +335,9 @@ class Waiters:
                 waiter.session.write(line)
 
     def send_progress(self, now_s: float) -> None:
-        """Send where the running job is to the clients that asked for it, when that is due.
+        """Send the running job's position to the clients that want it, when that is due.
 
-        Nobody is told who has not read the last.
+        A client that has not read the last report gets none.
         """
         job, progress = self._controller.jobs.running, self._controller.progress()
         if job is None or progress is None:
@@ -363,5 +363,5 @@ class Waiters:
 
 
 def defect(what: str, error: Exception) -> Refusal:
-    """Word what should not have happened, for who asked."""
+    """Return the client's message for a defect."""
     return Refusal("internal_error", f"{what} failed by a defect: {type(error).__name__}: {error}")

@@ -2,7 +2,7 @@
 
 It must pass the checks of its parameters, its sender's role, the lease and the stops. It is carried
 out at once, in place of another motion, or after it. A request whose key names a job that is still
-kept does nothing anew: it gets that job's answer.
+kept starts nothing: it gets that job's answer.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -25,7 +25,7 @@ _KINDS: Mapping[str, JobKind] = {kind: kind for kind in get_args(JobKind)}
 
 
 class Requests:
-    """Admits requests, and passes those that may be to their functions."""
+    """Admits requests, and passes the admitted ones to their functions."""
 
     def __init__(
         self,
@@ -34,9 +34,9 @@ class Requests:
         methods: Collection[str],
         groups: Iterable[object],
     ) -> None:
-        """Take the objects whose functions carry out the methods, all of them.
+        """Store the objects whose functions carry out the methods, all of them.
 
-        Raises `LookupError` if a method has no object, or an object has others.
+        Raises `LookupError` if a method has no object, or an object has other methods.
         """
         self._controller = controller
         self._tokens = tokens
@@ -55,7 +55,7 @@ class Requests:
         now_s: float,
         received_s: float,
     ) -> Call | Refusal:
-        """Return a request as its function takes it, or why it is not to be carried out."""
+        """Return a request as its function takes it, or a refusal."""
         self._controller.lease.renew(session.identity, now_s)
         refusal = _malformed(session, request, method)
         if refusal is None and method.stop_voids:
@@ -69,7 +69,7 @@ class Requests:
         return refusal or Call(session, owner, request.params, now_s, received_s)
 
     def carry_out(self, method: Method, call: Call) -> Answer:
-        """Carry out a request that has been admitted."""
+        """Carry out an admitted request."""
         key = call.params.get("key")
         if key is None:
             return self._carried_out(method, call) if not call.params else self._begin(method, call)
@@ -82,7 +82,7 @@ class Requests:
         return answer
 
     def _begin(self, method: Method, call: Call) -> Answer:
-        """Carry it out at once, in place of the caller's own motion, or after the one that runs."""
+        """Carry it out at once, in place of the caller's own motion, or after the running one."""
         if_busy, running = call.params.get("if_busy"), self._controller.jobs.running
         if if_busy is None or running is None:
             return self._carried_out(method, call)
@@ -110,9 +110,9 @@ class Requests:
         )
 
     def _forbidden(self, session: Session, method: Method, owner: Owner) -> Refusal | None:
-        """Say what the daemon's end, the sender's role or somebody's lease forbids."""
+        """Return a refusal for the daemon's end, the sender's role or the lease, or None."""
         if self._controller.is_ending and method.role != "observer":
-            return ENDING  # whatever it changed would be lost; a stop and reads are for all
+            return ENDING  # any change would be lost; a stop and reads are for all
         if session.is_orphaned and method.role != "observer":
             return _orphaned(session)
         if method.lifts_stop and self._has_stopped(session):
@@ -132,7 +132,7 @@ class Requests:
 
 
 def _orphaned(session: Session) -> Refusal:
-    """Say that the process is gone that was let in: whoever has its connection now was not."""
+    """Return a refusal if the accepted process is gone: another one has its connection now."""
     text = (
         f"the process that opened this connection (pid {session.peer.pid}) has ended: it may read"
         " and stop; to do more, open another connection"
@@ -163,7 +163,7 @@ def _kind_of(method: Method) -> JobKind | None:
 
 
 def _is_own(running: Job, owner: Owner) -> bool:
-    """Return whether a motion may be ended by who asks for another one."""
+    """Return True if a request for another motion may end a motion."""
     same_lease = running.grant is not None and running.grant == owner.grant
     return same_lease or running.owner.client == owner.client
 
@@ -176,7 +176,7 @@ def _repeated(known: Job, kind: JobKind | None, key: str) -> Answer:
 
 
 def _job_of(answer: Answer) -> Job | Refusal:
-    """Return the job that a function has begun, once its turn had come."""
+    """Return the job that a function has begun in its turn."""
     if isinstance(answer, Later):
         return answer.job
     if isinstance(answer, Refusal):

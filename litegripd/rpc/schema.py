@@ -1,7 +1,7 @@
-"""What may be said, from one definition each: the parameters of methods and the types of answers.
+"""The parameters of methods and the types of answers, from one definition each.
 
-Parameters are checked, and described by JSON Schema. So is what the daemon sends, by the types that
-its values are declared with.
+Parameters are checked, and described by JSON Schema. So is what the daemon sends, by the declared
+types of its values.
 """
 
 import math
@@ -27,7 +27,7 @@ from litegripd.model.motor_types import MotorType
 Kind: TypeAlias = Literal["number", "integer", "boolean", "string", "strings", "object"]
 
 _MAX_TEXT = 256
-_MAX_INTEGER = 2**53  # beyond it most JSON readers lose digits
+_MAX_INTEGER = 2**53  # most JSON readers lose digits beyond it
 _JSON_TYPES: dict[Kind, str] = {"strings": "array"}
 _NAMED: dict[Kind, str] = {
     "number": "a number",
@@ -43,8 +43,8 @@ _NAMED: dict[Kind, str] = {
 class Param:
     """One parameter of a method; `minimum` and `maximum` are included in the range.
 
-    A text has at most `longest` characters. Where the maximum follows from the motor, `maximum_of`
-    tells it, and `maximum` is that of the usual type.
+    A text has at most `longest` characters. If the maximum depends on the motor, `maximum_of`
+    returns it, and `maximum` is that of the usual type.
     """
 
     name: str
@@ -58,12 +58,12 @@ class Param:
     maximum_of: Callable[[MotorType], float] | None = None
 
     def with_motor(self, motor_type: MotorType) -> "Param":
-        """Return the parameter as it is with a type of motor."""
+        """Return the parameter for a type of motor."""
         maximum = self.maximum if self.maximum_of is None else self.maximum_of(motor_type)
         return self if maximum == self.maximum else replace(self, maximum=maximum)
 
     def problem(self, value: object) -> str | None:
-        """Say what is wrong with `value` and what is allowed, if anything is wrong."""
+        """Return what is wrong with `value` and what is allowed, or None."""
         if not self._has_type(value):
             return f"must be {_NAMED[self.kind]}, not {_shown(value)}"
         if isinstance(value, int | float) and not isinstance(value, bool):
@@ -91,7 +91,7 @@ class Param:
         return None
 
     def json_schema(self) -> dict[str, object]:
-        """Describe the values by JSON Schema."""
+        """Return a JSON Schema of the values."""
         schema: dict[str, object] = {"type": _JSON_TYPES.get(self.kind, self.kind)}
         if self.kind == "strings":
             schema["items"] = {"type": "string", **self._text_limits()}
@@ -104,7 +104,7 @@ class Param:
         return schema
 
     def _text_limits(self) -> dict[str, object]:
-        """Describe which texts are taken; JSON Schema counts characters, too."""
+        """Return a schema of the accepted texts; JSON Schema counts characters, too."""
         return {"enum": list(self.choices)} if self.choices else {"maxLength": self.longest}
 
     def _has_type(self, value: object) -> bool:
@@ -129,7 +129,7 @@ class Param:
 
 
 def check(method: str, declared: Mapping[str, Param], given: Mapping[str, Any]) -> Refusal | None:
-    """Return why parameters are refused: unknown, missing, of the wrong type or out of range."""
+    """Return a refusal for a parameter that is unknown, missing, mistyped or out of range."""
     for name, value in given.items():
         param = declared.get(name)
         if param is None:
@@ -171,10 +171,10 @@ _PRIMITIVES: Mapping[Any, str] = {
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """An object that has the members of several types, and a name of its own.
+    """An object with the members of several types, and a name of its own.
 
-    With `partial` it may have any of them, and need not have one. With `closed` it never has
-    others: alternatives of an answer are told apart by that. All else may grow.
+    With `partial` it may have any of them, and needs none. With `closed` it never has others: this
+    distinguishes the alternatives of an answer. All other types may grow.
     """
 
     name: str
@@ -186,7 +186,7 @@ class Shape:
 class Schemas:
     """Makes schemas; an object with a name is defined once in `definitions`, and referred to.
 
-    `wire` says for a type which other one, or which `Shape`, it has on the wire.
+    `wire` maps a type to another one, or to a `Shape`, that it has on the wire.
     """
 
     def __init__(self, wire: Mapping[Any, Any]) -> None:
@@ -197,7 +197,7 @@ class Schemas:
     def of(self, kind: Any) -> Schema:
         """Return the schema of a type, or of a tuple of alternatives.
 
-        Raises `TypeError` for a type that JSON has no form for.
+        Raises `TypeError` for a type without a form in JSON.
         """
         kind = self._wire.get(kind, kind)
         if isinstance(kind, tuple):
@@ -255,7 +255,7 @@ class Schemas:
 
 
 def _members(kind: Any) -> dict[str, tuple[Any, bool]]:
-    """Return the type of each member of an object, and whether it is always there."""
+    """Return each member's type, and whether it is always there."""
     if isinstance(kind, Shape):
         found = {name: row for part in kind.parts for name, row in _members(part).items()}
         return {name: (hint, due and not kind.partial) for name, (hint, due) in found.items()}

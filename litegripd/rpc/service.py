@@ -1,7 +1,7 @@
 """The requests of all clients: checked, carried out on the controller, answered.
 
 Pure: lines come in through `handle`, lines go out through the sessions, time is an argument.
-Whatever a line holds, `handle` answers it and does not raise.
+`handle` answers any line and does not raise.
 """
 
 from collections.abc import Callable, Sequence
@@ -38,7 +38,7 @@ from litegripd.rpc.subscriptions import Subscriptions
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """What clients know by number, the latest of each; `token` is of the latest lease."""
+    """The numbers that clients know, the latest of each; `token` is of the latest lease."""
 
     session: int
     event: int
@@ -119,7 +119,7 @@ class RpcService:
         self._collect_events(now_s)
 
     def process_ended(self, session: Session, now_s: float) -> None:
-        """End what a process owned that is gone, though a forked child has its connection."""
+        """End what a lost process owned, though a forked child has its connection."""
         session.is_orphaned = True
         for feature in self._features:
             feature.session_ended(session)
@@ -127,16 +127,16 @@ class RpcService:
         self._collect_events(now_s)
 
     def is_idle(self, session: Session) -> bool:
-        """Return whether nothing will be sent to `session` that it has not asked for anew."""
+        """Return True if the session has no pending answers and no subscriptions."""
         return not session.unanswered and not session.subscriptions
 
     def handle(
         self, session: Session, line: bytes, now_s: float, received_s: float | None = None
     ) -> None:
-        """Answer one line, at once or when the motion that it asked for has ended.
+        """Answer one line, at once or when the motion that it requested has ended.
 
-        `received_s` is when the line came; by default that is now. What came before a stop does not
-        run after it.
+        `received_s` is when the line came; by default that is now. A line from before a stop does
+        not run after it.
         """
         self._now_s = now_s
         came_s = now_s if received_s is None or received_s > now_s else received_s
@@ -155,7 +155,7 @@ class RpcService:
     # The tick -------------------------------------------------------------------------------------
 
     def after_tick(self, now_s: float) -> None:
-        """Answer whoever waits for a job that has ended; find what is to be sent."""
+        """Answer the requests whose job has ended; find what is to be sent."""
         self._collect_events(now_s)
         self.reporter.tick(now_s)
         self.reporter.keep_ends()
@@ -173,9 +173,9 @@ class RpcService:
         self._subscriptions.send_one(self.reporter.state)
 
     def take_events(self) -> list[Event]:
-        """Return what has happened, the oldest first, so much at once as a tick can log.
+        """Return the events, the oldest first, as many as a tick can log.
 
-        What a flood of refused requests makes beyond that is counted and told as one event.
+        Further refusals in a flood are counted and reported as one event.
         """
         self._collect_events(self._now_s)
         return self._event_log.take()
@@ -191,7 +191,7 @@ class RpcService:
         )
 
     def restore(self, numbers: Numbers) -> None:
-        """Go on counting where a predecessor was."""
+        """Continue a predecessor's numbers."""
         self._last_session = numbers.session
         self._subscriptions.events.last_sequence = numbers.event
         self._tokens.latest = numbers.token
@@ -249,7 +249,7 @@ class RpcService:
     def _stop_all_the_same(
         self, session: Session, line: bytes, refusal: Refusal, now_s: float
     ) -> Refusal:
-        """Stop if a line that is refused asks for it, however it is spelt; return the refusal."""
+        """Stop if a rejected line asks for it, in any spelling; return the refusal."""
         asked = asked_stop(line)
         if asked is None:
             return refusal
@@ -268,14 +268,14 @@ class RpcService:
         self.refused += 1
         peer = session.peer
         text = f"refused {session.name} (pid {peer.pid}, uid {peer.uid}): {refusal.message}"
-        self._collect_events(self._now_s)  # what happened before it
+        self._collect_events(self._now_s)  # earlier events
         data = {"reason": refusal.reason, "client": session.identity, "pid": peer.pid}
         self._note(Event("refused", text, data), self._now_s)
 
     def _turn_down(
         self, session: Session, request: Request, method: Method, refusal: Refusal | None
     ) -> None:
-        """Refuse a request; who sent none but a notification is told once per change of reason."""
+        """Reject a request; a notification's client gets one event per change of reason."""
         if request.identity is not None or not method.may_notify:
             if refusal is not None:
                 self._refuse(session, request.identity, refusal)
@@ -289,14 +289,14 @@ class RpcService:
         session.write(notification_line("stream.refused", encode(error_object(refusal))))
 
     def _collect_events(self, now_s: float) -> None:
-        """Take what happened to the gripper since the last call."""
+        """Take the gripper's events since the last call."""
         self._now_s = now_s
         if self._controller.events:
             for event in self._controller.take_events():
                 self._note(event, now_s)
 
     def _note(self, event: Event, now_s: float) -> None:
-        """Keep an event for the log, and for who has subscribed to its kind."""
+        """Keep an event for the log, and for the subscribers to its kind."""
         self._event_log.note(event)
         self.on_event(event, now_s)
         self._subscriptions.events.note(event, now_s)
@@ -304,7 +304,7 @@ class RpcService:
             self._tell_loser(event)
 
     def _tell_loser(self, event: Event) -> None:
-        """Tell who has lost the lease, if it is still there: nothing retakes it."""
+        """Notify the client that has lost the lease, if it is still there: nothing retakes it."""
         session = self._clients.get(event.data["client"])
         if session is not None:
             session.write(notification_line("lease.lost", encode(event.data)))

@@ -1,4 +1,4 @@
-"""The clients' side without their sockets: who each is, what it is sent, and what it has cost."""
+"""The clients' side without their sockets: who each is, what it gets, and what it costs."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,10 +12,10 @@ from litegripd.rpc.jsonrpc import encode
 class Counters:
     """One client's figures since it connected.
 
-    `requests` counts the lines that were served, `refused` those of them that were refused,
-    `dropped` the samples of its subscriptions that it was not sent. `worst_latency_s` is the
-    longest time from a line having come to its answer being queued, of requests that wait for no
-    motion; None before the first.
+    `requests` counts the lines that were served, `refused` those that were rejected, `dropped` the
+    samples of its subscriptions that it did not get. `worst_latency_s` is the longest time from a
+    line's arrival to its answer being queued, for requests that wait for no motion; None before the
+    first.
     """
 
     requests: int = 0
@@ -26,7 +26,7 @@ class Counters:
     worst_latency_s: float | None = None
 
     def note_latency(self, latency_s: float) -> None:
-        """Keep the worst."""
+        """Keep the worst latency."""
         if self.worst_latency_s is None or latency_s > self.worst_latency_s:
             self.worst_latency_s = latency_s
 
@@ -37,7 +37,7 @@ ROLES: tuple[Role, ...] = ("observer", "operator", "admin")
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Who is at the other end of a connection, as the kernel tells it; `groups` as gids."""
+    """The process at the other end of a connection, as the kernel gives it; `groups` as gids."""
 
     pid: int
     uid: int
@@ -47,13 +47,13 @@ class Peer:
 
 
 class Session:
-    """What is kept of one connection while it lasts.
+    """The data of one connection while it lasts.
 
-    `write` queues a line to be sent, and tells `on_write` when it is the first. `congested` is
-    kept by the transport: true while the client has not read all it was sent, so that samples
-    are dropped for it rather than queued. `unanswered` counts the requests that wait for a motion,
-    `subscriptions` what it is sent unasked. `stream_refused` is the reason why its latest set-point
-    was refused. `is_orphaned`: the process that opened it has ended, or the connection.
+    `write` queues a line to be sent, and calls `on_write` for the first one. `congested` is kept by
+    the transport: true while the client has not read all it was sent, so that its samples are
+    dropped instead of queued. `unanswered` counts the requests that wait for a motion,
+    `subscriptions` what it gets unrequested. `stream_refused` is the reason why its latest
+    set-point was rejected. `is_orphaned`: the process that opened it has ended, or the connection.
     """
 
     __slots__ = (
@@ -89,7 +89,7 @@ class Session:
         self.on_write: Callable[[], None] | None = None
 
     def rename(self, name: str) -> None:
-        """Take the name by which the client is known; `owner` is it as jobs and stops name it."""
+        """Set the client's name; `owner` has it as jobs and stops name it."""
         self.name = name
         self.owner = Owner(self.identity, self.peer.pid, self.peer.uid, name)
 
@@ -101,7 +101,7 @@ class Session:
 
 
 class Service(Protocol):
-    """What the transport passes lines to; nothing of it raises."""
+    """Takes lines from the transport; none of its methods raises."""
 
     def opened(self, peer: Peer, now_s: float) -> Session:
         """Begin a session for a new connection."""
@@ -122,14 +122,14 @@ class Service(Protocol):
         """End a session; what its connection owned is lost with it."""
 
     def process_ended(self, session: Session, now_s: float) -> None:
-        """Note that the process is gone which opened the session's connection."""
+        """Record that the process is gone which opened the session's connection."""
 
     def is_idle(self, session: Session) -> bool:
-        """Return whether nothing will be sent to `session` that it has not asked for anew."""
+        """Return True if the session has no pending answers and no subscriptions."""
 
 
 class Clients:
-    """The sessions that are open, in the order in which they were opened."""
+    """The open sessions, in the order in which they were opened."""
 
     def __init__(self) -> None:
         self._sessions: dict[int, Session] = {}
@@ -143,18 +143,18 @@ class Clients:
         return self._sessions.get(identity) if isinstance(identity, int) else None
 
     def add(self, session: Session) -> None:
-        """Take a session that begins."""
+        """Add a session that begins."""
         self._sessions[session.identity] = session
 
     def remove(self, session: Session) -> None:
-        """Forget a session that has ended."""
+        """Remove a session that has ended."""
         self._sessions.pop(session.identity, None)
 
     def listing(self, me: Session, now_s: float) -> bytes:
         """Return the list as `me` sees it, as JSON.
 
         There may be 256 of them, and one answer must not hold up a tick: each is formatted, which
-        takes 0.35 ms for all, less than half of what encoding dicts does.
+        takes 0.35 ms for all, less than half the time for encoding dicts.
         """
         return b'{"clients":[%b]}' % b",".join(_row(session, me, now_s) for session in self)
 

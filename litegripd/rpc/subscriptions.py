@@ -1,7 +1,7 @@
 """The subscriptions of all clients, to the state and to events: numbered, bounded, served in turns.
 
 A subscription to the state gets its samples one by one, or as rows of a batch. The latest wins, and
-what was dropped is told.
+dropped ones are reported.
 """
 
 from collections import deque
@@ -30,8 +30,8 @@ class SubscriptionNumber(TypedDict):
 class SampleSubscription:
     """One subscription; `next_s` keeps its rate by absolute times.
 
-    `fields` is empty for all; `header` is their names as JSON, which stands for the choice wherever
-    it is looked up: bytes keep their hash. `rows` are what a batch of more than one has gathered.
+    `fields` is empty for all; `header` is their names as JSON, which identifies the choice in every
+    look-up: bytes keep their hash. `rows` are what a batch of more than one has gathered.
     """
 
     number: int
@@ -58,8 +58,8 @@ class SampleSubscription:
 class Samples:
     """Keeps the subscriptions to the state, and serves a little at a time: no tick is held up.
 
-    A sample that could not be taken before the next one is due is dropped and counted, and so is
-    one, or a whole batch, for a client that has not read what it was sent.
+    A sample that is not taken before the next one is due is dropped and counted. So is a sample, or
+    a whole batch, for a client that has not read what it was sent.
     """
 
     def __init__(self) -> None:
@@ -74,7 +74,7 @@ class Samples:
         self._all[subscription.number] = subscription
 
     def remove(self, number: int, session: Session) -> bool:
-        """End a subscription of `session`, with the rows that make no batch yet, if there is it."""
+        """End a subscription of `session`, with its incomplete batch, if there is one."""
         sub = self._all.get(number)
         if sub is None or sub.session is not session:
             return False
@@ -105,11 +105,11 @@ class Samples:
 
     @property
     def pending(self) -> bool:
-        """True if a sample waits to be taken, or a batch to be sent."""
+        """True while a sample waits to be taken, or a batch to be sent."""
         return bool(self._gathering or self._due)
 
     def send_one(self, state: GripperState) -> None:
-        """Add a row to all batches of one choice of fields; or send what has waited longest."""
+        """Add a row to all batches of one choice of fields, or send what has waited longest."""
         if self._gathering:
             self._gather(self._gathering.pop(next(iter(self._gathering))), state)
             return
@@ -151,7 +151,7 @@ class Samples:
         sub.session.write(notification_line("state.sample", params))
 
     def _encode(self, state: GripperState, sub: SampleSubscription) -> bytes:
-        """Encode a choice of fields once per state, for all who made the same choice."""
+        """Encode a choice of fields once per state, for all with the same choice."""
         if self._encoded_state is not state:
             self._encoded.clear()
             self._encoded_state = state
@@ -180,7 +180,7 @@ class Subscriptions:
     ) -> int | Refusal:
         """Begin a subscription to the state; its first sample is of one period from now.
 
-        Returns its number, or why there can be no more.
+        Return its number, or a refusal if there can be no more.
         """
         number = self._number(session)
         if isinstance(number, int):
@@ -192,21 +192,21 @@ class Subscriptions:
         return number
 
     def add_events(self, session: Session, kinds: Iterable[str]) -> int | Refusal:
-        """Begin a subscription to events. Returns its number, or why there can be no more."""
+        """Begin a subscription to events; return its number, or a refusal."""
         number = self._number(session)
         if isinstance(number, int):
             self.events.add(number, session, kinds)
         return number
 
     def remove_samples(self, number: int, session: Session) -> bool:
-        """End a subscription of `session` to the state; tell whether there was one."""
+        """End a subscription of `session` to the state; return whether there was one."""
         there_was = self._samples.remove(number, session)
         self._open -= there_was
         session.subscriptions -= there_was
         return there_was
 
     def remove_events(self, number: int, session: Session) -> bool:
-        """End a subscription of `session` to events; tell whether there was one."""
+        """End a subscription of `session` to events; return whether there was one."""
         there_was = self.events.remove(number, session)
         self._open -= there_was
         session.subscriptions -= there_was
@@ -226,7 +226,7 @@ class Subscriptions:
 
     @property
     def pending(self) -> bool:
-        """True if an event or a sample waits to be sent."""
+        """True while an event or a sample waits to be sent."""
         return self._open > 0 and (self.events.pending or self._samples.pending)
 
     def send_one(self, state: Callable[[], GripperState]) -> None:

@@ -1,4 +1,4 @@
-"""What leader and follower share."""
+"""What the leader and the follower share."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -16,7 +16,7 @@ _WINDOW_S = 1.0
 
 
 class LoopRate:
-    """Counts the ticks of whole windows; before the first is over, those so far."""
+    """Counts the ticks of whole windows; before the first window ends, the ticks so far."""
 
     def __init__(self) -> None:
         self._began_s: float | None = None
@@ -25,7 +25,7 @@ class LoopRate:
         self._latest_s = 0.0
 
     def tick(self, now_s: float) -> None:
-        """Count one."""
+        """Count one tick."""
         self._latest_s = now_s
         if self._began_s is None:
             self._began_s = now_s
@@ -46,7 +46,7 @@ class LoopRate:
 
 
 Tell: TypeAlias = Callable[[Event], None]
-"""Takes what happens on the way, for log and subscribers."""
+"""Receives events for the log and the subscribers."""
 
 _OPEN: Mapping[TeleopMode, str] = {
     "master": (
@@ -61,7 +61,7 @@ _OPEN: Mapping[TeleopMode, str] = {
 
 
 class TeleopAction(PlainAction, ABC):
-    """One end of a teleoperation, for as long as it lasts; only `finish` or a fault ends it."""
+    """One end of a teleoperation, while it lasts; only `finish` or a fault ends it."""
 
     def __init__(self, link: Link, wish: LinkWish, tell: Tell) -> None:
         self.wish = wish
@@ -69,19 +69,19 @@ class TeleopAction(PlainAction, ABC):
         self.loop = LoopRate()
         self.send_failed = 0
         self.is_warned = False
-        """True if it has been said that the link is open to others."""
+        """True after the warning that the link is open to others was logged."""
         self.is_finished = False
         self.feedback: Feedback | None = None
         self._say = tell
         self._told = LinkStatus()
 
     def finish(self) -> TeleopResult:
-        """End it as its owner wishes; return what it came to."""
+        """End it on its owner's request; return the result."""
         self.is_finished = True
         return self.result()
 
     def close(self) -> None:
-        """Let go of the link; a leader's session stays open for the next one."""
+        """Release the link; a leader's session stays open for the next teleoperation."""
         self.link.close()
 
     @abstractmethod
@@ -90,22 +90,22 @@ class TeleopAction(PlainAction, ABC):
 
     @abstractmethod
     def result(self) -> TeleopResult:
-        """Return what it has come to so far."""
+        """Return the result so far."""
 
     @abstractmethod
     def status(self, now_s: float) -> TeleopStatus:
-        """Return how it goes."""
+        """Return the status."""
 
     def complaint(self) -> str | None:
-        """Say what the daemon's health should tell of, if anything; that of the link it has."""
+        """Return what the daemon's health should report, including the link, or None."""
         return None
 
     def tell(self, text: str, *, warning: bool = False, **data: object) -> None:
-        """Say what happened."""
+        """Report an event."""
         self._say(Event("teleop", f"teleop: {text}", {**data, "warning": warning}))
 
     def note_link(self) -> None:
-        """Tell once that the link is in another state."""
+        """Report a change of the link's state, once."""
         status, told = self.link.status, self._told
         if (status.state, status.error) != (told.state, told.error):
             self._told = status
@@ -117,7 +117,7 @@ class TeleopAction(PlainAction, ABC):
                 self.tell(_OPEN[self.wish.mode], warning=True)
 
     def base_status(self) -> TeleopStatus:
-        """Return what is the same for both ends."""
+        """Return the part of the status that is the same for both ends."""
         link, feedback = self.link.status, self.feedback
         return TeleopStatus(
             active=True,
@@ -140,19 +140,19 @@ class TeleopAction(PlainAction, ABC):
 
 
 def fault_of(feedback: Feedback | None) -> str | None:
-    """Name the motor's status where it is not "enabled"."""
+    """Return the motor's status if it is not "enabled"."""
     if feedback is None or feedback.status == Status.ENABLED:
         return None
     return status_name(feedback.status)
 
 
 def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:
-    """Return the last status of a teleoperation that runs no longer."""
+    """Return the last status of a teleoperation that has ended."""
     return replace(
         status,
         active=False,
         fault=why or status.fault,
-        link_state=None,  # the action has let go of it
+        link_state=None,  # the action has released it
         link_protected=None,
         matching=None,
         dq_cmd=0.0,

@@ -1,13 +1,13 @@
 """The follower: its jaws go where a leader's are, as a share of its own travel.
 
-It aligns to the first frame at a bounded speed, follows then with the leader's velocity fed forward
-as far as the bounds allow, holds its last target when frames stop coming, and aligns again when
-they come back. The command's lead over the measured position is capped as in every motion, whatever
-the frames say. Damping relative to a velocity is a torque as well: jaws that are held up would be
-pushed by kd times the leader's whole speed.
+It aligns to the first frame at a bounded speed. Then it follows, and feeds the leader's velocity
+forward as far as the bounds allow. It holds its last target when frames stop, and aligns again when
+they return. The command's lead over the measured position is capped as in every motion, whatever
+the frames say. Damping relative to a velocity is also a torque: it would push blocked jaws with kd
+times the leader's whole speed.
 
-What presses too hard for too long is let go of. Times and thresholds of that guard are the vendor's
-SDK's, counted in seconds and not in cycles, so that they are the same at every rate.
+A guard releases what the jaws press too hard for too long. Its times and thresholds are those of
+the vendor's SDK, but in seconds instead of cycles: they are the same at every rate.
 """
 
 from collections import deque
@@ -27,12 +27,12 @@ from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.teleop.link import Link
 
 MOST_NM = 5.5
-"""By no more the jaws are pushed, however stiff the follow gains are: what the lead cap of 4 mm is
-with the calibration's 100 N·m/rad."""
+"""The jaws are pushed with at most this, however stiff the follow gains are: the torque of the 4 mm
+lead cap at the calibration's 100 N·m/rad."""
 
 _SAMPLES = 3
-"""A measured velocity is a tick or two old. Fed back at once it would make the jaws shake from tick
-to tick; the slowest of so many does not."""
+"""A measured velocity is a tick or two old. Used at once, it would make the jaws shake from tick to
+tick; the slowest of this many values does not."""
 
 _SLOWEST_RAD_S = 1e-3
 
@@ -40,8 +40,8 @@ _SLOWEST_RAD_S = 1e-3
 class FollowerCommand:
     """Makes the commands of one follower.
 
-    With `force_limit_n` stiffness and damping are budgeted (`control/gains.py`): jaws that are
-    stopped at once are pushed by no more than that, at any speed of the leader.
+    With `force_limit_n`, stiffness and damping have a budget (`control/gains.py`): jaws that are
+    stopped suddenly are pushed with at most that force, at any speed of the leader.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class FollowerCommand:
         self.is_limited = False
         self.velocity_rad_s = 0.0
         self.hold: Hold | None = None
-        """What goes on pressing as the latest command did, None before the first one."""
+        """The command that keeps pressing as the latest one did, None before the first one."""
         self._geometry = geometry
         self._config = config
         self._gains = gains
@@ -66,25 +66,26 @@ class FollowerCommand:
 
     @property
     def commanded_rad(self) -> float | None:
-        """Where the latest command was, None before the first one."""
+        """The position of the latest command, None before the first one."""
         return None if self.hold is None else self.hold.position_rad
 
     def let_go(self, here_rad: float) -> None:
-        """Begin anew from where slack jaws are."""
+        """Start again at the position of the slack jaws."""
         self.hold = Hold(here_rad, self._gains)
         self.velocity_rad_s = 0.0
         self.is_limited = False
 
     def within_reach(self, wanted_rad: float, here_rad: float) -> float:
-        """Return how far towards `wanted_rad` jaws that are at `here_rad` can be led at rest."""
+        """Return how far towards `wanted_rad` the command can lead jaws at rest at `here_rad`."""
         _, lead_rad = self._bounds(wanted_rad, 0.0, here_rad)
         return clamp_lead(wanted_rad, here_rad, lead_rad)
 
     def command(self, wanted_rad: float, velocity_rad_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick.
 
-        From one tick to the next it steps by no more than the lead's cap either, unless the jaws
-        themselves are elsewhere: frames that come late and at once do not turn it round.
+        The step from one tick to the next also stays within the lead's cap, unless the jaws
+        themselves are elsewhere: frames that arrive late and together do not turn the command
+        round.
         """
         here_rad, before_rad = feedback.position_rad, self.commanded_rad
         self._measured.append(feedback.velocity_rad_s)
@@ -104,16 +105,16 @@ class FollowerCommand:
     def _bounds(
         self, wanted_rad: float, velocity_rad_s: float, here_rad: float
     ) -> tuple[Gains, float]:
-        """Return the gains, and how far the command may lead: less at the stop that lies ahead."""
+        """Return the gains and the command's largest lead: smaller towards a stop ahead."""
         geometry, gains = self._geometry, self._gains
         closing = (wanted_rad - here_rad) * geometry.close_sign > 0.0
         limit_rad = geometry.closed_rad if closing else geometry.open_rad
         cap_rad = max_lead_rad(abs(limit_rad - here_rad), geometry, self._config)
         if self._limit_nm is None:
-            if gains.kp_nm_rad * cap_rad <= MOST_NM:  # kp may even be 0
+            if gains.kp_nm_rad * cap_rad <= MOST_NM:  # kp may be 0
                 return gains, cap_rad
-            # Far behind, the command follows the jaws as they were measured: stiffly it would shake
-            # them. So the lead grows instead, with the same torque.
+            # Far behind, the command follows the measured jaws: stiff gains would shake them. So
+            # the lead grows instead, with the same torque.
             wanted_lead_rad = max(abs(wanted_rad - here_rad), MOST_NM / gains.kp_nm_rad)
             lead_rad = min(wanted_lead_rad, cap_rad)
             return Gains(MOST_NM / lead_rad, gains.kd_nm_s_rad), lead_rad
@@ -136,19 +137,19 @@ class FollowerCommand:
 
 
 TELL_EVERY_S = 0.01
-"""A hundred times a second: more than a hand can tell apart."""
+"""A hundred times a second: more than a hand can feel."""
 _EARLY_S = 0.00025
 
 
 class ForceTeller:
     """Sends a force frame every `TELL_EVERY_S`.
 
-    `sender` is the number by which a leader of several followers tells this one from the others.
+    `sender` is the number by which a leader of several followers knows this one.
     """
 
     def __init__(self, link: Link, sender: int) -> None:
         self.reported_n: float | None = None
-        """What was reported last, None while nothing is reported."""
+        """The latest reported value, None while nothing is reported."""
         self._link = link
         self._sender = sender
         self._next_s = float("-inf")
@@ -156,7 +157,7 @@ class ForceTeller:
     def step(
         self, now_s: float, feedback: Feedback, force_n: float, echo_s: float, leader: str
     ) -> bool:
-        """Tell `force_n` to the leader that is followed, if it is time to; whether it failed."""
+        """Send `force_n` to the leader if it is due; return True if that failed."""
         if now_s < self._next_s - _EARLY_S:
             return False
         self._next_s = now_s + TELL_EVERY_S
@@ -168,12 +169,12 @@ class ForceTeller:
 TRIP_AFTER_S = 0.06
 REARM_OPENNESS = 0.05
 RELEASE_AT_LEAST_S = 0.2
-"""So long it lets go in any case: a leader that stands at the open stop would else re-arm the guard
-in the tick of its trip."""
+"""After a trip the guard releases for at least this time: otherwise a leader at the open stop would
+re-arm the guard in the tick of its trip."""
 
 
 class PressGuard:
-    """Off with a limit of 0. While `is_tripped` the jaws must be free of stiffness and damping."""
+    """Off with a limit of 0. While `is_tripped`, the jaws must have no stiffness and no damping."""
 
     def __init__(self, limit_nm: float) -> None:
         self.is_tripped = False
@@ -184,10 +185,10 @@ class PressGuard:
         self._rearm_openness = 0.0
 
     def step(self, now_s: float, torque_nm: float, openness: float) -> bool:
-        """Take this tick's torque and the leader's openness; tell whether anything has changed.
+        """Take this tick's torque and the leader's openness; return whether the state has changed.
 
-        It re-arms once the leader has reopened by `REARM_OPENNESS` since the trip, or, near full
-        open, where there is no such way left, once it is at the open stop.
+        It re-arms when the leader has reopened by `REARM_OPENNESS` since the trip. Near full open,
+        where that way is missing, it re-arms at the open stop.
         """
         if self._limit_nm <= 0.0:
             return False
@@ -213,15 +214,15 @@ class PressGuard:
 Phase: TypeAlias = Literal["waiting", "aligning", "following", "stale", "released"]
 
 _SILENT_S = 3.0
-"""Without a frame for so long, the leader is missing, or somewhere else: no short disturbance."""
+"""After this time without a frame, the leader is missing or elsewhere: no short disturbance."""
 _OTHERS_TOLD_EVERY_S = 5.0
 _PHASE_TOLD_EVERY_S = 1.0
-"""A bad network may take a leader away and bring it back many times a second."""
+"""A bad network may lose and find a leader many times a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """What a follower is made of, besides its link: all that holds for its whole course."""
+    """The parts of a follower besides its link: constant while it runs."""
 
     geometry: Geometry
     config: MotionConfig
@@ -229,11 +230,11 @@ class Course:
     settings: TeleopSettings
     period_s: float
     sender: int = 0
-    """What tells this follower from others to its leader, where it tells its force."""
+    """Identifies this follower to its leader when it reports its force."""
 
 
 class TeleopFollower(TeleopAction):
-    """Follows until it is finished; leaves a hold behind, or, after a trip, free jaws."""
+    """Follows until it is finished; leaves a hold behind or, after a trip, free jaws."""
 
     def __init__(self, link: Link, wish: LinkWish, tell: Tell, course: Course) -> None:
         super().__init__(link, wish, tell)
@@ -258,7 +259,7 @@ class TeleopFollower(TeleopAction):
         self._others_told_s = float("-inf")
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Take what has come, and lead the jaws on."""
+        """Take the frames that have arrived, and move the jaws on."""
         feedback = motor.feedback
         if feedback is None:
             return Step()
@@ -279,10 +280,9 @@ class TeleopFollower(TeleopAction):
         return Step(command)
 
     def rest(self) -> Rest | None:
-        """Finished, it holds where the jaws are; broken off, what they press on is not dropped.
+        """Finished, it holds the jaws where they are; interrupted, it keeps what they press on.
 
-        Jaws on their way stop where they are. What the guard has let go of stays free: a hold
-        would press it anew.
+        Moving jaws stop where they are. After a trip the jaws stay free: a hold would press again.
         """
         if self._guard.is_tripped:
             return Slack()
@@ -293,21 +293,21 @@ class TeleopFollower(TeleopAction):
         return hold
 
     def progress(self) -> Progress | None:
-        """Return the phase, and where command and jaws are."""
+        """Return the phase, and the positions of command and jaws."""
         commanded_rad = self._leading.commanded_rad
         if self.feedback is None or commanded_rad is None:
             return None
         return progress_of(self._phase, self._intake.frames, 0, commanded_rad, self.feedback)
 
     def result(self) -> TeleopResult:
-        """Return what it has come to so far."""
+        """Return the result so far."""
         intake = self._intake
         return TeleopResult(
             True, "slave", intake.frames, intake.rejected, self.send_failed, self._guard.trips
         )
 
     def status(self, now_s: float) -> TeleopStatus:
-        """Return how it goes; the opening is the leader's, in the frame that was followed last."""
+        """Return the status; the opening is the leader's, in the latest frame that was followed."""
         intake, frame = self._intake, self._intake.latest
         age_s = intake.age_s(now_s)
         return replace(
@@ -331,7 +331,7 @@ class TeleopFollower(TeleopAction):
         )
 
     def complaint(self) -> str | None:
-        """Say that nothing is heard of the leader, once that has lasted."""
+        """Return a warning that the leader is silent, once that has lasted."""
         intake, began_s, now_s = self._intake, self._began_s, self._stepped_s
         if began_s is None:
             return None
@@ -349,7 +349,7 @@ class TeleopFollower(TeleopAction):
     # The command of a tick
 
     def _command(self, now_s: float, elapsed_s: float, feedback: Feedback) -> MitCommand:
-        """Return what the jaws are told, by the frames so far."""
+        """Return this tick's command, from the frames so far."""
         here_rad = feedback.position_rad
         lead = self._leading.command
         if self._reference_rad is None:
@@ -357,7 +357,7 @@ class TeleopFollower(TeleopAction):
         frame = self._intake.latest
         if frame is None:
             return lead(self._reference_rad, 0.0, feedback)
-        openness = min(max(frame.openness, 0.0), 1.0)  # beyond the travel nothing is followed
+        openness = min(max(frame.openness, 0.0), 1.0)  # nothing is followed beyond the travel
         if self._guard.step(now_s, feedback.torque_nm, openness):
             self._tell_guard(feedback.torque_nm, openness)
         if self._guard.is_tripped:
@@ -380,7 +380,7 @@ class TeleopFollower(TeleopAction):
         return lead(target_rad, self._velocity_rad_s(now_s), feedback)
 
     def _align(self, target_rad: float, elapsed_s: float, here_rad: float) -> None:
-        """Go towards the leader at a bounded speed, from where the jaws can be led."""
+        """Go towards the leader at a bounded speed, from a position that can lead the jaws."""
         geometry, config = self._course.geometry, self._course.config
         from_rad = self._reference_rad if self._reference_rad is not None else here_rad
         from_rad = self._leading.within_reach(from_rad, here_rad)
@@ -390,24 +390,24 @@ class TeleopFollower(TeleopAction):
             self._enter("following")
 
     def _target_rad(self, openness: float) -> float:
-        """Return where the leader's openness is in our own travel, and never beyond it."""
+        """Return the leader's openness as a position within our own travel."""
         geometry = self._course.geometry
         return geometry.closed_rad - geometry.close_sign * openness * geometry.travel_rad
 
     def _velocity_rad_s(self, now_s: float) -> float:
-        """Return the leader's velocity in our own travel, bounded."""
+        """Return the leader's velocity in our own travel, within bounds."""
         geometry, most_rad_s = self._course.geometry, self._course.settings.dq_max_rad_s
         rate_1_s = self._intake.rate_1_s(now_s)
         velocity_rad_s = -geometry.close_sign * rate_1_s * geometry.travel_rad
         return min(max(velocity_rad_s, -most_rad_s), most_rad_s)
 
-    # Telling
+    # Reports
 
     def _tell_force(self, now_s: float, feedback: Feedback) -> None:
-        """Report to the leader's hand what the jaws press with while they go where it wants them.
+        """Report the jaws' force to the leader's hand while the jaws go where it wants them.
 
-        A leader that is heard no longer gets nothing, nor one that would reject the force as late:
-        where its frames were forged, the answers go to somebody who has not asked for them.
+        No report goes to a silent leader, nor to one that would reject the force as late: if its
+        frames were forged, the answers would go to somebody who has not asked for them.
         """
         intake, frame, age_s = self._intake, self._intake.latest, self._intake.age_s(now_s)
         if frame is None or age_s is None or age_s >= MOST_ROUND_TRIP_S or intake.is_stale(now_s):
@@ -419,7 +419,7 @@ class TeleopFollower(TeleopAction):
         self.send_failed += failed
 
     def _enter(self, phase: Phase) -> None:
-        """Go on to another phase, and tell what a person wants to know of it."""
+        """Enter another phase, and report what a person needs to know about it."""
         before, self._phase = self._phase, phase
         told_s = self._phases_told_s.get(phase, float("-inf"))
         if phase == before or self._stepped_s - told_s < _PHASE_TOLD_EVERY_S:
@@ -445,7 +445,7 @@ class TeleopFollower(TeleopAction):
             self.tell("the leader has reopened: the torque guard is armed again")
 
     def _note_others(self, now_s: float) -> None:
-        """Tell of a second leader, but not all the time."""
+        """Report a second leader, but not all the time."""
         count = self._intake.other_leaders
         is_due = now_s - self._others_told_s >= _OTHERS_TOLD_EVERY_S
         if is_due and count > self._others_told:

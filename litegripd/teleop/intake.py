@@ -1,18 +1,18 @@
 """What arrives from the other side: positions of a leader, forces of followers.
 
-`Intake` gives a follower the newest frame, how old it is, and how fast it moves. It knows no
-geometry: openness in, openness out. Nothing is clamped.
+`Intake` gives a follower the newest frame, its age and its speed. It knows no geometry: openness
+in, openness out. Nothing is clamped.
 
-`Backlog` tells what lay in the network during a silence from what is fresh: old motion is no
-target. A cut cable keeps frames: TCP delivers them when it is mended, seconds old and all at once.
-Two machines share no clock, but the time of arrival less the sender's own time is constant, but for
-the network's delay: what has much more of it than before the silence is old. Unless it stays like
-that: then the sender's clock is another one now.
+`Backlog` separates fresh frames from those that the network kept during a silence: old motion is no
+target. A cut cable keeps frames: when it is repaired, TCP delivers them together, seconds old. Two
+machines share no clock, but the time of arrival minus the sender's own time is constant, except for
+the network's delay. A frame whose difference is much larger than before the silence is old. If the
+difference stays that large, the sender's clock has changed.
 
-`ForceIntake` gives a leader who presses now, and how hard. A force is felt only as the answer to a
-recent position: its echo must be a time at which this leader published, by the leader's own clock,
-no longer ago than `MOST_ROUND_TRIP_S`. So frames for another leader, frames of before and frames
-over a slow network are none, whatever their senders' clocks say.
+`ForceIntake` gives a leader the present force of its followers. A force counts only as the answer
+to a recent position: its echo must be a time at which this leader published, by the leader's own
+clock, at most `MOST_ROUND_TRIP_S` ago. This excludes frames for another leader, earlier frames and
+frames over a slow network, whatever their senders' clocks say.
 """
 
 from dataclasses import dataclass
@@ -20,17 +20,17 @@ from dataclasses import dataclass
 from litegripd.model.teleop import Arrival, TeleopFrame, decode_force, decode_frame
 
 _WINDOW_S = 10.0
-"""So long a least delay counts at least; clocks drift by less than a millisecond meanwhile."""
+"""The least delay is kept for at least this time; clocks drift by less than 1 ms meanwhile."""
 
 _CATCHING_UP_S = 0.02
-"""A network that gives back what it has kept is less late from frame to frame."""
+"""A network that delivers kept frames gets less late from frame to frame."""
 
 
 class Backlog:
     """Judges a sender's frames by their offset: arrival less the sender's own time, in seconds."""
 
     def __init__(self, late_s: float) -> None:
-        """Take as late what is so much later than before; as long as that it may stay so."""
+        """Store how much later than before is late, and how long that may last."""
         self._late_s = late_s
         self._least_s: tuple[float, float] | None = None
         self._window_began_s = 0.0
@@ -38,7 +38,7 @@ class Backlog:
         self._late_least_s = 0.0
 
     def begin(self, offset_s: float, at_s: float) -> None:
-        """Forget what was before: a frame of another sender, or of another clock."""
+        """Forget the past: the next frame is of another sender, or of another clock."""
         self._least_s = offset_s, offset_s
         self._window_began_s, self._late_since_s = at_s, None
 
@@ -50,7 +50,7 @@ class Backlog:
         self._least_s = before_s, min(least_s, offset_s)
 
     def holds(self, offset_s: float, at_s: float) -> bool:
-        """Check if a frame is old, so that a fresh one can be waited for; every frame is shown."""
+        """Return True if a frame is old and a fresh one can be expected; pass it every frame."""
         if self._least_s is None or offset_s - min(self._least_s) <= self._late_s:
             self._late_since_s = None
             return False
@@ -61,22 +61,22 @@ class Backlog:
 
 
 MAX_FRAME_GAP_S = 0.05
-"""Frames further apart than this tell no velocity, and no velocity outlives it (vendor's SDK)."""
+"""Frames further apart give no velocity, and no velocity lasts longer (vendor's SDK)."""
 
 _SHORTEST_INTERVAL_S = 0.0005
-"""Half of what the fastest leader leaves between two frames: less is no interval to divide by."""
+"""Half the interval of the fastest leader: a shorter one is no interval to divide by."""
 
 _SAME_CLOCK_S = 1.0
-"""A frame that is older than the newest by less than this was overtaken on its way. By more, it is
-of another clock: a second leader's, which is not followed while the first is heard, or that of a
-leader whose clock was set back, which is followed again after the watchdog's time."""
+"""A frame older than the newest by less than this was overtaken on its way. A larger difference
+means another clock: that of a second leader, which is not followed while the first is heard, or one
+that was set back, which is followed again after the watchdog's time."""
 
 
 class Intake:
     """Takes frames of one leader; `latest` is None until the first.
 
-    `begins` counts how often frames began anew: the first one, one after a silence, and one whose
-    time leaps ahead. Whoever follows has to align then.
+    `begins` counts the starts: the first frame, one after a silence, and one whose time leaps
+    ahead. A follower then has to align.
     """
 
     def __init__(self, watchdog_s: float) -> None:
@@ -95,7 +95,7 @@ class Intake:
         self._backlog = Backlog(watchdog_s)
 
     def take(self, arrival: Arrival) -> None:
-        """Take what has come, or count why not."""
+        """Take a payload that has arrived, or count why it is rejected."""
         frame, latest = decode_frame(arrival.payload), self.latest
         if frame is None:
             self.rejected += 1
@@ -104,7 +104,7 @@ class Intake:
         is_old = latest is not None and is_same and self._backlog.holds(offset_s, arrival.at_s)
         if latest is None or self.is_stale(arrival.at_s):
             if is_old:
-                self.late += 1  # of before the silence, or of a clock that was set back just now
+                self.late += 1  # from before the silence, or of a clock that was set back just now
             else:
                 self._begin(frame, arrival)
             return
@@ -116,7 +116,7 @@ class Intake:
         elif later_s > _SAME_CLOCK_S + arrival.at_s - self._arrived_s:
             self._begin(frame, arrival)
         elif later_s == 0.0 and frame.openness == latest.openness:
-            self._arrived_s = arrival.at_s  # a leader that stands still, and has no clock
+            self._arrived_s = arrival.at_s  # a leader that stands still, without a clock
             self._backlog.accept(offset_s, arrival.at_s)
             self.frames += 1
         else:
@@ -124,19 +124,19 @@ class Intake:
 
     @property
     def source(self) -> str:
-        """Who sent the newest frame, as the transport names it."""
+        """The sender of the newest frame, as the transport names it."""
         return self._source
 
     def is_stale(self, now_s: float) -> bool:
-        """Return whether no frame has come for as long as the watchdog waits, by our own clock."""
+        """Return True if no frame has come within the watchdog's time, by our own clock."""
         return self.latest is not None and now_s - self._arrived_s >= self._watchdog_s
 
     def age_s(self, now_s: float) -> float | None:
-        """Return how long ago the newest frame came."""
+        """Return the age of the newest frame, by its arrival."""
         return None if self.latest is None else max(now_s - self._arrived_s, 0.0)
 
     def rate_1_s(self, now_s: float) -> float:
-        """Return how fast the openness changes; it lasts until the next frame, but not long."""
+        """Return how fast the openness changes; valid until the next frame, but not for long."""
         return self._rate_1_s if now_s - self._rate_at_s <= MAX_FRAME_GAP_S else 0.0
 
     def _begin(self, frame: TeleopFrame, arrival: Arrival) -> None:
@@ -152,9 +152,9 @@ class Intake:
         self.frames += 1
 
     def _rate(self, frame: TeleopFrame, latest: TeleopFrame, later_s: float, at_s: float) -> float:
-        """Difference two frames, by the sender's clock: the network's jitter is not in that.
+        """Return the slope of two frames by the sender's clock, which has no network jitter.
 
-        A sender without a clock gives the same time in every frame; then ours must do.
+        A sender without a clock gives the same time in every frame; then our clock is used.
         """
         apart_s = at_s - self._arrived_s
         interval_s = apart_s if later_s == 0.0 else later_s
@@ -164,7 +164,7 @@ class Intake:
 
 
 MOST_ROUND_TRIP_S = 0.2
-"""What is older is no longer what the hand feels now; it is the watchdog's time of a follower."""
+"""An older force is no longer what the hand feels now; equal to a follower's watchdog time."""
 MOST_FOLLOWERS = 8
 
 
@@ -178,9 +178,8 @@ class _Heard:
 class ForceIntake:
     """Keeps the newest force of each of up to `MOST_FOLLOWERS` followers.
 
-    `rejected` counts what was no frame, `out_of_order` frames that were older than one before,
-    `late` those whose echo is not of this leader's latest positions, and those of one follower too
-    many.
+    `rejected` counts what was no frame, `out_of_order` frames older than an earlier one, and `late`
+    those whose echo is not of this leader's latest positions, and those of a follower too many.
     """
 
     def __init__(self) -> None:
@@ -188,11 +187,12 @@ class ForceIntake:
         self.out_of_order = 0
         self.late = 0
         self.round_trip_s: float | None = None
-        """From a measurement of the leader to the force that answers it, of the newest frame."""
+        """Time from a measurement of the leader to the force that answers it, for the newest
+        frame."""
         self._heard: dict[int, _Heard] = {}
 
     def take(self, arrival: Arrival, now_s: float) -> None:
-        """Take what has come, or count why not."""
+        """Take a payload that has arrived, or count why it is rejected."""
         frame = decode_force(arrival.payload)
         if frame is None:
             self.rejected += 1
@@ -209,11 +209,11 @@ class ForceIntake:
             self.round_trip_s = now_s - frame.echo_s
 
     def followers(self, now_s: float) -> int:
-        """Return how many followers tell their force now."""
+        """Return how many followers report their force now."""
         return sum(_is_recent(heard.echo_s, now_s) for heard in self._heard.values())
 
     def force_n(self, now_s: float) -> float:
-        """Return the force of that follower which presses hardest now; 0 where none is heard."""
+        """Return the largest force that a follower reports now; 0 without followers."""
         forces = [h.force_n for h in self._heard.values() if _is_recent(h.echo_s, now_s)]
         return max(forces, key=abs, default=0.0)
 
@@ -224,5 +224,5 @@ class ForceIntake:
 
 
 def _is_recent(echo_s: float, now_s: float) -> bool:
-    """Return whether a position of this time is recent; one of the future is of another clock."""
+    """Return True if a position of this time is recent; a future time is of another clock."""
     return 0.0 <= now_s - echo_s <= MOST_ROUND_TRIP_S

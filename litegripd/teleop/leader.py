@@ -1,14 +1,14 @@
-"""The leader: its jaws are slack, a hand moves them, and how far they are open is published.
+"""The leader: its jaws are slack, a hand moves them, and their openness is published.
 
-A frame goes out in the tick in which its measurement came, and never twice: a leader whose motor
-does not answer falls silent, so that its followers know.
+A frame leaves in the tick in which its measurement came, and never twice: a leader whose motor does
+not answer is silent, so that its followers know.
 
-Where it is wished for, the jaws push back a little with what the followers press with (`PushBack`).
-The hand is a person's, and what is pushed with comes over a network: the torque is small, begins
-and ends gently, and never does more work on the hand than the hand has done on the jaws before,
-but for a grant that is too small to feel. So whatever the delay, the loop through the network
-cannot feed an oscillation: seen from the hand, the jaws are passive (time-domain passivity, with
-the energy counted at the leader's own motor).
+On request, the jaws push back a little with the followers' force (`PushBack`). The hand is a
+person's, and the force comes over a network: the torque is small, and begins and ends gently. It
+never does more work on the hand than the hand has done on the jaws before, except for an allowance
+too small to feel. So the loop through the network cannot feed an oscillation, whatever the delay:
+seen from the hand, the jaws are passive (time-domain passivity, with the energy counted at the
+leader's own motor).
 """
 
 import math
@@ -25,24 +25,23 @@ from litegripd.teleop.intake import ForceIntake
 from litegripd.teleop.link import Link
 
 MOST_N = 10.0
-"""No leader pushes back with more, whoever asks for it: a finger holds it without effort."""
+"""No leader pushes back with more, on any request: a finger holds it without effort."""
 
 DEAD_BAND_N = 2.0
-"""So much a follower measures of its own friction (0.15 to 0.21 N·m) with nothing in its jaws."""
+"""A follower measures this as its own friction (0.15 to 0.21 N·m) with empty jaws."""
 
 RAMP_S = 0.1
-"""From nothing to the most, and from the most to nothing when nobody is heard any more."""
+"""From nothing to the most, and from the most to nothing when no follower is heard any more."""
 
 FASTEST_MM_S = 100.0
-"""Jaws that are let go of are pushed no faster: damping in the motor, where no delay is, sees to
-it."""
+"""Released jaws are pushed no faster: damping in the motor ensures it, where there is no delay."""
 
 GRANT_J = 0.005
-"""What may be given before anything was taken: 10 N along 0.5 mm. With much less, the quantum of
-the position alone would switch the torque off and on."""
+"""What may be given before anything was taken: 10 N along 0.5 mm. With much less, the position's
+quantum alone would switch the torque on and off."""
 
 MOST_STORED_J = 0.05
-"""What was taken longer ago is not given back: 10 N along 5 mm."""
+"""Energy taken longer ago is not given back: 10 N along 5 mm."""
 
 _SMOOTHING_S = 0.02
 _LONGEST_TICK_S = 0.05
@@ -53,7 +52,7 @@ class PushBack:
 
     def __init__(self, most_n: float, gain: float, geometry: Geometry) -> None:
         self.force_n = 0.0
-        """With what the jaws push now, opening positive."""
+        """The force with which the jaws push now, opening positive."""
         self._most_n = min(most_n, MOST_N)
         self._gain = gain
         self._geometry = geometry
@@ -80,7 +79,7 @@ class PushBack:
         return MitCommand(feedback.position_rad, 0.0, 0.0, kd_nm_s_rad, torque_nm)
 
     def _ramp(self, felt_n: float, elapsed_s: float) -> None:
-        """Go towards the force that is wanted: smoothed, bounded, and no faster than the ramp."""
+        """Go towards the wanted force: smoothed, bounded, and no faster than the ramp."""
         beyond_n = math.copysign(max(abs(felt_n) - DEAD_BAND_N, 0.0), felt_n)
         wanted_n = min(max(self._gain * beyond_n, -self._most_n), self._most_n)
         share = 1.0 - math.exp(-elapsed_s / _SMOOTHING_S)
@@ -92,9 +91,9 @@ class PushBack:
             self._share = 1.0
 
     def _allow(self, gives: float, elapsed_s: float) -> None:
-        """Find how much of the force may be given: all of it to a hand that presses against it.
+        """Return how much of the force may be given: all of it to a hand that presses against it.
 
-        Less at once where there is no work left to give back, and more again by the ramp.
+        It drops at once when no work is left to give back, and returns by the ramp.
         """
         left = 1.0 if gives < 0.0 else min(max(self._stored_j / GRANT_J + 1.0, 0.0), 1.0)
         self._share = min(left, self._share + elapsed_s / RAMP_S)
@@ -105,7 +104,7 @@ class PushBack:
 
 
 _EARLY_S = 0.00025
-"""A tick that comes so little early, as ticks do, is the one that is due."""
+"""A tick that is early by this little counts as the one that is due."""
 
 
 class TeleopLeader(TeleopAction):
@@ -132,12 +131,12 @@ class TeleopLeader(TeleopAction):
         self._frames = 0
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Keep the jaws slack, but for what is felt, and publish what was measured."""
+        """Keep the jaws slack, except for the felt force, and publish the measurement."""
         feedback = motor.feedback
         if feedback is None:
             return Step()
         self.loop.tick(now_s)
-        for arrival in self.link.receive(now_s):  # that also brings news of the link
+        for arrival in self.link.receive(now_s):  # this also brings the link's status
             self._forces.take(arrival, now_s)
         self.note_link()
         is_new = self.feedback is None or feedback.at_s > self.feedback.at_s
@@ -155,13 +154,13 @@ class TeleopLeader(TeleopAction):
         return progress_of("leading", self._frames, 0, feedback.position_rad, feedback)
 
     def result(self) -> TeleopResult:
-        """Return what it has come to so far."""
+        """Return the result so far."""
         return TeleopResult(
             True, "master", self._frames, self._forces.rejected, self.send_failed, 0
         )
 
     def status(self, now_s: float) -> TeleopStatus:
-        """Return how it goes."""
+        """Return the status."""
         status, frame, forces = self.base_status(), self._frame, self._forces
         status = replace(status, phase="leading", rejected=forces.rejected)
         if self.wish.reflects:
@@ -186,13 +185,13 @@ class TeleopLeader(TeleopAction):
         )
 
     def _command(self, now_s: float, feedback: Feedback) -> MitCommand:
-        """Return slack jaws, or jaws that push back with what the followers press with."""
+        """Return slack jaws, or jaws that push back with the followers' force."""
         if not self.wish.reflects:
             return Slack().command(now_s, feedback)
         return self._push.step(now_s, self._forces.force_n(now_s), feedback)
 
     def _is_due(self, now_s: float) -> bool:
-        """Keep the rate on average; what was missed is not made up for."""
+        """Keep the rate on average; missed frames are not made up for."""
         due_s = now_s if self._due_s is None else self._due_s
         if now_s < due_s - _EARLY_S:
             return False

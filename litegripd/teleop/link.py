@@ -1,6 +1,6 @@
-"""What an action needs of a link, and the link that stays inside the process.
+"""What an action needs from a link, and the link that stays inside the process.
 
-Nothing here waits: what opens, connects or resolves names does so elsewhere.
+Nothing here waits: opening, connecting and resolving names happen elsewhere.
 """
 
 from collections import deque
@@ -17,33 +17,33 @@ class Link(Protocol):
 
     @property
     def status(self) -> LinkStatus:
-        """How it is now."""
+        """The present status."""
 
     def publish(self, payload: bytes, now_s: float) -> bool:
-        """Send to whoever listens, without waiting; tell whether it left."""
+        """Send to all listeners, without waiting; return whether it left."""
 
     def reply(self, payload: bytes, to: str, now_s: float) -> bool:
-        """Send from a follower to its leader, the `source` of what it follows; as `publish`."""
+        """Send from a follower to its leader, the `source` of the frames; as `publish`."""
 
     def receive(self, now_s: float) -> Sequence[Arrival]:
-        """Return what has come since the last call, the oldest first."""
+        """Return what has arrived since the last call, the oldest first."""
 
     def close(self) -> None:
-        """Send and receive nothing more."""
+        """Stop sending and receiving."""
 
 
 class Links(Protocol):
-    """Where links come from."""
+    """Makes links."""
 
     def open(self, wish: LinkWish) -> Link:
-        """Begin to open a link; it is there at once, and becomes usable by itself."""
+        """Begin to open a link; return it at once, it becomes usable by itself."""
 
     def warning(self, wish: LinkWish) -> str | None:
-        """Say what a person should know before such a link is used, if anything."""
+        """Return what a person should know before such a link is used, or None."""
 
 
 class InProcessLinks:
-    """A bus inside the process: leaders reach the followers with the same topic, and no network."""
+    """A bus inside the process: links leaders and followers of a topic, without a network."""
 
     def __init__(self) -> None:
         self._ends: list[InProcessLink] = []
@@ -55,11 +55,11 @@ class InProcessLinks:
         return end
 
     def warning(self, _wish: LinkWish) -> str | None:
-        """There is nothing to warn of: nobody else can listen or send."""
+        """Return None: nobody else can listen or send."""
         return None
 
     def forget(self, end: "InProcessLink") -> None:
-        """Let an end take no further part."""
+        """Remove an end from the bus."""
         self._ends = [other for other in self._ends if other is not end]
 
     def listeners(self, wish: LinkWish) -> "list[InProcessLink]":
@@ -67,7 +67,7 @@ class InProcessLinks:
         return self._others("slave", wish)
 
     def leaders(self, wish: LinkWish) -> "list[InProcessLink]":
-        """Return the leaders of a follower that listen to forces."""
+        """Return a follower's leaders that listen to forces."""
         return [end for end in self._others("master", wish) if end.wish.reflects]
 
     def _others(self, mode: TeleopMode, wish: LinkWish) -> "list[InProcessLink]":
@@ -93,7 +93,7 @@ class InProcessLink:
         )
 
     def publish(self, payload: bytes, now_s: float) -> bool:
-        """Put a payload into the queue of each follower."""
+        """Put a payload into each follower's queue."""
         for listener in self._links.listeners(self.wish):
             listener.deliver(Arrival(payload, now_s))
         return True

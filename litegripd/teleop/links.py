@@ -1,7 +1,7 @@
-"""The control thread's end of teleoperation links: they live in a process of their own.
+"""The control thread's end of teleoperation links, which live in a process of their own.
 
-Nothing here waits: opening, connecting and resolving names are that process's. It is started when
-the first link is wanted, kept for the daemon's life, and started again when it dies.
+Nothing here waits: the process opens, connects and resolves names. It is started with the first
+link, kept for the daemon's life, and restarted when it dies.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ _END_WITHIN_S = 0.5
 
 
 class TeleopLinks:
-    """Makes links; the present one is that which was opened last.
+    """Makes links; the present one is the one opened last.
 
     `zenoh_config` is a file of zenoh's own, for TLS and access lists.
     """
@@ -44,7 +44,7 @@ class TeleopLinks:
         self._inside = InProcessLinks()
         self._child: Child | None = None
         self._link: ProcessLink | None = None
-        self._led: ProcessLink | None = None  # zenoh's leader that was the last one
+        self._led: ProcessLink | None = None  # the key of the last zenoh leader
         self._open_port: int | None = None  # of an unprotected leader's session, which is kept
         self._generation = 0
         self._restart_at_s = 0.0
@@ -57,15 +57,15 @@ class TeleopLinks:
 
     @property
     def status(self) -> LinkStatus | None:
-        """How the present link is, None without one through the process."""
+        """The status of the present link, None if none goes through the process."""
         return None if self._link is None else self._link.status
 
     @property
     def is_open_to_network(self) -> bool | None:
-        """True if others than those whom the configuration names can reach a link now.
+        """True if others than those named in the configuration can reach a link now.
 
-        That of a leader's session, too, which stays open when its teleoperation is over. None while
-        nobody can know.
+        That includes the session of a leader, which stays open after its teleoperation. None while
+        this is unknown.
         """
         if self._open_port is not None:
             return True
@@ -73,7 +73,7 @@ class TeleopLinks:
         return None if is_protected is None else not is_protected
 
     def open(self, wish: LinkWish) -> Link:
-        """Begin to open a link; the process begins with the next `poll`."""
+        """Begin to open a link; the process starts with the next `poll`."""
         if wish.kind == "none":
             return self._inside.open(wish)
         self._generation += 1
@@ -83,7 +83,7 @@ class TeleopLinks:
         return self._link
 
     def warning(self, wish: LinkWish) -> str | None:
-        """Return who else may take part."""
+        """Return a warning that others may take part, or None."""
         leads, port = wish.mode == "master", wish.port
         if wish.kind == "udp":
             who = f"is between here and {wish.host}:{port}" if leads else f"can send to port {port}"
@@ -98,7 +98,7 @@ class TeleopLinks:
         )
 
     def poll(self, now_s: float) -> None:
-        """Start the process where it is wanted; called once per tick, when all else is done."""
+        """Start the process if it is needed; called once per tick, after everything else."""
         link, child = self._link, self._child
         if child is not None and child.has_ended:
             self._bury(child, now_s)
@@ -115,7 +115,7 @@ class TeleopLinks:
             self._open_port = None
 
     def let_go(self) -> None:
-        """Leave the process to end by itself, as it does without its daemon."""
+        """Leave the process, which ends by itself without its daemon."""
         if self._child is not None:
             self._child.let_go()
             self._child = None
@@ -124,11 +124,11 @@ class TeleopLinks:
     # For the links
 
     def send(self, packet: bytes) -> bool:
-        """Hand a packet to the process; tell whether it was taken."""
+        """Send a packet to the process; return whether it was taken."""
         return self._child is not None and self._child.send(packet)
 
     def exchange(self, link: "ProcessLink") -> None:
-        """Let `link` take what the process has told."""
+        """Give `link` the reports of the process."""
         for _ in range(_PACKETS_PER_TICK):
             packet = None if self._child is None else self._child.receive()
             if packet is None:
@@ -139,18 +139,18 @@ class TeleopLinks:
                 self._led.take(packet)
 
     def forget(self, link: "ProcessLink") -> None:
-        """Note that a link is closed."""
+        """Record that a link is closed."""
         if self._link is link:
             self._link = None
 
     def note(self, link: "ProcessLink", wish: LinkWish, status: LinkStatus) -> None:
-        """Note which leader's session the process keeps (see `ZenohLeaders`)."""
+        """Record which leader's session the process keeps (see `ZenohLeaders`)."""
         if link is not self._led:
             return
         if status.is_protected is not None:
             self._open_port = None if status.is_protected else wish.port
         elif status.state == "failed" and wish.port != self._open_port:
-            self._open_port = None  # given up for another port, which could not be opened
+            self._open_port = None  # closed in favour of another port, which could not be opened
 
     def _spawn(self, link: "ProcessLink", now_s: float) -> None:
         try:
@@ -178,7 +178,7 @@ def _unstarted(why: str) -> LinkStatus:
 
 
 class ProcessLink:
-    """One link, as the process keeps it."""
+    """One link, which the process keeps."""
 
     def __init__(self, links: TeleopLinks, order: Order) -> None:
         self.status = LinkStatus()
@@ -189,18 +189,18 @@ class ProcessLink:
         self._arrived: list[Arrival] = []
 
     def publish(self, payload: bytes, _now_s: float) -> bool:
-        """Hand a frame to the process; while the link is not open it may be lost.
+        """Send a frame to the process; while the link is not open, it may be lost.
 
-        It is tried all the same: whether a network is there again, only sending tells.
+        It is sent in any case: only sending shows whether a network is back.
         """
         return self._links.send(FRAME + payload) and self.status.state == "open"
 
     def reply(self, payload: bytes, to: str, _now_s: float) -> bool:
-        """Hand a frame for the leader to the process; it may be lost as any."""
+        """Send a frame for the leader to the process; it may be lost like any other."""
         return self._links.send(pack_reply(payload, to)) and self.status.state == "open"
 
     def receive(self, _now_s: float) -> Sequence[Arrival]:
-        """Return what the process has passed on; tell it once what to open."""
+        """Return what the process has passed on; request the link once."""
         self._links.exchange(self)
         if not self.is_ordered:
             self.is_ordered = self._links.send(pack_open(self._order))
@@ -208,13 +208,13 @@ class ProcessLink:
         return arrived
 
     def close(self) -> None:
-        """Have it closed; what it still tells is not for the next one."""
+        """Request the close; later reports of this link are not for the next one."""
         self._is_closed = True
         self._links.send(CLOSE)
         self._links.forget(self)
 
     def take(self, packet: bytes) -> None:
-        """Take a packet of the process, unless it is of a link before this one."""
+        """Take a packet of the process, unless it is of an earlier link."""
         kind, body = packet[:1], packet[1:]
         if kind == FRAME:
             generation, arrival = unpack_arrival(body)

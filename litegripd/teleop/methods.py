@@ -27,7 +27,7 @@ from litegripd.teleop.teleoperation import Teleoperation
 _GRIP_ID = re.compile(r"[A-Za-z0-9_.-]{1,64}")
 _HOST = re.compile(r"[A-Za-z0-9_.:%-]{1,253}")
 _HOSTS = re.compile(r"[A-Za-z0-9_.:%,\[\] -]{1,1000}")
-"""Nothing that would mean more than a name in a key or an endpoint: no "/", "#", "?" and "*"."""
+"""Excludes "/", "#", "?" and "*", which have a meaning in a key or an endpoint."""
 
 _Problem: TypeAlias = tuple[str, str] | None
 """A parameter, and what is wrong with it."""
@@ -147,7 +147,7 @@ class TeleopMethods:
     def __init__(
         self, controller: Controller, links: Links, reporter: Reporter, epoch: str
     ) -> None:
-        """Take what others make; `epoch`, 16 hexadecimal digits, is the daemon's alone."""
+        """Store the collaborators; `epoch`, 16 hexadecimal digits, is unique to the daemon."""
         self._controller = controller
         self._reporter = reporter
         self._teleoperation = Teleoperation(controller, links, int(epoch, 16))
@@ -219,7 +219,7 @@ def _settings(params: Mapping[str, Any]) -> TeleopSettings:
 
 
 def _wish(params: Mapping[str, Any]) -> LinkWish:
-    """Return which link is wanted; refuse a parameter that is wrong."""
+    """Return the requested link; reject a wrong parameter."""
     mode, fake = params["mode"], params.get("fake_leader", False)
     wish = LinkWish(
         mode,
@@ -238,7 +238,7 @@ def _wish(params: Mapping[str, Any]) -> LinkWish:
 
 
 def _of_names(wish: LinkWish) -> _Problem:
-    """Look at what becomes a part of keys and endpoints."""
+    """Check what becomes a part of keys and endpoints."""
     if not _GRIP_ID.fullmatch(wish.grip_id):
         return "grip_id", f"is {wish.grip_id!r}; it has letters, digits, _ . - (1 to 64)"
     if wish.host is None:
@@ -262,7 +262,7 @@ def _of_targets(wish: LinkWish) -> _Problem:
 
 
 def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:
-    """Look at what only one end takes."""
+    """Check the parameters of only one end."""
     if params["mode"] == "master":
         if "reflect" in params:
             return "reflect", "is for a slave; a master takes reflect_n, its largest force"
@@ -278,7 +278,7 @@ def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:
 
 
 def _of_ends(wish: LinkWish, *, fake: bool) -> _Problem:
-    """Look at who has to know where the other end is."""
+    """Check the parameters of the end that must know where the other one is."""
     leads, has_host = wish.mode == "master", wish.host is not None
     if leads and fake:
         return "fake_leader", "is for a slave: a master is a leader itself"

@@ -1,7 +1,7 @@
-"""The link process: opens, keeps and closes the teleoperation link, for which waiting is allowed.
+"""The link process: opens, keeps and closes the teleoperation link, where waiting is allowed.
 
 The main thread reads the daemon's socket, publishes, and ends the process with the daemon. A worker
-opens and closes; whatever listens to the network has a thread of its own. The process knows no
+opens and closes; each listener to the network has a thread of its own. The process knows no
 geometry and no motor: payloads in, payloads out.
 """
 
@@ -39,15 +39,15 @@ _LOOK_EVERY_S = 0.1
 _RETRY_AFTER_S = 1.0
 _FASTEST_HZ = 1500.0
 _PLACE = re.compile(r" at /\S+\.rs:\d+\.?")
-"""Where in its sources an error of zenoh's was made."""
+"""The place in zenoh's sources where an error was made."""
 _IN_USE = os.strerror(errno.EADDRINUSE)
 _BURST = 24
-"""More than any leader sends is not passed on: a flood of the network's is none of the daemon's."""
+"""No leader sends more, so more is not passed on: the daemon does not see a network's flood."""
 
 
 @dataclass(slots=True)
 class Flood:
-    """Lets `_FASTEST_HZ` pass, and a burst, as after a moment in which the network stood still."""
+    """Lets `_FASTEST_HZ` pass, and a burst, as after a short stop of the network."""
 
     dropped: int = 0
     _left: float = _BURST
@@ -55,7 +55,7 @@ class Flood:
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def passes(self, now_s: float) -> bool:
-        """Return whether one more may pass now."""
+        """Return True if one more may pass now."""
         with self._lock:
             self._left = min(self._left + (now_s - self._at_s) * _FASTEST_HZ, _BURST)
             self._at_s = now_s
@@ -66,13 +66,13 @@ class Flood:
             return True
 
     def refuse(self) -> None:
-        """Count what does not pass for another reason."""
+        """Count one that does not pass for another reason."""
         with self._lock:
             self.dropped += 1
 
 
 class Station:
-    """Keeps the one link that the daemon wants, and tells how it is."""
+    """Keeps the one link that the daemon wants, and reports its status."""
 
     def __init__(self, peer: socket.socket) -> None:
         self._peer = peer
@@ -84,15 +84,15 @@ class Station:
         self._leaders: ZenohLeaders | None = None
 
     def order(self, order: Order | None) -> None:
-        """Have a link opened in place of the present one, or none."""
+        """Request a link in place of the present one, or none."""
         self._orders.put(order)
 
     def publish(self, payload: bytes) -> None:
-        """Send a frame, if the link is open; the worker tells of an error."""
+        """Send a frame, if the link is open; the worker reports an error."""
         self._use(lambda endpoint: endpoint.publish(payload))
 
     def reply(self, payload: bytes, to: str) -> None:
-        """Send a frame to a leader, if the link is open; the worker tells of an error."""
+        """Send a frame to a leader, if the link is open; the worker reports an error."""
         self._use(lambda endpoint: endpoint.reply(payload, to))
 
     def _use(self, send: Callable[[Endpoint], None]) -> None:
@@ -101,26 +101,26 @@ class Station:
             return
         try:
             send(endpoint)
-        except Exception as error:  # noqa: BLE001 - whatever a network raises, the link goes on
+        except Exception as error:  # noqa: BLE001 - whatever a network raises, the link continues
             self._error = _worded(error)
         else:
             self._error = None
 
     def work(self) -> None:
-        """Open and close as ordered, for ever; a worker that fails ends the process.
+        """Open and close as requested, for ever; a worker that fails ends the process.
 
-        The daemon starts it anew, and asks for its link again.
+        The daemon restarts it, and requests its link again.
         """
         order = self._orders.get()
         try:
             while True:
                 order = self._serve(order) if order is not None else self._orders.get()
-        except Exception:  # noqa: BLE001 - whatever it is, it is told
+        except Exception:  # noqa: BLE001 - whatever it is, it is reported
             traceback.print_exc()
             os._exit(1)
 
     def _serve(self, order: Order) -> Order | None:
-        """Keep one link open until the next order; return that."""
+        """Keep one link open until the next request; return that request."""
         self._told = LinkStatus()
         self._flood = Flood()
         endpoint = self._open(order)
@@ -141,7 +141,7 @@ class Station:
         self._error = None
         try:
             endpoint = self._make(order)
-        except Exception as error:  # noqa: BLE001 - whatever it is, the daemon is told, and it is tried again
+        except Exception as error:  # noqa: BLE001 - whatever it is: report and retry
             self._tell(order, LinkStatus("failed", _not_opened(error, order.wish)))
             return None
         self._endpoint = endpoint
@@ -176,7 +176,7 @@ class Station:
         return self._leaders.open(wish, order.zenoh_config, deliver)
 
     def _look(self, order: Order, endpoint: Endpoint) -> Endpoint | None:
-        """Tell of what has changed; give an end up that has stopped listening."""
+        """Report changes; close an end that has stopped listening."""
         failure = endpoint.failure
         if failure is not None:
             self._endpoint = None
@@ -195,12 +195,12 @@ class Station:
         return endpoint
 
     def _tell(self, order: Order, status: LinkStatus) -> None:
-        """Report a changed state of the link to the daemon; retry what did not leave."""
+        """Report the link's status if it has changed; a report that did not leave is repeated."""
         if status != self._told and self._send(pack_status(order.generation, status)):
             self._told = status
 
     def _send(self, packet: bytes) -> bool:
-        """Send something to the daemon; return whether its socket had room for it.
+        """Send a packet to the daemon; return whether its socket had room for it.
 
         Without a daemon, end the process from any thread.
         """
@@ -214,7 +214,7 @@ class Station:
 
 
 def _not_opened(error: Exception, wish: LinkWish) -> str:
-    """Return why a link could not be opened, and what to do where that is known."""
+    """Return why a link could not be opened, and what to do if that is known."""
     text = _worded(error)
     if _IN_USE not in text:
         return text
@@ -225,7 +225,7 @@ def _not_opened(error: Exception, wish: LinkWish) -> str:
 
 
 def _worded(error: Exception) -> str:
-    """Word an error, without the places in zenoh's sources."""
+    """Return an error's text, without the places in zenoh's sources."""
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return _PLACE.sub("", text) or type(error).__name__
 
@@ -246,7 +246,7 @@ def main() -> None:
             station.order(unpack_open(body))
         elif kind == CLOSE:
             station.order(None)
-    os._exit(0)  # a session that is not closed, and a worker that waits, would keep it here
+    os._exit(0)  # a session that is not closed, and a waiting worker, would keep it here
 
 
 if __name__ == "__main__":

@@ -1,7 +1,7 @@
 """Begins and ends teleoperation.
 
-A feigned leader, without a second gripper and without a network, sweeps open, closed, open. It is
-for benching a single follower, and its torque guard, with a rigid object between the jaws.
+A synthetic leader, without a second gripper and without a network, sweeps open, closed, open. It
+serves to test a single follower and its torque guard, with a rigid object between the jaws.
 """
 
 import math
@@ -51,11 +51,11 @@ class FakeLeader:
         self._sent = 0
 
     def publish(self, _payload: bytes, _now_s: float) -> bool:
-        """Nobody listens to a follower."""
+        """Do nothing: nobody listens to a follower."""
         return False
 
     def reply(self, _payload: bytes, _to: str, _now_s: float) -> bool:
-        """Tell nobody: a synthetic leader has no hand."""
+        """Do nothing: a synthetic leader has no hand."""
         return False
 
     def receive(self, now_s: float) -> Sequence[Arrival]:
@@ -72,17 +72,17 @@ class FakeLeader:
         return (Arrival(encode_frame(frame), now_s),)
 
     def close(self) -> None:
-        """There is nothing to give back."""
+        """Do nothing: there is nothing to release."""
 
 
 _RATE_ROUNDING = 1.001
 
 
 class Teleoperation:
-    """Begins and ends teleoperation on one controller, over links that somebody else makes."""
+    """Begins and ends teleoperation on one controller, over given links."""
 
     def __init__(self, controller: Controller, links: Links, sender: int = 0) -> None:
-        """Take what others make; `sender` tells this daemon's force frames from any other's."""
+        """Store the collaborators; `sender` identifies this daemon's force frames."""
         self._controller = controller
         self._links = links
         self._sender = sender
@@ -99,7 +99,7 @@ class Teleoperation:
         fake_leader: bool,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to lead or to follow; whatever speaks against it is said before anything moves."""
+        """Begin to lead or to follow; reject it before anything moves."""
         controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
@@ -129,18 +129,18 @@ class Teleoperation:
         return self._job
 
     def stop(self) -> None:
-        """End it, if it runs: the jaws hold where they are, or stay free after a trip."""
+        """End it if it runs: the jaws hold where they are, or stay free after a trip."""
         action = self._action
         if action is not None and self.is_active:
             self._controller.end(action.finish())
 
     @property
     def is_active(self) -> bool:
-        """True if it runs."""
+        """True while it runs."""
         return self._action is not None and self._controller.action is self._action
 
     def status(self, now_s: float) -> TeleopStatus:
-        """Return how it goes, or how the last one went."""
+        """Return the present status, or the last one."""
         action, job = self._action, self._job
         if action is None or job is None:
             return TeleopStatus(active=False)
@@ -154,7 +154,7 @@ class Teleoperation:
         return Gains(own.kp_nm_rad if kp is None else kp, own.kd_nm_s_rad if kd is None else kd)
 
     def _ready(self) -> Geometry | Refusal:
-        """Return the travel where teleoperation may begin, else say why not."""
+        """Return the travel if teleoperation may begin; raise the refusal otherwise."""
         controller = self._controller
         refusal = controller.why_busy() or controller.recording_refusal()
         if refusal is not None and refusal.reason == "busy":
@@ -185,6 +185,6 @@ class Teleoperation:
 
 
 def _not_ready(why: Refusal) -> Refusal:
-    """Say that teleoperation cannot begin, for a reason that any motion would be refused for."""
+    """Raise a refusal that applies to any motion."""
     text = f"teleoperation cannot begin: {why.message}"
     return Refusal("teleop_not_ready", text, {**why.data, "cause": why.reason})

@@ -1,4 +1,4 @@
-"""What the link process needs of one end of a link, and the plain UDP ones."""
+"""What the link process needs from one end of a link, and the plain UDP ends."""
 
 import socket
 import threading
@@ -13,42 +13,42 @@ Deliver: TypeAlias = Callable[[bytes, str], None]
 """Takes a payload and the name of its sender, from any thread."""
 
 Refuse: TypeAlias = Callable[[], None]
-"""Counts what was not to be listened to."""
+"""Counts rejected payloads."""
 
 Address: TypeAlias = tuple[Any, ...]
-"""A socket's address as Python has it: host, port and, with IPv6, two numbers more."""
+"""A socket's address in Python: host, port and, with IPv6, two more numbers."""
 
 _LOOK_EVERY_S = 0.2
 _MOST_LEADERS = 8
 
 
 class Endpoint(Protocol):
-    """One end of a link that is open."""
+    """One open end of a link."""
 
     @property
     def is_protected(self) -> bool:
-        """True if only whom the configuration names can take part."""
+        """True if only those named in the configuration can take part."""
 
     def publish(self, payload: bytes) -> None:
-        """Send to whoever listens; raises when the network does not take it."""
+        """Send to all listeners; raises if the network does not take it."""
 
     def reply(self, payload: bytes, to: str) -> None:
-        """Send from a follower to the leader that frames have come from; raises as `publish`."""
+        """Send from a follower to the leader whose frames have come; raises as `publish`."""
 
     @property
     def matching(self) -> bool | None:
-        """True if somebody listens; None where nobody can know."""
+        """True if somebody listens; None if this is unknown."""
 
     @property
     def failure(self) -> Exception | None:
-        """What has ended the listening, if anything; only opening anew helps."""
+        """What has ended the listening, or None; only reopening helps."""
 
     def close(self) -> None:
-        """Send and receive nothing more."""
+        """Stop sending and receiving."""
 
 
 class UdpListener:
-    """A thread that takes datagrams from a socket, which is its own to close."""
+    """A thread that takes datagrams from a socket, which it owns and closes."""
 
     def __init__(self, own: socket.socket, take: Callable[[bytes, Address], None]) -> None:
         self.failure: OSError | None = None
@@ -60,7 +60,7 @@ class UdpListener:
         self._thread.start()
 
     def close(self) -> None:
-        """Stop listening, and give the port back."""
+        """Stop listening, and release the port."""
         self._ends.set()
         self._thread.join()
 
@@ -80,7 +80,7 @@ class UdpListener:
 class UdpLeader:
     """Sends every frame as one datagram to each follower; raises `OSError` for an unknown host.
 
-    With reflection it takes what those hosts send back to its sockets, and nobody else.
+    With reflection it takes what those hosts send back to its sockets, and nothing else.
     """
 
     matching = None
@@ -107,18 +107,18 @@ class UdpLeader:
 
     @property
     def failure(self) -> Exception | None:
-        """What has ended a listener, if anything."""
+        """What has ended a listener, or None."""
         return next((listener.failure for listener in self._listeners if listener.failure), None)
 
     def publish(self, payload: bytes) -> None:
-        """Send one datagram to each; nobody has to be there, and none waits for another's error."""
+        """Send one datagram to each; nobody has to be there, and an error delays no other one."""
         errors = [_sent(own, payload, address) for own, address in self._targets]
         failed = next((error for error in errors if error is not None), None)
         if failed is not None:
             raise failed
 
     def reply(self, _payload: bytes, _to: str) -> None:
-        """Say nothing: a leader publishes."""
+        """Do nothing: a leader publishes."""
 
     def close(self) -> None:
         """Close the sockets."""
@@ -135,9 +135,9 @@ class UdpLeader:
 
 
 class UdpFollower:
-    """Listens at the port on all addresses, to `host` alone where one is given.
+    """Listens at the port on all addresses, or only to `host` if it is given.
 
-    Raises `OSError` when the port is taken or the host is unknown.
+    Raises `OSError` if the port is taken or the host is unknown.
     """
 
     matching = None
@@ -163,14 +163,14 @@ class UdpFollower:
 
     @property
     def failure(self) -> Exception | None:
-        """What has ended the listener, if anything."""
+        """What has ended the listener, or None."""
         return self._listener.failure
 
     def publish(self, _payload: bytes) -> None:
-        """Say nothing: a follower only listens, and replies."""
+        """Do nothing: a follower only listens, and replies."""
 
     def reply(self, payload: bytes, to: str) -> None:
-        """Send one datagram to where the leader's come from; nobody has to be there any more."""
+        """Send one datagram to the leader's address; nobody has to be there any more."""
         address = self._leaders.get(to)
         if address is None:
             return
@@ -179,7 +179,7 @@ class UdpFollower:
             raise failed
 
     def close(self) -> None:
-        """Stop listening, and give the port back."""
+        """Stop listening, and release the port."""
         self._listener.close()
 
     def _hear(self, payload: bytes, sender: Address) -> None:
@@ -195,12 +195,12 @@ class UdpFollower:
 
 
 def name_of(sender: Address) -> str:
-    """Name a sender, so that two are told from each other."""
+    """Return a sender's name, which distinguishes it from others."""
     return f"{sender[0]}:{sender[1]}"
 
 
 def _sent(own: socket.socket, payload: bytes, address: Address) -> OSError | None:
-    """Send a datagram; return why that failed, unless nobody is there (yet, or any more)."""
+    """Send a datagram; return the error, unless nobody is there (yet, or any more)."""
     try:
         own.sendto(payload, socket.MSG_DONTWAIT, address)
     except ConnectionRefusedError:

@@ -1,8 +1,8 @@
 """The packets between the daemon and the process in which its teleoperation link lives.
 
-One letter says which. To the process: `o`, open this link in place of the present one; `c`, close
-it; `f`, a frame to publish; `r`, a frame for the leader of those that came. From it: `f`, a frame
-that has come; `s`, how the link is now.
+Its first letter is its kind. To the process: `o`, open this link in place of the present one; `c`,
+close it; `f`, a frame to publish; `r`, a frame for the leader of those that came. From it: `f`, a
+frame that has come; `s`, the link's status.
 """
 
 import json
@@ -14,14 +14,14 @@ from litegripd.model.teleop import FORCE_FRAME_BYTES, FRAME_BYTES, Arrival, Link
 OPEN, CLOSE, FRAME, REPLY, STATUS = b"o", b"c", b"f", b"r", b"s"
 _ARRIVED = struct.Struct("<IdB")  # generation, when it came, bytes of the source's name
 MAX_PAYLOAD_BYTES = max(FRAME_BYTES, FORCE_FRAME_BYTES) + 1
-"""What is longer than a frame is none; one more byte is enough to know that."""
+"""Anything longer is no frame; one more byte is enough to know that."""
 _MAX_SOURCE_BYTES = 64
 _LONGEST_ERROR = 500
 
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """Which link to open; `generation` tells its reports from those of the one before."""
+    """The link to open; `generation` distinguishes its reports from those of the one before."""
 
     generation: int
     wish: LinkWish
@@ -29,37 +29,37 @@ class Order:
 
 
 def pack_open(order: Order) -> bytes:
-    """Make the packet that opens a link."""
+    """Return the packet that opens a link."""
     return OPEN + json.dumps([order.generation, asdict(order.wish), order.zenoh_config]).encode()
 
 
 def unpack_open(body: bytes) -> Order:
-    """Take `pack_open` apart again, without its letter."""
+    """Return the content of `pack_open`'s packet, without its letter."""
     generation, wish, zenoh_config = json.loads(body)
     return Order(generation, LinkWish(**wish), zenoh_config)
 
 
 def pack_reply(payload: bytes, to: str) -> bytes:
-    """Make the packet that replies `payload` to the sender of frames whose name is `to`."""
+    """Return the packet that replies `payload` to the sender of frames whose name is `to`."""
     name = to.encode()[:_MAX_SOURCE_BYTES]
     return REPLY + bytes([len(name)]) + name + payload
 
 
 def unpack_reply(body: bytes) -> tuple[bytes, str]:
-    """Take `pack_reply` apart again, without its letter."""
+    """Return the content of `pack_reply`'s packet, without its letter."""
     payload_at = 1 + body[0]
     return body[payload_at:], body[1:payload_at].decode(errors="replace")
 
 
 def pack_arrival(generation: int, arrival: Arrival) -> bytes:
-    """Make the packet for a payload that has come; a long one is cut to what is no frame either."""
+    """Return the packet for a payload that has come; a long one is cut, and still is no frame."""
     source = arrival.source.encode()[:_MAX_SOURCE_BYTES]
     head = _ARRIVED.pack(generation, arrival.at_s, len(source))
     return FRAME + head + source + arrival.payload[:MAX_PAYLOAD_BYTES]
 
 
 def unpack_arrival(body: bytes) -> tuple[int, Arrival]:
-    """Take `pack_arrival` apart again, without its letter."""
+    """Return the content of `pack_arrival`'s packet, without its letter."""
     generation, at_s, length = _ARRIVED.unpack_from(body)
     payload_at = _ARRIVED.size + length
     source = body[_ARRIVED.size : payload_at].decode(errors="replace")
@@ -67,13 +67,13 @@ def unpack_arrival(body: bytes) -> tuple[int, Arrival]:
 
 
 def pack_status(generation: int, status: LinkStatus) -> bytes:
-    """Make the packet that tells how a link is."""
+    """Return the packet that reports a link's status."""
     error = None if status.error is None else status.error[:_LONGEST_ERROR]
     values = [generation, status.state, error, status.matching, status.dropped, status.is_protected]
     return STATUS + json.dumps(values).encode()
 
 
 def unpack_status(body: bytes) -> tuple[int, LinkStatus]:
-    """Take `pack_status` apart again, without its letter."""
+    """Return the content of `pack_status`'s packet, without its letter."""
     generation, *values = json.loads(body)
     return generation, LinkStatus(*values)

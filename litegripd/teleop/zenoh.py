@@ -1,8 +1,8 @@
 """The zenoh ends of a link: point to point, with all discovery off.
 
 The leader listens, the follower connects to it and to nobody else. A leader's session is opened
-once and kept: one that is rebuilt for every teleoperation leaves its port bound and matches
-unreliably (5 of 12 restarts, in the field).
+once and kept: rebuilding it for every teleoperation leaves its port bound and matches unreliably (5
+of 12 restarts, in the field).
 """
 
 import json
@@ -18,9 +18,9 @@ from litegripd.teleop.wire import MAX_PAYLOAD_BYTES
 
 _QUEUED_AT_MOST = 16
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 2}
-"""How often a follower tries to reach a leader that is not there, or that has gone."""
+"""How often a follower tries to reach a missing leader."""
 _LEASE_MS = 2000
-"""So long a session without a sign of life is kept: a cut cable's TCP would try again ever more
+"""A session without a sign of life is kept for this time: after a cut, TCP would retry ever more
 rarely, and for longer than the cable was cut."""
 _OPEN_WITHIN_MS = 2000
 _END_WITHIN_S = 2.0
@@ -35,7 +35,7 @@ _CERTIFICATES = (
 
 
 class ZenohLeaders:
-    """Makes the leaders' ends; keeps their session, for as long as port and file stay the same."""
+    """Makes the leaders' ends; keeps their session while port and file stay the same."""
 
     def __init__(self) -> None:
         self._session: zenoh.Session | None = None
@@ -43,7 +43,7 @@ class ZenohLeaders:
         self._is_protected = False
 
     def open(self, wish: LinkWish, file: str | None, deliver: Deliver) -> "ZenohLeader":
-        """Return a publisher of the topic; raises `zenoh.ZError` when the port is taken."""
+        """Return a publisher of the topic; raises `zenoh.ZError` if the port is taken."""
         if self._session is None or self._made_for != (wish.port, file):
             if self._session is not None:
                 self._session.close()  # type: ignore[no-untyped-call]
@@ -66,11 +66,11 @@ class ZenohLeader:
     ) -> None:
         self.is_protected = is_protected
         self._publisher = _publisher(session, wish.topic)
-        self._in_use = threading.Lock()  # zenoh undeclares nothing that is being used
+        self._in_use = threading.Lock()  # zenoh undeclares nothing that is in use
         self._forces = None
         if wish.reflects:
-            # Called from zenoh's thread: a subscriber in which somebody waits cannot be undeclared,
-            # and the session stays.
+            # Called from zenoh's thread: a subscriber whose thread waits cannot be undeclared, and
+            # the session stays.
             self._forces = session.declare_subscriber(
                 wish.force_topic, lambda sample: _deliver(sample, deliver)
             )
@@ -87,10 +87,10 @@ class ZenohLeader:
             self._publisher.put(payload)
 
     def reply(self, _payload: bytes, _to: str) -> None:
-        """Say nothing: a leader publishes."""
+        """Do nothing: a leader publishes."""
 
     def close(self) -> None:
-        """Publish no more; the session stays."""
+        """Stop publishing; the session stays."""
         with self._in_use:
             self._publisher.undeclare()  # type: ignore[no-untyped-call]
         if self._forces is not None:
@@ -98,7 +98,7 @@ class ZenohLeader:
 
 
 class ZenohFollower:
-    """Connects to one leader, also to one that is not there yet or comes back."""
+    """Connects to one leader, also if it appears or returns later."""
 
     matching = failure = None
 
@@ -122,16 +122,16 @@ class ZenohFollower:
         self._thread.start()
 
     def publish(self, _payload: bytes) -> None:
-        """Say nothing: a follower only listens, and replies."""
+        """Do nothing: a follower only listens, and replies."""
 
     def reply(self, payload: bytes, _to: str) -> None:
-        """Send one frame to the leader; it is connected to no other one."""
+        """Send one frame to the leader; there is no other connection."""
         with self._in_use:
             if self._forces is not None:
                 self._forces.put(payload)
 
     def close(self) -> None:
-        """Disconnect, which ends the listening, too."""
+        """Disconnect, which also ends the listening."""
         with self._in_use:
             self._forces = None
             self._session.close()  # type: ignore[no-untyped-call]
@@ -149,7 +149,7 @@ class ZenohFollower:
 def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:
     stamp, payload = sample.timestamp, sample.payload
     source = "" if stamp is None else str(stamp.get_id())
-    # What is too long is no frame: it need not be copied to be counted.
+    # A payload that is too long is no frame: counting it needs no copy.
     is_long = len(payload) >= MAX_PAYLOAD_BYTES
     deliver(bytes(MAX_PAYLOAD_BYTES) if is_long else payload.to_bytes(), source)
 
@@ -171,12 +171,12 @@ def _listen(config: zenoh.Config, endpoints: Sequence[str]) -> None:
 
 
 def _protocol(config: zenoh.Config) -> str:
-    """Return tls where the configuration names certificates, else tcp."""
+    """Return tls if the configuration names certificates, else tcp."""
     return "tls" if _names(config, _CERTIFICATES) else "tcp"
 
 
 def _names(config: zenoh.Config, keys: Sequence[str]) -> bool:
-    """Check if TLS has one of these; asked one by one, since zenoh hides `_base64` in a row."""
+    """Return True if TLS has one of these; asked one by one: zenoh hides `_base64` in a row."""
     return any(json.loads(config.get_json(f"transport/link/tls/{key}")) for key in keys)
 
 
@@ -191,11 +191,11 @@ def _publisher(session: zenoh.Session, key: str) -> zenoh.Publisher:
 
 
 def _is_protected(config: zenoh.Config, *, leads: bool) -> bool:
-    """Return whether the configuration lets only those take part whom it names.
+    """Return True if the configuration lets only those take part whom it names.
 
     For a leader that is TLS with certificates of both ends, an access list, or users with
-    passwords. For a follower, who chooses whom to connect to, it is TLS with the authority of the
-    leader's certificate; its own access list does not tell a false leader from the right one.
+    passwords. A follower chooses its leader, so it is TLS with the authority of the leader's
+    certificate; its own access list does not distinguish a false leader from the right one.
     """
     is_tls = _protocol(config) == "tls"
     if not leads:
