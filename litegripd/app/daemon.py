@@ -1,4 +1,4 @@
-"""The daemon: builds the objects, runs the control thread, and ends it without moving the jaws."""
+"""The daemon: builds the objects, runs the control thread, and ends without moving the jaws."""
 
 import logging
 import os
@@ -39,11 +39,11 @@ from litegripd.teleop.links import TeleopLinks
 _log = logging.getLogger(__name__)
 
 DRAIN_WITHIN_S = 0.05
-"""So long a daemon that has handed over serves what its clients have sent before."""
+"""How long a daemon that has handed over still answers requests sent before."""
 
 
 class Retirement:
-    """What a daemon still does for the successor at the other end of `link`."""
+    """The last duties of a daemon whose successor is at the other end of `link`."""
 
     def __init__(
         self,
@@ -62,8 +62,8 @@ class Retirement:
         self._end_is_passed_on = False
 
     def part_with_clients(self, server: Server, stops: StopListener) -> None:
-        """Answer what clients have sent before, and close: whoever comes now is the successor's."""
-        self._controller.shut_down()  # it has no motor any more: it only refuses
+        """Answer the requests that were sent before, and close: the successor takes new clients."""
+        self._controller.shut_down()  # it has no motor any more: it only rejects
         server.let_in(False)
         stops.let_in_no_more()
         self.pass_on()
@@ -74,7 +74,7 @@ class Retirement:
         stops.close()
 
     def pass_on(self) -> None:
-        """Take the stops and signals that have come, and pass them on."""
+        """Pass on the stops and signals that have come."""
         self._urgent.serve()
         latch = self._controller.stop_latch
         if latch.generation != self._passed_on and latch.latched is not None:
@@ -85,28 +85,28 @@ class Retirement:
             self._succession.tell_end(self._link)
 
     def goes_on(self) -> bool:
-        """Pass on what has come; return whether the successor is still there."""
+        """Pass on stops and signals; return True while the successor is there."""
         self.pass_on()
         return not self._link.is_left()
 
     def close(self) -> None:
-        """Pass on what has come at the last moment, and close the line."""
+        """Pass on stops and signals of the last moment, and close the line."""
         self.pass_on()
         self._link.close()
 
 
 OPEN_WITHIN_S = 0.5
-"""So long the first clients wait for the motor to be found; then they hear that it is silent."""
+"""How long the first clients wait until the motor is found; then it is reported as silent."""
 
 READ_WITHIN_S = 5.0
-"""So long they wait for the calibration to be read; then they hear that it is still coming."""
+"""How long they wait until the calibration is read; then it is reported as still loading."""
 
 
 class Daemon:
     """One channel's daemon; `run` returns after SIGTERM or SIGINT, SIGUSR1 stops the gripper.
 
-    Raises `InUseError` when the channel or the socket belongs to another process, and
-    `TooFewDescriptorsError` where it may not open enough files to hear stops in any case.
+    Raises `InUseError` if the channel or the socket belongs to another process. Raises
+    `TooFewDescriptorsError` if it may not open enough files to hear stops in any case.
     """
 
     def __init__(
@@ -196,7 +196,7 @@ class Daemon:
         self._retirement: Retirement | None = None
 
     def run(self) -> bool:
-        """Run until told to end, and disable the motor; False if it may be energised still."""
+        """Run until the end, and disable the motor; return False if it may still be energised."""
         load_at_start(self._machine.controller, self._note_calibration)
         self._begin()
         warn_of_untried(self._machine.controller.gripper_id.motor_type)
@@ -204,7 +204,7 @@ class Daemon:
         return self._loop()
 
     def _begin(self) -> None:
-        """Get all that a loop needs: processes, rights, descriptors."""
+        """Get what the loop needs: processes, rights, descriptors."""
         self._urgent.add(self._signals.fileno(), self._signals)
         self._reactor.add(self._urgent.fileno(), self._urgent)
         self._reactor.add(self._places.claim.fileno(), self._places.claim)
@@ -230,7 +230,7 @@ class Daemon:
         self._facts.attach(self._parts)
 
     def _open_bus(self) -> None:
-        """Open the adapter, which may take many periods."""
+        """Open the adapter; that may take many periods."""
         self._bus.receive(time.monotonic())
 
     def _loop(self, first_tick_s: float | None = None) -> bool:
@@ -245,7 +245,7 @@ class Daemon:
         return self._ending.tell()
 
     def _tick(self, now_s: float) -> None:
-        """Do one period's work, stops first; whatever fails in it, the end stays possible."""
+        """Do the work of one period, stops first; whatever fails, the daemon can still be ended."""
         if self._retirement is not None:  # not even a defect in `_retire` may command again
             self._reactor.stop()
             return
@@ -263,7 +263,7 @@ class Daemon:
             self._record(now_s, failed)
 
     def _work(self, now_s: float) -> None:
-        """Bus in, machine, bus out, and then what clients are owed."""
+        """Receive, step the machine, send, and then answer clients."""
         received = self._bus.receive(now_s)
         frames = self._machine.tick(now_s, received, self._bus.condition)
         self._bus.send(frames, now_s)
@@ -285,7 +285,7 @@ class Daemon:
             self._retire(self._retirement)
 
     def _record(self, now_s: float, failed: bool) -> None:
-        """Record the tick; tasks and events leave even where it failed."""
+        """Record the tick; pass on tasks and events even if it failed."""
         self._flight.tick(
             now_s,
             late_s=self._reactor.late_s,
@@ -300,7 +300,7 @@ class Daemon:
         self._supervision.tick(now_s, failed=failed)
 
     def _open_when_ready(self, waited_s: float) -> None:
-        """Let clients in once motor and calibration are found, or have not been for a while."""
+        """Let clients in once motor and calibration are found, or have been awaited long enough."""
         is_read = self._calibration_is_known or waited_s >= READ_WITHIN_S
         if is_read and (waited_s >= OPEN_WITHIN_S or not self._machine.is_out_of_reach):
             self._began_s = None
@@ -313,14 +313,14 @@ class Daemon:
         _log.info("channel %s: listening on %s and %s", channel, places.path, places.stop_path)
 
     def _retire(self, retirement: Retirement) -> None:
-        """End after a successor has taken over: the bus is its own, and so is whoever comes now."""
+        """End after a successor has taken over the bus and all new clients."""
         give_up_priority()
         self._succession.tell_outcome()
         retirement.part_with_clients(self._server, self._stop_listener)
         self._supervision.followed_by(self._succession.pid, retirement.goes_on)
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
-        """Stop, in force with the next command; return the level that is latched, and the count."""
+        """Stop from the next command on; return the latched level, and the generation."""
         controller = self._machine.controller
         controller.stop(level, by, why, time.monotonic())
         self._service.reporter.refresh()
@@ -361,7 +361,7 @@ class Daemon:
         self._memory.close()
 
     def _run_errands(self) -> None:
-        """Hand the slow work that the pure rooms want done to the helper process."""
+        """Send the tasks of the pure rooms to the helper process."""
         tasks = self._machine.controller.tasks
         while tasks:
             task = tasks.pop(0)

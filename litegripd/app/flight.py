@@ -1,6 +1,6 @@
-"""Feeds the flight recorder: what each tick did and what happened, and when that is to be kept.
+"""Passes every tick and event to the flight recorder, and decides when a dump is written.
 
-The one place that knows machine, recorder and dumps; time and the loop's figures are arguments.
+Only this file knows machine, recorder and dumps; time and the loop's figures are arguments.
 """
 
 import os
@@ -17,7 +17,7 @@ from litegripd.rpc.service import RpcService
 
 
 class Flight:
-    """Records one machine into `memory`, which must have the size for its period."""
+    """Records one machine into `memory`, whose size must fit its period."""
 
     def __init__(
         self, memory: memoryview, machine: Machine, dumps: Dumps, about: Mapping[str, object]
@@ -40,7 +40,7 @@ class Flight:
         bus_is_up: bool,
         send_failures: int = 0,
     ) -> None:
-        """Record the tick that has just been done; `failed` tells that it was not, by a defect."""
+        """Record the latest tick; `failed` is True if a defect broke it off."""
         machine = self._machine
         phase = machine.motor.phase
         if phase is not self._phase:
@@ -73,7 +73,7 @@ class Flight:
 def make_flight(
     config: Config, machine: Machine, service: RpcService, dumps: Dumps
 ) -> tuple[Flight, SharedMemory]:
-    """Return the recorder of a daemon, and the memory that its helper process is to read."""
+    """Return the recorder of a daemon, and the memory that its helper process reads."""
     memory = SharedMemory(memory_bytes(tick_slots(machine.controller.period_s)))
     about = {
         "channel": config.channel,

@@ -1,7 +1,8 @@
-"""The state of a whole daemon that a successor goes on with, in two parts.
+"""The state of a whole daemon for its successor, in two parts.
 
-`export` is what the next command depends on, and small. `export_history` is what clients may ask
-for later: it is made before and taken in after the moment in which nobody commands the motor.
+`export` returns what the next command depends on; it is small. `export_history` returns what
+clients may ask for later. It is made before, and read after, the moment in which nobody commands
+the motor.
 """
 
 from collections.abc import Mapping
@@ -15,13 +16,13 @@ from litegripd.model.plain import PlainError, plain_of, value_of
 from litegripd.rpc.service import Numbers, RpcService
 
 FORMAT = 4
-"""Counts the changes of what is handed over. A successor of another format refuses."""
+"""The number of the format of what is handed over. A successor rejects any other."""
 
 _ENDS = Mapping[str, tuple[str, str | None]]
 
 
 def why_not_restartable(machine: Machine) -> Refusal | None:
-    """Return why nothing can be handed over now, or None."""
+    """Return why no successor can take over now, or None."""
     return machine.controller.why_not_restartable() or motor.refusal(machine.motor)
 
 
@@ -36,7 +37,7 @@ def export(machine: Machine, service: RpcService) -> dict[str, Any]:
 
 
 def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
-    """Go on where the predecessor was. Raises `PlainError` for a state of another version."""
+    """Adopt the predecessor's state. Raises `PlainError` for a state of another version."""
     found = plain.get("format") if isinstance(plain, dict) else None
     if found != FORMAT:
         raise PlainError(f"the state has format {found}, this version takes over format {FORMAT}")
@@ -48,7 +49,7 @@ def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
 
 
 def export_history(machine: Machine, service: RpcService) -> dict[str, Any]:
-    """Return the jobs that have ended, as clients may still ask for them."""
+    """Return the ended jobs; clients may still ask for them."""
     service.reporter.keep_ends()
     return {
         "jobs": control.export_jobs(machine.controller),
@@ -57,7 +58,7 @@ def export_history(machine: Machine, service: RpcService) -> dict[str, Any]:
 
 
 def adopt_history(machine: Machine, service: RpcService, plain: Any) -> None:
-    """Keep the jobs of the predecessor. Raises `PlainError` for what cannot be used."""
+    """Keep the predecessor's jobs. Raises `PlainError` for a history that cannot be used."""
     if not isinstance(plain, dict) or plain.keys() != {"jobs", "ends"}:
         raise PlainError("the history is not of this version")
     ends = value_of(plain["ends"], _ENDS, "ends")
