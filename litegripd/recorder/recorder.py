@@ -1,7 +1,7 @@
-"""The flight recorder: every tick and every event of the last minute, in a memory of fixed size.
+"""The flight recorder: each tick and each event of the last minute, in a memory of fixed size.
 
-Writes only: what is in the memory is read by `recording`, mostly in another process, and it is for
-one version of the daemon only. Nothing here decides when a dump is made.
+It only writes. `reader` reads the memory, mostly in another process; writer and reader must be of
+the same version. `causes` decides when a dump is made.
 """
 
 import json
@@ -20,14 +20,14 @@ from litegripd.recorder.ring import OVERHEAD_BYTES, Ring
 KEPT_S = 60.0
 EVENTS = 1024
 REFUSALS = 256
-"""Refused requests have a ring of their own: a flood of them must not push out what happened."""
+"""Rejected requests have a ring of their own: a flood of them must not displace other events."""
 
 HEADER = struct.Struct("<8sI")
 MAGIC = b"LGREC\x00\x00\x01"
 TICK = struct.Struct("<QdfQBBBBB8s3f3B4f2d2fQQIII")
 """Number, time, lateness in µs, lost ticks, flags, two phases, frames, kind of the job, payload;
-ranges, feedback, what was wanted, geometry; unanswered requests, frames lost, job, its owner's pid
-and client.
+ranges, feedback, requested command, geometry; unanswered requests, lost frames, job, its owner's
+pid and client.
 """
 
 TEXT = struct.Struct("<QdH")
@@ -47,12 +47,12 @@ _KIND_NUMBERS: Mapping[JobKind, int] = {kind: n for n, kind in enumerate(KINDS)}
 
 
 def tick_slots(period_s: float) -> int:
-    """Return how many ticks are kept at this period."""
+    """Return how many ticks are kept at this control period."""
     return round(KEPT_S / period_s)
 
 
 def memory_bytes(slots: int) -> int:
-    """Return how much memory a recorder of so many ticks needs."""
+    """Return the bytes of memory for a recorder of `slots` ticks."""
     return sum(part_bytes(slots))
 
 
@@ -70,7 +70,7 @@ def part_bytes(slots: int) -> tuple[int, ...]:
 
 
 def parts(memory: memoryview, slots: int) -> list[memoryview]:
-    """Cut a memory into its parts; `ValueError` where it has another size."""
+    """Return the parts of a memory; raises `ValueError` if its size is wrong."""
     if len(memory) != memory_bytes(slots):
         raise ValueError(f"a recorder of {slots} ticks needs {memory_bytes(slots)} bytes")
     found, begin = [], 0
@@ -81,9 +81,9 @@ def parts(memory: memoryview, slots: int) -> list[memoryview]:
 
 
 class Recorder:
-    """Writes into `memory`, of `memory_bytes(slots)`; `about` describes the daemon to the reader.
+    """Writes into `memory`, of `memory_bytes(slots)` bytes; `about` describes the daemon.
 
-    `tick` is called once per tick, at its end, and costs a few microseconds.
+    Call `tick` at the end of each tick; it takes a few microseconds.
     """
 
     def __init__(self, memory: memoryview, slots: int, about: Mapping[str, object]) -> None:
@@ -119,9 +119,9 @@ class Recorder:
     ) -> None:
         """Record one tick.
 
-        `sent` is the payload of the last frame to the motor's own id that the bus was given, empty
-        without one, `frames` how many it was given in all, `send_failures` how many it has lost
-        since the start; `phase` is the finer phase of the motor as a number.
+        `sent` is the payload of the last frame to the motor's id, empty without one; `frames`
+        counts all frames of the tick, `send_failures` the frames lost since the start. `phase` is
+        the number of the motor's finer phase.
         """
         motor = controller.motor
         feedback, requested = motor.feedback or _NO_FEEDBACK, controller.output.requested
@@ -172,7 +172,7 @@ class Recorder:
         )
 
     def _note_changes(self, now_s: float, controller: Controller) -> None:
-        """Work out anew what follows from owner, calibration and phase, where they are others."""
+        """Recompute what follows from owner, calibration and phase if one of them has changed."""
         job, holder, phase = (
             controller.jobs.running,
             controller.lease.holder,
@@ -191,7 +191,7 @@ class Recorder:
             self._phase, self._phase_number = phase, _PHASE_NUMBERS[phase]
 
     def event(self, event: Event, now_s: float) -> None:
-        """Record one event; what is too long for its slot is cut, and marked so."""
+        """Record one event; one that is too long for its slot is cut, and marked as cut."""
         ring = self._refusals if event.kind == "refused" else self._events
         head = {"kind": event.kind, "message": event.message}
         _put_text(ring, now_s, head, event.data)
@@ -209,7 +209,7 @@ class Recorder:
         return flags
 
     def _note_owner(self, now_s: float, owner: Owner) -> None:
-        """Record the name of who has the gripper now; each tick has only its number."""
+        """Record the owner's name; a tick has only its number."""
         self._owner = owner
         named = (owner.client, owner.program)
         if owner is _NOBODY or named == self._named:
