@@ -16,9 +16,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from litegripd.app import handover
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
+from litegripd.handover import state as handover
 from litegripd.handover.link import Link, Packet, write_document
 from litegripd.handover.methods import OnRestarted
 from litegripd.io.can.bus import IN_PROCESS_INTERFACES, FrameBus

@@ -11,13 +11,13 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from litegripd.app import handover
 from litegripd.app.build import Legacy, socket_path
 from litegripd.app.config import Config, ConfigError
 from litegripd.app.daemon import Daemon
 from litegripd.app.features import build_service
 from litegripd.app.machine import Machine
 from litegripd.app.succession import same_settings
+from litegripd.handover import state as handover
 from litegripd.handover.link import Link, Packet, read_document
 from litegripd.io.can.bus import DIRECT_INTERFACES
 from litegripd.io.sockets import take_over

@@ -31,6 +31,8 @@ def no_restart(_on_restarted: OnRestarted) -> Refusal | None:
 class RestartMethods:
     """The method `daemon.restart`."""
 
+    NOT_CARRIED = ("_restart",)
+
     def __init__(self, restart: OnRestart) -> None:
         self._restart = restart
 

@@ -43,6 +43,19 @@ _POWERED = (MotorPhase.ENABLING, MotorPhase.ENABLED, MotorPhase.DISABLING)
 class Dumps:
     """Asks for dumps; call `step` once per tick."""
 
+    NOT_CARRIED = (
+        "_bus_was_up",
+        "_causes",
+        "_controller",
+        "_due_s",
+        "_dumped_s",
+        "_has_worked",
+        "_is_busy",
+        "_is_powered",
+        "_phase",
+        "_seen_s",
+    )
+
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._is_busy = False

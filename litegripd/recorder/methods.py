@@ -11,6 +11,8 @@ from litegripd.rpc.schema import Param
 class RecorderMethods:
     """The recorder's methods."""
 
+    NOT_CARRIED = ("_dumps",)
+
     def __init__(self, dumps: Dumps) -> None:
         self._dumps = dumps
 

@@ -61,6 +61,8 @@ class Upload:
 class Uploads:
     """All uploads, complete or not."""
 
+    NOT_CARRIED = ("_last", "_uploads")
+
     def __init__(self) -> None:
         self._uploads: dict[int, Upload] = {}
         self._last = 0
@@ -233,6 +235,8 @@ _OFFSET = Param("offset", "integer", "Where the piece begins.", minimum=0, maxim
 
 class TrajectoryFileMethods:
     """Methods on stored trajectories, by name or for a connection."""
+
+    NOT_CARRIED = ("_controller", "_uploads")
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller

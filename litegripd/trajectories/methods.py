@@ -105,6 +105,8 @@ _SPEED = Param(
 class TrajectoryMethods:
     """Methods on recordings and replays."""
 
+    NOT_CARRIED = ("_controller", "_files", "_trajectories")
+
     def __init__(self, controller: Controller, files: TrajectoryFileMethods) -> None:
         self._controller = controller
         self._trajectories = Trajectories(controller)

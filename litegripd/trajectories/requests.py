@@ -115,6 +115,8 @@ OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 class Trajectories:
     """Begins and ends recordings and replays on one controller."""
 
+    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_keeping")
+
     def __init__(self, controller: Controller) -> None:
         self.replay: Replay | None = None
         self.replay_job: Job | None = None

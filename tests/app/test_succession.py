@@ -13,9 +13,9 @@ from typing import cast
 import pytest
 
 from litegripd.app.config import load, override
-from litegripd.app.handover import FORMAT
 from litegripd.app.succession import READY_WITHIN_S, TAKE_WITHIN_S, Succession
 from litegripd.handover.link import Link, Packet, read_document
+from litegripd.handover.state import FORMAT
 from litegripd.io.can.bus import FrameBus
 from litegripd.io.helper.child import start_here
 from litegripd.io.helper.helper import Helper, HelperResult

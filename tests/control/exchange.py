@@ -3,9 +3,9 @@
 import json
 from typing import Any
 
-from litegripd.app import handover
 from litegripd.app.features import build_service
 from litegripd.app.machine import Machine
+from litegripd.handover import state as handover
 from litegripd.model.motion_config import MotionConfig
 from tests.world import PERIOD_S, FixedFacts, World
 
