@@ -266,6 +266,7 @@ def _part(value: Any, kind: Any) -> Any:
     return memory(value) if is_stateful(kind) else plain_of(value)
 
 
+@cache
 def is_stateful(kind: Any) -> bool:
     """Return whether a type is a class with carried attributes."""
     return get_origin(kind) is None and isinstance(kind, type) and bool(carried_by(kind))
