@@ -39,7 +39,7 @@ _CLOCKED = (
     "blocking",
     "calls",
     "core.setpoints",
-    "core.trajectory_actions",
+    "core.trajectories",
     "multiplexer",
     "state",
 )
@@ -236,7 +236,7 @@ class Site:
 
     def kill(self, gripper: LiteGrip) -> None:
         """Let the script of this object die, without any more code of its own."""
-        stream = gripper._link.connection._multiplexer._stream
+        stream = gripper._session.connection._multiplexer._stream
         assert isinstance(stream, VirtualStream)
         stream.close()
 

@@ -9,8 +9,9 @@ from typing import Any, TypeVar, overload
 
 from litegrip_client.aio.connection import Connection
 from litegrip_client.aio.subscription import EventSubscription, Subscription
-from litegrip_client.core import link as core
-from litegrip_client.core.gripper import Gripper, GripperActions
+from litegrip_client.core.actions import GripperActions
+from litegrip_client.core.gripper import Gripper
+from litegrip_client.core.session import DaemonSession
 from litegrip_client.discovery import reach
 from litegrip_client.feeds import EventFeed
 from litegrip_client.motion_config import MotionConfig
@@ -23,7 +24,7 @@ _KEPT_S = 0.5
 """What a slow task finds of the states that came meanwhile: it shall get new ones."""
 
 
-class Link(core.Link):
+class AsyncSession(DaemonSession):
     """A daemon, by channel, and the connection to it while there is one."""
 
     async def _connect(self) -> Connection:
@@ -58,7 +59,7 @@ class LiteGrip(Gripper):
     is called in the event loop, and must not block it. The constructor connects to nothing.
     """
 
-    _link: Link
+    _session: AsyncSession
 
     def __init__(
         self,
@@ -71,8 +72,10 @@ class LiteGrip(Gripper):
         motion_config: MotionConfig | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
-        link = Link(channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect)
-        super().__init__(link, mount, motion_config)
+        session = AsyncSession(
+            channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect
+        )
+        super().__init__(session, mount, motion_config)
 
     async def __aenter__(self) -> LiteGrip:
         await self.connect()
@@ -100,11 +103,11 @@ class LiteGrip(Gripper):
         gets is new. A `batch` of up to 50 spares both sides the work of single messages: the
         states come one by one all the same, but as late as the last of a batch.
         """
-        connection = self._link.connection
+        connection = self._session.connection
         if fields is None:
             return Subscription(connection, StateFeed(hz, None, whole_state, _KEPT_S, batch))
         return Subscription(connection, StateFeed(hz, fields, some_fields, _KEPT_S, batch))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over what happens from the begin of the iteration on, or only some `kinds`."""
-        return EventSubscription(self._link.connection, EventFeed(kinds))
+        return EventSubscription(self._session.connection, EventFeed(kinds))
