@@ -82,13 +82,13 @@ class LiteGrip(BlockingGripper):
         A `batch` of up to 50 states per message costs both sides less work: use it to get every
         state of 200 Hz. The states still come one by one, but not before the last of a batch.
         """
-        from litegrip_client import samples  # noqa: PLC0415 - see above
+        from litegrip_client import feeds  # noqa: PLC0415 - see above
 
         connection = self._session.connection
         if fields is None:
-            feed = samples.StateFeed(hz, None, samples.whole_state, batch=batch)
+            feed = feeds.StateFeed(hz, None, feeds.whole_state, batch=batch)
             return connection.subscribe(feed)
-        return connection.subscribe(samples.StateFeed(hz, fields, samples.some_fields, batch=batch))
+        return connection.subscribe(feeds.StateFeed(hz, fields, feeds.some_fields, batch=batch))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over events from now on (jobs, stops, faults, ...), until closed.

@@ -9,8 +9,8 @@ import json
 import socket
 from collections.abc import Mapping
 
-from litegrip_client.calls import request_line
 from litegrip_client.errors import ConnectError, LiteGripError, ProtocolError, from_error_object
+from litegrip_client.exchange import request_line
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
