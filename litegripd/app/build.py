@@ -7,6 +7,7 @@ and reports what is missing.
 import dataclasses
 import logging
 import math
+import os
 import resource
 import time
 from collections.abc import Callable
@@ -25,11 +26,13 @@ from litegripd.io.log import LogHandler
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
+from litegripd.io.shared_memory import SharedMemory
 from litegripd.io.sockets import Places, occupy, runtime_directory
 from litegripd.model.calibration import from_plain
 from litegripd.model.errors import Refusal
 from litegripd.model.helper_tasks import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfigError
+from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
 from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
 from litegripd.rpc.service import RpcService
 from litegripd.teleop.links import TeleopLinks
@@ -57,6 +60,21 @@ def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:
 
         return DirectBus(config.bus)
     return PumpedBus(config.bus, period_s, spawner.start)
+
+
+def make_recorder(config: Config, period_s: float, version: str) -> tuple[Recorder, SharedMemory]:
+    """Return the flight recorder, and the memory that the helper process reads."""
+    slots = tick_slots(period_s)
+    memory = SharedMemory(memory_bytes(slots))
+    about = {
+        "channel": config.channel,
+        "version": version,
+        "daemon_pid": os.getpid(),
+        "rate_hz": config.control.rate_hz,
+        "interface": config.bus.interface,
+        "can_id": config.motor.can_id,
+    }
+    return Recorder(memory.view, slots, about), memory
 
 
 @dataclass(frozen=True, slots=True)

@@ -19,6 +19,7 @@ from typing import Any, TypeAlias
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import TEMPLATES
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES
+from litegripd.model.plain import plain_of
 from litegripd.rpc.facts import Configuration
 from litegripd.rpc.sessions import ROLES, Peer, Role
 from litegripd.trajectories.owners import MB, Limits
@@ -383,6 +384,15 @@ class Config:
                 "most_mb_per_user": self.trajectories.most_mb_per_user,
             },
         }
+
+
+SAME_TABLES = ("bus", "motor", "gripper", "rpc")
+"""Tables that must not change at a restart that holds: the hold depends on them."""
+
+
+def same_settings(config: Config) -> dict[str, Any]:
+    """Return the tables that must be the same for a successor, as plain values."""
+    return {table: plain_of(getattr(config, table)) for table in SAME_TABLES}
 
 
 _KEYS = {(key.table, key.name): key for key in KEYS}

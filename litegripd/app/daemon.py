@@ -6,22 +6,27 @@ import signal
 import time
 from collections.abc import Sequence
 
-from litegripd.app.build import Legacy, Parts, load_at_start, make_bus, occupy_places
-from litegripd.app.config import Config
+from litegripd.app.build import (
+    Legacy,
+    Parts,
+    load_at_start,
+    make_bus,
+    make_recorder,
+    occupy_places,
+)
+from litegripd.app.config import Config, same_settings
 from litegripd.app.features import build_service
-from litegripd.app.flight import make_flight
 from litegripd.app.machine import Ending, Machine
 from litegripd.app.status import (
     DaemonFacts,
     MotorGreeting,
+    daemon_version,
     log_event,
     make_log_handler,
     warn_of_untried,
 )
-from litegripd.app.succession import Succession
 from litegripd.app.systemd import Supervision
-from litegripd.control.controller import Controller
-from litegripd.handover.link import Link
+from litegripd.handover.predecessor import Retirement, Succession
 from litegripd.io.helper.child import Child
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
@@ -37,63 +42,6 @@ from litegripd.recorder.causes import Dumps
 from litegripd.teleop.links import TeleopLinks
 
 _log = logging.getLogger(__name__)
-
-DRAIN_WITHIN_S = 0.05
-"""How long a daemon that has handed over still answers requests sent before."""
-
-
-class Retirement:
-    """The last duties of a daemon whose successor is at the other end of `link`."""
-
-    def __init__(
-        self,
-        link: Link,
-        succession: Succession,
-        controller: Controller,
-        urgent: Urgent,
-        ending: Ending,
-    ) -> None:
-        self._link = link
-        self._succession = succession
-        self._controller = controller
-        self._urgent = urgent
-        self._ending = ending
-        self._passed_on = controller.stop_latch.generation
-        self._end_is_passed_on = False
-
-    def part_with_clients(self, server: Server, stops: StopListener) -> None:
-        """Answer the requests that were sent before, and close: the successor takes new clients."""
-        self._controller.shut_down()  # it has no motor any more: it only rejects
-        server.let_in(False)
-        stops.let_in_no_more()
-        self.pass_on()
-        server.drain(time.monotonic() + DRAIN_WITHIN_S)
-        server.flush()
-        self.pass_on()
-        server.close()
-        stops.close()
-
-    def pass_on(self) -> None:
-        """Pass on the stops and signals that have come."""
-        self._urgent.serve()
-        latch = self._controller.stop_latch
-        if latch.generation != self._passed_on and latch.latched is not None:
-            self._passed_on = latch.generation
-            self._succession.tell_stop(self._link, latch.latched, latch.generation)
-        if self._ending.has_begun and not self._end_is_passed_on:
-            self._end_is_passed_on = True
-            self._succession.tell_end(self._link)
-
-    def goes_on(self) -> bool:
-        """Pass on stops and signals; return True while the successor is there."""
-        self.pass_on()
-        return not self._link.is_left()
-
-    def close(self) -> None:
-        """Pass on stops and signals of the last moment, and close the line."""
-        self.pass_on()
-        self._link.close()
-
 
 OPEN_WITHIN_S = 0.5
 """How long the first clients wait until the motor is found; then it is reported as silent."""
@@ -157,7 +105,8 @@ class Daemon:
             lambda: self._service.reporter.state().mode,
             follows=legacy is not None,
         )
-        self._flight, self._memory = make_flight(config, self._machine, self._service, self._dumps)
+        self._recorder, self._memory = make_recorder(config, period_s, daemon_version())
+        self._service.on_event = self._recorder.event
         self._helper = Helper(
             self._watch,
             self._unwatch,
@@ -170,9 +119,11 @@ class Daemon:
             config.channel, lambda text: self._helper.post("log", {"text": text})
         )
         self._succession = Succession(
-            config,
+            same_settings(config),
             arguments,
             self._facts.epoch,
+            interface=config.bus.interface,
+            channel=config.bus.channel,
             machine=self._machine,
             service=self._service,
             helper=self._helper,
@@ -278,22 +229,28 @@ class Daemon:
             self._open_when_ready(now_s - self._began_s)
         successor = self._succession.step(now_s, self._reactor.next_tick_s)
         if successor is not None:
+            controller = self._machine.controller
             self._retirement = Retirement(
-                successor, self._succession, self._machine.controller, self._urgent, self._ending
+                successor, controller, self._urgent, lambda: self._ending.has_begun
             )
             self._reactor.stop()
             self._retire(self._retirement)
 
     def _record(self, now_s: float, failed: bool) -> None:
         """Record the tick; pass on tasks and events even if it failed."""
-        self._flight.tick(
+        machine, bus_is_up = self._machine, self._bus.condition.is_usable
+        self._recorder.tick(
             now_s,
+            machine.controller,
+            machine.motor,
+            machine.take_sent(),
             late_s=self._reactor.late_s,
             lost_ticks=self._reactor.lost_ticks,
             failed=failed,
-            bus_is_up=self._bus.condition.is_usable,
+            bus_is_up=bus_is_up,
             send_failures=self._bus.counters.send_failures,
         )
+        self._dumps.step(now_s, failed=failed, bus_is_up=bus_is_up)
         self._run_errands()
         for event in self._service.take_events():
             log_event(event)

@@ -12,11 +12,10 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from litegripd.app.build import Legacy, socket_path
-from litegripd.app.config import Config, ConfigError
+from litegripd.app.config import Config, ConfigError, same_settings
 from litegripd.app.daemon import Daemon
 from litegripd.app.features import build_service
 from litegripd.app.machine import Machine
-from litegripd.app.succession import same_settings
 from litegripd.handover import state as handover
 from litegripd.handover.link import Link, Packet, read_document
 from litegripd.io.can.bus import DIRECT_INTERFACES

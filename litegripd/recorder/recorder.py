@@ -6,15 +6,18 @@ the same version. `causes` decides when a dump is made.
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import get_args
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Slack
+from litegripd.model.bus import CanFrame
 from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobKind, Owner
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase
+from litegripd.motor.motor import Motor
+from litegripd.motor.phases import Phase
 from litegripd.recorder.ring import OVERHEAD_BYTES, Ring
 
 KEPT_S = 60.0
@@ -95,6 +98,8 @@ class Recorder:
         self._named: tuple[int, str] | None = None
         self._phase = PHASES[0]
         self._phase_number = 0
+        self._inner_phase = Phase.LOOKING
+        self._inner_phase_number: int = Phase.LOOKING.value
         self._geometry: Geometry | None = None
         self._geometry_flag = 0
         self._closed_rad = 0.0
@@ -106,28 +111,28 @@ class Recorder:
         self,
         now_s: float,
         controller: Controller,
+        motor: Motor,
+        frames: Sequence[CanFrame],
         *,
         late_s: float,
         lost_ticks: int,
         failed: bool,
         bus_is_up: bool,
-        phase: int,
-        frames: int,
-        sent: bytes,
-        unanswered: int,
-        send_failures: int,
+        send_failures: int = 0,
     ) -> None:
-        """Record one tick.
+        """Record one tick, in which `frames` were sent; `failed` if a defect broke it off.
 
-        `sent` is the payload of the last frame to the motor's id, empty without one; `frames`
-        counts all frames of the tick, `send_failures` the frames lost since the start. `phase` is
-        the number of the motor's finer phase.
+        `send_failures` counts the frames that the bus has lost since the start.
         """
-        motor = controller.motor
-        feedback, requested = motor.feedback or _NO_FEEDBACK, controller.output.requested
-        identity, job = motor.identity, controller.jobs.running
-        ranges = controller.gripper_id.motor_type.ranges if identity is None else identity.ranges
-        self._note_changes(now_s, controller)
+        view, gripper_id = controller.motor, controller.gripper_id
+        feedback, requested = view.feedback or _NO_FEEDBACK, controller.output.requested
+        identity, job = view.identity, controller.jobs.running
+        ranges = gripper_id.motor_type.ranges if identity is None else identity.ranges
+        self._note_changes(now_s, controller, motor.phase)
+        sent = b""
+        for frame in frames:
+            if frame.can_id == gripper_id.can_id:
+                sent = frame.data
         owner = self._owner
         flags = self._flags(controller)
         if bus_is_up:
@@ -145,8 +150,8 @@ class Recorder:
                 lost_ticks,
                 flags,
                 self._phase_number,
-                phase,
-                frames,
+                self._inner_phase_number,
+                len(frames),
                 0 if job is None else _KIND_NUMBERS[job.kind],
                 sent,
                 ranges.position_rad,
@@ -163,7 +168,7 @@ class Recorder:
                 wanted.torque_nm,
                 self._closed_rad,
                 self._mm_per_rad,
-                unanswered,
+                motor.unanswered,
                 send_failures,
                 0 if job is None else job.number,
                 owner.pid,
@@ -171,8 +176,8 @@ class Recorder:
             )
         )
 
-    def _note_changes(self, now_s: float, controller: Controller) -> None:
-        """Recompute what follows from owner, calibration and phase if one of them has changed."""
+    def _note_changes(self, now_s: float, controller: Controller, inner_phase: Phase) -> None:
+        """Recompute what follows from owner, calibration and phases if one of them has changed."""
         job, holder, phase = (
             controller.jobs.running,
             controller.lease.holder,
@@ -189,6 +194,8 @@ class Recorder:
             self._note_geometry(controller.geometry)
         if phase is not self._phase:
             self._phase, self._phase_number = phase, _PHASE_NUMBERS[phase]
+        if inner_phase is not self._inner_phase:
+            self._inner_phase, self._inner_phase_number = inner_phase, inner_phase.value
 
     def event(self, event: Event, now_s: float) -> None:
         """Record one event; one that is too long for its slot is cut, and marked as cut."""

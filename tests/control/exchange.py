@@ -31,5 +31,5 @@ def exchange(world: World) -> dict[str, Any]:
     handover.adopt(machine, service, plain["state"])
     handover.adopt_history(machine, service, plain["history"])
     world.machine, world.controller, world.service = machine, machine.controller, service
-    world.flight = world.make_flight()
+    world.recorder = world.make_recorder()
     return plain

@@ -12,18 +12,20 @@ import select
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from litegripd.app.config import Config
-from litegripd.app.machine import Machine
-from litegripd.handover import state as handover
+from litegripd.control.controller import Controller
 from litegripd.handover.link import Link, Packet, write_document
 from litegripd.handover.methods import OnRestarted
+from litegripd.handover.state import Machine, export, export_history, why_not_restartable
 from litegripd.io.can.bus import IN_PROCESS_INTERFACES, FrameBus
 from litegripd.io.helper.helper import Helper, HelperResult
+from litegripd.io.loop import Urgent
+from litegripd.io.server import Server
 from litegripd.io.sockets import Places
+from litegripd.io.stop_socket import StopListener
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
@@ -42,13 +44,8 @@ TAKE_WITHIN_S = 0.06
 """How long a successor may need from the state to its first command. The motor's watchdog disarms
 after 0.1 s without one: in the rest of that time the old daemon kills it and continues."""
 _DIE_WITHIN_S = 0.5
-SAME_TABLES = ("bus", "motor", "gripper", "rpc")
-"""Tables of the configuration that must not differ: the hold depends on them."""
-
-
-def same_settings(config: Config) -> dict[str, Any]:
-    """Return the tables that must be the same for a successor."""
-    return {table: plain_of(getattr(config, table)) for table in SAME_TABLES}
+DRAIN_WITHIN_S = 0.05
+"""How long a daemon that has handed over still answers requests sent before."""
 
 
 def installed_program() -> str | None:
@@ -64,21 +61,28 @@ def installed_program() -> str | None:
 
 
 class Succession:
-    """At most one restart at a time; `begin` asks for it, `step` advances it once per tick."""
+    """At most one restart at a time; `begin` asks for it, `step` advances it once per tick.
+
+    `settings` are the parts of the configuration that must be the same for a successor.
+    """
 
     def __init__(
         self,
-        config: Config,
+        settings: Mapping[str, Any],
         arguments: Sequence[str],
         epoch: str,
         *,
+        interface: str,
+        channel: str,
         machine: Machine,
         service: RpcService,
         helper: Helper,
         bus: FrameBus,
         places: Places,
     ) -> None:
-        self._config = config
+        self._settings = settings
+        self._interface = interface
+        self._channel = channel
         self._program = installed_program()
         self._arguments = arguments
         self._epoch = epoch
@@ -136,14 +140,6 @@ class Succession:
             return self._hand_over(link, now_s, next_tick_s)
         return None
 
-    def tell_stop(self, link: Link, stop: Stop, generation: int) -> None:
-        """Pass on a stop that this process received after the handover."""
-        _pass_on(link, "stop", plain_of(stop), generation)
-
-    def tell_end(self, link: Link) -> None:
-        """Pass on a SIGTERM that this process received after the handover."""
-        _pass_on(link, "end")
-
     @property
     def pid(self) -> int:
         """The successor's process id, once it is ready."""
@@ -155,7 +151,7 @@ class Succession:
             self._fail("the daemon is about to end")
 
     def _impossible(self) -> Refusal | None:
-        interface = self._config.bus.interface
+        interface = self._interface
         if interface in IN_PROCESS_INTERFACES:
             text = f"a bus of the interface {interface} lives and ends with this process: nothing"
             return Refusal("restart_failed", f"{text} on it can be held through a restart")
@@ -167,8 +163,8 @@ class Succession:
         return None
 
     def _not_now(self, *, is_under_way: bool = False) -> Refusal | None:
-        refusal = handover.why_not_restartable(self._machine)
-        refusal = refusal or self._bus.condition.refusal(self._config.bus.channel)
+        refusal = why_not_restartable(self._machine)
+        refusal = refusal or self._bus.condition.refusal(self._channel)
         has_work = self._helper.is_busy or self._machine.controller.tasks
         if refusal is None and is_under_way and has_work:
             refusal = Refusal("busy", "the helper process is at work")
@@ -180,8 +176,8 @@ class Succession:
             {
                 "epoch": self._epoch,
                 "path": str(self._places.path),
-                "settings": same_settings(self._config),
-                "state": handover.export(self._machine, self._service),
+                "settings": self._settings,
+                "state": export(self._machine, self._service),
             }
         )
         try:
@@ -214,7 +210,7 @@ class Succession:
             return True
         self._forget_history()
         try:
-            document = write_document(handover.export_history(self._machine, self._service))
+            document = write_document(export_history(self._machine, self._service))
         except (PlainError, OSError) as error:
             self._fail(f"the jobs cannot be handed over: {error}")
             return False
@@ -230,7 +226,7 @@ class Succession:
         if history is None:
             return None
         try:
-            state = write_document(handover.export(self._machine, self._service))
+            state = write_document(export(self._machine, self._service))
         except (PlainError, OSError) as error:
             self._fail(f"the state cannot be handed over: {error}")
             return None
@@ -298,13 +294,6 @@ class Succession:
             self._history = None
 
 
-def _pass_on(link: Link, kind: str, stop: object = None, generation: int = 0) -> None:
-    try:
-        link.send(kind, stop=stop, generation=generation)
-    except OSError as error:
-        _log.error("the successor takes no %s: %s", kind, error)
-
-
 def _reply(link: Link, until_s: float) -> Packet | None:
     """Return the successor's answer to the state; None if there is none, or an unreadable one."""
     try:
@@ -320,3 +309,67 @@ def _why_not(packet: Packet | None, link: Link) -> str:
     if link.has_ended:
         return "the successor ended while it took over; see the log"
     return f"the successor did not take over within {TAKE_WITHIN_S * 1e3:g} ms, and was ended"
+
+
+class Retirement:
+    """The last duties of a daemon whose successor is at the other end of `link`."""
+
+    def __init__(
+        self, link: Link, controller: Controller, urgent: Urgent, is_ending: Callable[[], bool]
+    ) -> None:
+        self._link = link
+        self._controller = controller
+        self._urgent = urgent
+        self._is_ending = is_ending
+        self._passed_on = controller.stop_latch.generation
+        self._end_is_passed_on = False
+
+    def part_with_clients(self, server: Server, stops: StopListener) -> None:
+        """Answer the requests that were sent before, and close: the successor takes new clients."""
+        self._controller.shut_down()  # it has no motor any more: it only rejects
+        server.let_in(False)
+        stops.let_in_no_more()
+        self.pass_on()
+        server.drain(time.monotonic() + DRAIN_WITHIN_S)
+        server.flush()
+        self.pass_on()
+        server.close()
+        stops.close()
+
+    def pass_on(self) -> None:
+        """Pass on the stops and signals that have come."""
+        self._urgent.serve()
+        latch = self._controller.stop_latch
+        if latch.generation != self._passed_on and latch.latched is not None:
+            self._passed_on = latch.generation
+            pass_stop(self._link, latch.latched, latch.generation)
+        if self._is_ending() and not self._end_is_passed_on:
+            self._end_is_passed_on = True
+            pass_end(self._link)
+
+    def goes_on(self) -> bool:
+        """Pass on stops and signals; return True while the successor is there."""
+        self.pass_on()
+        return not self._link.is_left()
+
+    def close(self) -> None:
+        """Pass on stops and signals of the last moment, and close the line."""
+        self.pass_on()
+        self._link.close()
+
+
+def pass_stop(link: Link, stop: Stop, generation: int) -> None:
+    """Pass on a stop that this process received after the handover."""
+    _pass_on(link, "stop", plain_of(stop), generation)
+
+
+def pass_end(link: Link) -> None:
+    """Pass on a SIGTERM that this process received after the handover."""
+    _pass_on(link, "end")
+
+
+def _pass_on(link: Link, kind: str, stop: object = None, generation: int = 0) -> None:
+    try:
+        link.send(kind, stop=stop, generation=generation)
+    except OSError as error:
+        _log.error("the successor takes no %s: %s", kind, error)
