@@ -45,13 +45,9 @@ class UsageError(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that leaves it to its caller to say what is wrong.
-
-    `words` names what completes an argument, by its name in the options; see `ctl.completion`.
-    """
+    """A parser that leaves it to its caller to say what is wrong."""
 
     def __init__(self, **settings: Any) -> None:
-        self.words: dict[str, str] = {"channel": "channels", "socket": "files"}
         super().__init__(
             **settings,
             parents=[common()],

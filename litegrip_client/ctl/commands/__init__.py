@@ -86,7 +86,7 @@ COMMANDS = (
     CommandRow("restart", "restart the daemon without letting go of what is held", "general"),
     CommandRow("install-units", "install what lets systemd run the daemons", "units"),
     CommandRow("info", "show what does not change: versions, motor, calibration", "general"),
-    CommandRow("completion", "print what completes command lines in a shell", "completion"),
+    CommandRow("completion", "print what completes command lines in a shell", "general"),
     CommandRow(
         "discover", "list the methods of the daemon (with --json: its OpenRPC document)", "general"
     ),

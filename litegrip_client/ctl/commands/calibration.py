@@ -177,7 +177,6 @@ def _load_options(parser: LateParser) -> None:
         "%(prog)s [-h] [-c CHANNEL | --socket PATH] [--json]\n"
         "       [--keep] (normal | reverse | FILE | --chain)"
     )
-    parser.words["source"] = "templates files"
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "source",
@@ -199,7 +198,6 @@ def _save_options(parser: LateParser) -> None:
         "file", nargs="?", metavar="FILE", help="write it to this file instead, here"
     )
     parser.add_argument("--overwrite", action="store_true", help="replace a FILE that exists")
-    parser.words["file"] = "files"
 
 
 def calibration(run: Run) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import Output
@@ -14,6 +15,8 @@ from litegrip_client.link import ACTION_TIMEOUT_S
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
+
+_DATA = Path(__file__).resolve().parents[2] / "data"
 
 
 def state(run: Run) -> int:
@@ -84,7 +87,6 @@ def jobs(run: Run) -> int:
 def cancel_options(parser: LateParser) -> None:
     """Take the job."""
     parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
-    parser.words["job"] = "jobs"
 
 
 def cancel(run: Run) -> int:
@@ -176,6 +178,32 @@ def discover(run: Run) -> int:
     return OK
 
 
+_COMPLETION = """\
+Print the script by which a shell completes commands, options and their values:
+running channels, files.
+"""
+_COMPLETION_EXAMPLES = """\
+examples:
+  eval "$(litegripctl completion bash)"      for this shell, or in ~/.bashrc
+  eval "$(litegripctl completion zsh)"       in ~/.zshrc, behind compinit
+  litegripctl completion fish | source       in ~/.config/fish/config.fish
+"""
+
+
+def completion_options(parser: LateParser) -> None:
+    """Take which shell."""
+    parser.description, parser.epilog = _COMPLETION, _COMPLETION_EXAMPLES
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
+
+
+def completion(run: Run) -> int:
+    """Print the script of a shell."""
+    shell = run.options.shell
+    script = (_DATA / f"litegripctl.{shell}").read_text(encoding="utf-8")
+    run.output.result({"shell": shell, "script": script}, script.rstrip("\n"))
+    return OK
+
+
 COMMANDS: Mapping[str, Command] = {
     "state": state,
     "enable": enable,
@@ -190,9 +218,11 @@ COMMANDS: Mapping[str, Command] = {
     "info": info,
     "discover": discover,
     "restart": restart,
+    "completion": completion,
 }
 OPTIONS: Mapping[str, Fill] = {
     "enable": enable_options,
     "cancel": cancel_options,
     "restart": restart_options,
+    "completion": completion_options,
 }

@@ -106,7 +106,6 @@ def dump_options(parser: LateParser) -> None:
     parser.description = _DUMP
     parser.add_argument("--note", metavar="TEXT", help="kept in the file: why it was asked for")
     parser.add_argument("-o", "--output", metavar="FILE", help="copy it to this file, here")
-    parser.words["output"] = "files"
 
 
 def dump(run: Run) -> int:
@@ -155,7 +154,6 @@ def plot_options(parser: LateParser) -> None:
     """Take what to draw, and how."""
     parser.description = _PLOT
     parser.add_argument("file", metavar="FILE|NAME", help="a dump, or a trajectory")
-    parser.words |= {"file": "trajectories files", "output": "files"}
     parser.add_argument("--local", action="store_true", help="a trajectory of this user's")
     how = parser.add_mutually_exclusive_group()
     how.add_argument(

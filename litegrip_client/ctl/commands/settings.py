@@ -37,7 +37,6 @@ def config_options(parser: LateParser) -> None:
 def _get_options(parser: LateParser) -> None:
     parser.description = "Show all fields with what is allowed, or the value of one."
     parser.add_argument("field", nargs="?", metavar="FIELD", help="force_n, for one")
-    parser.words["field"] = "fields"
 
 
 def _set_options(parser: LateParser) -> None:
@@ -45,7 +44,6 @@ def _set_options(parser: LateParser) -> None:
     parser.epilog = "example:\n  litegripctl config set force_n=15 speed_mm_s=30 --keep"
     parser.add_argument("fields", nargs="+", type=setting, metavar="FIELD=VALUE", help="numbers")
     parser.add_argument("--keep", action="store_true", help="also for after a restart")
-    parser.words["fields"] = "settings"
 
 
 def config(run: Run) -> int:

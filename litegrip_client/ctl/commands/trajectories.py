@@ -75,14 +75,12 @@ def _get_options(parser: LateParser) -> None:
     parser.description = "Copy a trajectory of the daemon to this user's directory."
     _kept_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="to this name or path instead")
-    parser.words["output"] = "files"
     parser.add_argument("--overwrite", action="store_true", help="replace a file that exists")
 
 
 def _put_options(parser: LateParser) -> None:
     parser.description = "Copy a trajectory of this side to the daemon."
     parser.add_argument("file", metavar="NAME|FILE", help="a name of this user's, or a path")
-    parser.words["file"] = "own_trajectories files"
     parser.add_argument("--as", dest="name", metavar="NAME", help="the daemon's name of it")
     parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
@@ -102,7 +100,6 @@ def _export_options(parser: LateParser) -> None:
     parser.description = "Show the samples of a trajectory of the daemon as CSV."
     _kept_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="write it to this file")
-    parser.words["output"] = "files"
 
 
 def trajectories(run: Run) -> int:
@@ -412,7 +409,6 @@ def play_options(parser: LateParser) -> None:
 def _kept_options(parser: LateParser) -> None:
     """Take which of the daemon's."""
     parser.add_argument("name", metavar="NAME", help=_NAME)
-    parser.words["name"] = "trajectories"
 
 
 def play(run: Run) -> int:
