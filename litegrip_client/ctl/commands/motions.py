@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from litegrip_client.ctl import render_results as render
-from litegrip_client.ctl.motion import finish, start
+from litegrip_client.ctl.motion import finish, opening_of, start, verdict
 from litegrip_client.ctl.parser import LateParser, not_negative, positive, target
+from litegrip_client.ctl.render import Data, figure
 from litegrip_client.ctl.run import OK, Command, Fill, Run
 from litegrip_client.errors import CommandError, HardwareError
 
@@ -75,7 +75,12 @@ def move(run: Run) -> int:
 def _move(run: Run, method: str, params: Mapping[str, Any]) -> int:
     if run.options.no_wait:
         return start(run, method, params)
-    return finish(run, method, params, lambda data: render.move(run.options.command, data))
+    return finish(run, method, params, lambda data: _moved_text(run.options.command, data))
+
+
+def _moved_text(name: str, data: Data) -> str:
+    """Show how a motion ended."""
+    return f"{name}: {verdict(data)}, at {opening_of(data)}"
 
 
 _GRASP = """\
@@ -136,7 +141,20 @@ def grasp(run: Run) -> int:
         params["config"] = {"grasp_speed_mm_s": options.speed}
     if options.no_wait:
         return start(run, "motion.grasp", params)
-    return finish(run, "motion.grasp", params, render.grasp)
+    return finish(run, "motion.grasp", params, _grasp_text)
+
+
+def _grasp_text(data: Data) -> str:
+    """Show whether something is held, how wide it is, and how to let go of it."""
+    width = data.get("width_mm")
+    text = f"grasp: {verdict(data)}, "
+    text += f"at {opening_of(data)}" if width is None else f"{figure(width, '.1f', 'mm')} wide"
+    if data.get("held_s"):
+        text += f", held for {figure(data['held_s'], '.1f', 's')}"
+    if data.get("ok") or data.get("state", {}).get("force_set_n") is not None:
+        text += f", holding {figure(data.get('force_n'), '.1f', 'N')}"
+        text += "; let go with: litegripctl release"
+    return text
 
 
 def release_options(parser: LateParser) -> None:
@@ -164,7 +182,7 @@ def release(run: Run) -> int:
         )
     target_mm = min(opening_mm + run.options.by, calibration["travel_mm"])
     return finish(
-        run, "motion.move", {"opening_mm": target_mm}, lambda data: render.move("release", data)
+        run, "motion.move", {"opening_mm": target_mm}, lambda data: _moved_text("release", data)
     )
 
 
@@ -179,8 +197,16 @@ def force_options(parser: LateParser) -> None:
 def force(run: Run) -> int:
     """Set the squeezing force."""
     data = _settle(run, "motion.set_force", {"force_n": run.options.newtons})
-    run.output.result(data, render.force(data))
+    run.output.result(data, _force_text(data))
     return OK
+
+
+def _force_text(data: Data) -> str:
+    """Show with which force the jaws squeeze from now on."""
+    newtons = figure(data.get("force_n"), ".1f", "N")
+    return (
+        f"force: squeezing with {newtons}, at {opening_of(data)}; let go with: litegripctl release"
+    )
 
 
 def slack(run: Run) -> int:

@@ -15,7 +15,6 @@ from litegrip_client.ctl import files
 from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import figure, plain
-from litegrip_client.ctl.render_trajectories import grip_line
 from litegrip_client.ctl.run import OK, Command, Fill, Run, installing
 from litegrip_client.errors import CommandError
 from litegrip_client.trajectory import MAGIC, Trajectory
@@ -23,6 +22,8 @@ from litegrip_client.trajectory import MAGIC, Trajectory
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
+
+    from litegrip_client.taught_grips import TaughtGrip
 
 
 _EIGHTHS = " ▁▂▃▄▅▆▇█"
@@ -249,8 +250,14 @@ def _show(run: Run, trajectory: Trajectory | None) -> int:
         "grips": [asdict(grip) for grip in trajectory.grips],
         "lines": lines,
     }
-    run.output.result(data, "\n".join([head, *lines, *map(grip_line, trajectory.grips)]))
+    run.output.result(data, "\n".join([head, *lines, *map(_grip_line, trajectory.grips)]))
     return OK
+
+
+def _grip_line(grip: TaughtGrip) -> str:
+    """Show a grip that is kept with a trajectory."""
+    span = f"{grip.start_s:.2f} to {grip.end_s:.2f} s"
+    return f"grip: {span}, {grip.force_n:g} N, {grip.width_mm:.1f} mm wide, {plain(grip.source)}"
 
 
 def _picture(run: Run, trajectory: Trajectory | None) -> bytes:

@@ -5,12 +5,13 @@ Registers are only read.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from argparse import ArgumentTypeError
+from collections.abc import Iterable, Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl import render_results as render
-from litegrip_client.ctl.parser import LateParser, setting
-from litegrip_client.ctl.render import plain
+from litegrip_client.ctl.parser import NUMBER, LateParser
+from litegrip_client.ctl.render import Data, plain
 from litegrip_client.ctl.run import OK, Command, Fill, Run
 from litegrip_client.errors import CommandError
 
@@ -18,6 +19,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
+
+_SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
 _CONFIG = """\
 Show or change the defaults that the daemon uses for motions. Without an action
@@ -34,6 +37,15 @@ def config_options(parser: LateParser) -> None:
     actions.add_parser("set", help="change fields", fill=_set_options)
 
 
+def _setting(text: str) -> tuple[str, float]:
+    """Read FIELD=NUMBER."""
+    found = _SETTING.fullmatch(text)
+    if found is None:
+        raise ArgumentTypeError(f"{text!r} is no setting: say FIELD=NUMBER, force_n=15 for one")
+    # Some fields are whole numbers, and the daemon takes a whole number for the others, too.
+    return found[1], int(found[2]) if re.fullmatch(r"[+-]?[0-9]+", found[2]) else float(found[2])
+
+
 def _get_options(parser: LateParser) -> None:
     parser.description = "Show all fields with what is allowed, or the value of one."
     parser.add_argument("field", nargs="?", metavar="FIELD", help="force_n, for one")
@@ -42,7 +54,7 @@ def _get_options(parser: LateParser) -> None:
 def _set_options(parser: LateParser) -> None:
     parser.description = "Change fields for all clients, until the daemon restarts."
     parser.epilog = "example:\n  litegripctl config set force_n=15 speed_mm_s=30 --keep"
-    parser.add_argument("fields", nargs="+", type=setting, metavar="FIELD=VALUE", help="numbers")
+    parser.add_argument("fields", nargs="+", type=_setting, metavar="FIELD=VALUE", help="numbers")
     parser.add_argument("--keep", action="store_true", help="also for after a restart")
 
 
@@ -53,7 +65,7 @@ def config(run: Run) -> int:
     data = run.connection.call("config.get")
     field = run.options.field
     if field is None:
-        run.output.result(data, render.config(data))
+        run.output.result(data, _config_text(data))
         return OK
     if field not in data["config"]:
         raise CommandError(
@@ -66,6 +78,19 @@ def config(run: Run) -> int:
     return OK
 
 
+def _config_text(data: Data) -> str:
+    """Show fields, their values and what is allowed, one in a line."""
+    fields = data["config"]
+    names = max(map(len, fields), default=0)
+    values = max((len(plain(value)) for value in fields.values()), default=0)
+    lines = []
+    for name, value in fields.items():
+        allowed = data.get("ranges", {}).get(name)
+        limits = f"  {allowed[0]:g} to {allowed[1]:g}" if allowed else ""
+        lines.append(f"{plain(name):<{names}}  {plain(value):<{values}}{limits}".rstrip())
+    return "\n".join(lines)
+
+
 def _set(run: Run) -> int:
     fields = dict(run.options.fields)
     if len(fields) < len(run.options.fields):
@@ -73,7 +98,7 @@ def _set(run: Run) -> int:
     data = run.connection.call(
         "config.set", {"config": fields, "keep": run.options.keep}, ACTION_TIMEOUT_S
     )
-    text = render.config(_only(data, fields))
+    text = _config_text(_only(data, fields))
     if not run.options.keep:
         text += "\nuntil the daemon restarts; for longer: --keep"
     run.output.result(data, text)
@@ -110,8 +135,16 @@ def register(run: Run) -> int:
         run.connection.call("motor.read_register", {"register": name})
         for name in run.options.registers
     ]
-    run.output.result({"registers": rows}, render.registers(rows))
+    run.output.result({"registers": rows}, _registers_text(rows))
     return OK
+
+
+def _registers_text(rows: Iterable[Data]) -> str:
+    """Show registers, one in a line."""
+    return "\n".join(
+        f"{plain(row.get('number')):>3}  {plain(row.get('name')):<9}  {plain(row.get('value'))}"
+        for row in rows
+    )
 
 
 COMMANDS: Mapping[str, Command] = {"config": config, "register": register}

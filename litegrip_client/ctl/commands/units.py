@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import re
+from argparse import ArgumentTypeError
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from litegrip_client.ctl.parser import LateParser, interface
+from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.run import OK, Command, Fill, Run
 from litegrip_client.units import install, plan
 from litegrip_client.units.install import Done, Wishes
+
+_INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
 
 _INSTALL_UNITS = """\
 Install what lets systemd run the daemons of this installation: units, a user
@@ -29,7 +33,7 @@ def install_units_options(parser: LateParser) -> None:
         "--can",
         action="append",
         default=[],
-        type=interface,
+        type=_interface,
         metavar="NAME",
         help="also have this CAN interface brought up at 1 Mbit/s; may be repeated",
     )
@@ -39,6 +43,13 @@ def install_units_options(parser: LateParser) -> None:
     parser.add_argument(
         "--uninstall", action="store_true", help="remove it all; configuration and data stay"
     )
+
+
+def _interface(text: str) -> str:
+    """Read the name of a network interface."""
+    if not _INTERFACE.fullmatch(text):
+        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface, such as can0")
+    return text
 
 
 def install_units(run: Run) -> int:

@@ -6,15 +6,15 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import islice
 
-from litegrip_client.ctl import render
 from litegrip_client.ctl.parser import LateParser, count, positive
+from litegrip_client.ctl.render import Data, age, figure, is_unheard, plain
 from litegrip_client.ctl.run import OK, Command, Fill, Run, installing
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeAlias
 
-    from litegrip_client.ctl.watching import Scene
+    from litegrip_client.ctl.live import Scene
 
 Show: TypeAlias = "Callable[[Iterable[Scene], str, Callable[[str], str]], None]"
 
@@ -50,7 +50,7 @@ def watch(run: Run) -> int:
     finally:
         for scene in last:
             if scene.state is not None:  # the view itself leaves nothing in the terminal
-                run.output.result(scene.state, render.state_line(scene.state))
+                run.output.result(scene.state, state_line(scene.state))
     return OK
 
 
@@ -69,7 +69,7 @@ def _live_view(run: Run) -> Show | None:
 
 def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
     """Give scenes, as many as are wanted; `last` holds the newest."""
-    from litegrip_client.ctl.watching import scenes  # noqa: PLC0415 - only the view needs it
+    from litegrip_client.ctl.live import scenes  # noqa: PLC0415 - only the view needs it
 
     for scene in islice(scenes(run.way, run.connection, run.options.hz), run.options.count):
         last[:] = [scene]
@@ -80,8 +80,28 @@ def _lines(run: Run) -> int:
     """Show a line for each state, on a terminal, too."""
     with run.connection.subscribe_state(run.options.hz) as samples:
         for sample in islice(samples, run.options.count):
-            run.output.result(sample.state, render.state_line(sample.state))
+            run.output.result(sample.state, state_line(sample.state))
     return OK
+
+
+def state_line(data: Data) -> str:
+    """Show a state in one line."""
+    parts = [
+        f"{data.get('mode')!s:<9}",
+        f"{figure(data.get('opening_mm'), '7.2f', 'mm'):>10}",
+        f"{figure(data.get('position_rad'), '+.4f', 'rad'):>12}",
+        f"{figure(data.get('torque_nm'), '+.3f', 'N·m'):>11}",
+        f"{figure(data.get('coil_temperature_c'), '.0f', '°C'):>6}",
+    ]
+    if data.get("job"):
+        job = data["job"]
+        phase = f" {job.get('phase')}" if job.get("kind") == "teleop" and job.get("phase") else ""
+        parts.append(f"job {job.get('job')} {job.get('kind')}{phase}")
+    if data.get("stop"):
+        parts.append(f"STOP {data['stop'].get('level')}")
+    if data.get("stale") or is_unheard(data):
+        parts.append(age(data))
+    return plain("  ".join(parts))
 
 
 COMMANDS: Mapping[str, Command] = {"watch": watch}
