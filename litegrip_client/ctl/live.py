@@ -21,6 +21,7 @@ from rich.text import Text
 
 from litegrip_client.connection import Connection
 from litegrip_client.ctl import render
+from litegrip_client.ctl.commands.state import state_rows
 from litegrip_client.errors import ConnectError
 from litegrip_client.feeds import Event, EventFeed
 from litegrip_client.voices import in_shell
@@ -139,7 +140,7 @@ def _bar(state: dict[str, Any]) -> RenderableType:
 def _figures(state: dict[str, Any], for_gripper: Callable[[str], str]) -> RenderableType:
     grid = Table.grid(padding=(0, 2))
     is_old = bool(state.get("stale"))
-    for label, text in render.state_rows(state):
+    for label, text in state_rows(state):
         alarming = label in _ALARMING and (label != "age" or is_old)
         style = "bold red" if alarming else "dim" if is_old else ""
         grid.add_row(Text(label, "cyan"), Text(render.plain(for_gripper(text)), style))

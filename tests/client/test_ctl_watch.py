@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from litegrip_client.ctl.commands.watch import state_line
+from litegrip_client.ctl.commands.state import state_line
 from litegrip_client.ctl.live import Scene, picture
 from litegrip_client.ctl.parser import for_gripper
 from litegrip_client.feeds import Event

@@ -15,7 +15,7 @@ from litegrip_client.ctl.motion import finish, verdict
 from litegrip_client.ctl.output import ask, confirm, may_ask, one_line, say
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.render import Data, figure, plain
-from litegrip_client.ctl.run import INTERRUPTED, NOT_OK, OK, Command, Fill, Run
+from litegrip_client.ctl.run import INTERRUPTED, NOT_OK, OK, Command, Commands, Run
 from litegrip_client.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.voices import in_shell
 
@@ -359,8 +359,7 @@ _ACTIONS: Mapping[str, Command] = {
 }
 
 
-COMMANDS: Mapping[str, Command] = {"zero": zero, "calibration": calibration}
-OPTIONS: Mapping[str, Fill] = {
-    "zero": zero_options,
-    "calibration": actions_options,
+COMMANDS: Commands = {
+    "zero": (zero, zero_options),
+    "calibration": (calibration, actions_options),
 }

@@ -1,4 +1,4 @@
-"""The commands that show who is there and who has the gripper, and that stop it or take it over."""
+"""The commands that show who is there and who has the gripper, take it over, stop and clear it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from contextlib import suppress
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import confirm, may_ask
 from litegrip_client.ctl.parser import LateParser
-from litegrip_client.ctl.run import NOT_OK, OK, Command, Fill, Run
+from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 from litegrip_client.errors import CommandError
 from litegrip_client.stopping import is_taken_as_meant, stop_at
 
@@ -167,8 +167,16 @@ def stopped(data: Mapping[str, Any]) -> str:
     return render.plain(f"stopped: {data['level']}, until: litegripctl clear")
 
 
-COMMANDS: Mapping[str, Command] = {"clients": clients, "lease": lease, "stop": stop}
-OPTIONS: Mapping[str, Fill] = {
-    "lease": lease_options,
-    "stop": stop_options,
+def clear(run: Run) -> int:
+    """Clear a stop."""
+    data = run.connection.run(run.connection.prepare_guarded("stop.clear", {}))
+    run.output.result(data, "cleared: motions are allowed")
+    return OK
+
+
+COMMANDS: Commands = {
+    "clients": (clients, None),
+    "lease": (lease, lease_options),
+    "stop": (stop, stop_options),
+    "clear": (clear, None),
 }

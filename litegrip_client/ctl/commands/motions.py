@@ -1,6 +1,6 @@
-"""The commands that move the jaws or let them be moved.
+"""The commands that move the jaws or let them be moved, and that list and cancel the jobs of these.
 
-All of these outlive this program: what was begun is carried out, and held.
+Motions outlive this program: what was begun is carried out, and held.
 """
 
 from __future__ import annotations
@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from litegrip_client.ctl.motion import finish, opening_of, start, verdict
-from litegrip_client.ctl.parser import LateParser, not_negative, positive, target
-from litegrip_client.ctl.render import Data, figure
-from litegrip_client.ctl.run import OK, Command, Fill, Run
+from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
+from litegrip_client.ctl.render import Data, aligned, figure, owner, plain
+from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Commands, Run
 from litegrip_client.errors import CommandError, HardwareError
 
 TYPE_CHECKING = False
@@ -225,20 +225,60 @@ def _given(**options: float | None) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-COMMANDS: Mapping[str, Command] = {
-    "open": open_or_close,
-    "close": open_or_close,
-    "grasp": grasp,
-    "release": release,
-    "move": move,
-    "force": force,
-    "slack": slack,
-}
-OPTIONS: Mapping[str, Fill] = {
-    "open": to_stop_options,
-    "close": to_stop_options,
-    "grasp": grasp_options,
-    "release": release_options,
-    "move": move_options,
-    "force": force_options,
+def hold(run: Run) -> int:
+    """Hold the measured position."""
+    data = run.connection.run(run.connection.prepare_guarded("motion.hold", {}))
+    opening = figure(data["state"].get("opening_mm"), ".2f", "mm")
+    run.output.result(data, f"holding at {opening}")
+    return OK
+
+
+def jobs(run: Run) -> int:
+    """List the jobs."""
+    data = run.connection.call("job.list")
+    run.output.result(data, _jobs_text(data["jobs"]) if data["jobs"] else "no jobs")
+    return OK
+
+
+def _jobs_text(rows: list[Data]) -> str:
+    """Show jobs as a table."""
+    table = [("JOB", "KIND", "STATE", "PHASE", "OWNER")]
+    table += [
+        (
+            str(row.get("job")),
+            plain(row.get("kind")),
+            plain(row.get("state")),
+            plain(row.get("phase") or "-"),
+            plain(owner(row.get("owner") or {})),
+        )
+        for row in rows
+    ]
+    return aligned(table)
+
+
+def cancel_options(parser: LateParser) -> None:
+    """Take the job."""
+    parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
+
+
+def cancel(run: Run) -> int:
+    """Cancel a job."""
+    data = run.connection.call("job.cancel", {"job": run.options.job})
+    done = data["state"] in ENDING
+    text = "cancelled, the jaws hold" if done else f"had ended already: {data['state']}"
+    run.output.result(data, plain(f"job {data['job']} {text}"))
+    return OK if done else NOT_OK
+
+
+COMMANDS: Commands = {
+    "open": (open_or_close, to_stop_options),
+    "close": (open_or_close, to_stop_options),
+    "grasp": (grasp, grasp_options),
+    "release": (release, release_options),
+    "move": (move, move_options),
+    "force": (force, force_options),
+    "slack": (slack, None),
+    "hold": (hold, None),
+    "jobs": (jobs, None),
+    "cancel": (cancel, cancel_options),
 }

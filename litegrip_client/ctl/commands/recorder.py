@@ -6,7 +6,7 @@ Only pictures need anything but the standard library, and only when they are dra
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from litegrip_client.ctl import files
 from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import figure, plain
-from litegrip_client.ctl.run import OK, Command, Fill, Run, installing
+from litegrip_client.ctl.run import OK, Commands, Run, installing
 from litegrip_client.errors import CommandError
 from litegrip_client.trajectory import MAGIC, Trajectory
 
@@ -282,5 +282,7 @@ def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
     return png(draw(read(options.file), options.last))
 
 
-COMMANDS: Mapping[str, Command] = {"dump": dump, "plot": plot}
-OPTIONS: Mapping[str, Fill] = {"dump": dump_options, "plot": plot_options}
+COMMANDS: Commands = {
+    "dump": (dump, dump_options),
+    "plot": (plot, plot_options),
+}

@@ -1,18 +1,15 @@
-"""The commands that read and change settings: the daemon's configuration, the motor's registers.
-
-Registers are only read.
-"""
+"""The command that shows and changes the daemon's defaults for motions."""
 
 from __future__ import annotations
 
 import re
 from argparse import ArgumentTypeError
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.render import Data, plain
-from litegrip_client.ctl.run import OK, Command, Fill, Run
+from litegrip_client.ctl.run import OK, Commands, Run
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
@@ -114,41 +111,6 @@ def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -
     }
 
 
-_REGISTERS = """\
-examples:
-  litegripctl register PMAX VMAX TMAX
-  litegripctl register 21 0x15
-"""
-
-
-def register_options(parser: LateParser) -> None:
-    """Take which."""
-    parser.description, parser.epilog = "Read registers of the motor.", _REGISTERS
-    parser.add_argument(
-        "registers", nargs="+", metavar="NAME|NUMBER", help="PMAX, 21 or 0x15, for one"
-    )
-
-
-def register(run: Run) -> int:
-    """Read registers."""
-    rows = [
-        run.connection.call("motor.read_register", {"register": name})
-        for name in run.options.registers
-    ]
-    run.output.result({"registers": rows}, _registers_text(rows))
-    return OK
-
-
-def _registers_text(rows: Iterable[Data]) -> str:
-    """Show registers, one in a line."""
-    return "\n".join(
-        f"{plain(row.get('number')):>3}  {plain(row.get('name')):<9}  {plain(row.get('value'))}"
-        for row in rows
-    )
-
-
-COMMANDS: Mapping[str, Command] = {"config": config, "register": register}
-OPTIONS: Mapping[str, Fill] = {
-    "config": config_options,
-    "register": register_options,
+COMMANDS: Commands = {
+    "config": (config, config_options),
 }

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
 
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.render import Data, figure, plain
-from litegrip_client.ctl.run import NOT_OK, OK, Command, Fill, Run
+from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -334,7 +333,6 @@ def _age(data: Data) -> str:
     return figure(data.get("last_frame_age_ms"), ".0f", "ms")
 
 
-COMMANDS: Mapping[str, Command] = {"teleop": teleop}
-OPTIONS: Mapping[str, Fill] = {
-    "teleop": teleop_options,
+COMMANDS: Commands = {
+    "teleop": (teleop, teleop_options),
 }

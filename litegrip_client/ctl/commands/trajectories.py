@@ -15,7 +15,7 @@ from litegrip_client.ctl.motion import bar, finish, opening_of, verdict
 from litegrip_client.ctl.output import say
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.render import Data, aligned, date, figure, plain
-from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Fill, Run
+from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Commands, Run
 from litegrip_client.errors import CancelledError, CommandError
 from litegrip_client.trajectory import Trajectory, grips_counted
 from litegrip_client.trajectory_files import (
@@ -502,9 +502,8 @@ def _uploaded(run: Run) -> int:
         return int(wait(send(wire, content, None, share, grips))["upload"])
 
 
-COMMANDS: Mapping[str, Command] = {"trajectories": trajectories, "record": record, "play": play}
-OPTIONS: Mapping[str, Fill] = {
-    "trajectories": actions_options,
-    "record": record_options,
-    "play": play_options,
+COMMANDS: Commands = {
+    "trajectories": (trajectories, actions_options),
+    "record": (record, record_options),
+    "play": (play, play_options),
 }
