@@ -14,6 +14,7 @@ alone proves nothing, and what else it tells is as doubtful.
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, Status
 from litegripd.model.motor_types import DM4310, MotorType
+from litegripd.model.plain import Carried
 from litegripd.motor.faults import implausible_refusal
 from litegripd.motor.silence import USUAL_PERIOD_S
 
@@ -68,25 +69,27 @@ have happened; that needs two that agree."""
 class Plausibility:
     """Judges each feedback frame by the one before it."""
 
+    in_a_row: Carried[int] = 0
+    """How many frames have been in doubt, and left out, since the last one believed."""
+    refusal: Carried[Refusal | None] = None
+    """Why the position is not to be believed, from the last of so many frames until `reset`."""
+    _last: Carried[Feedback | None] = None
+    _doubted: Carried[Feedback | None] = None
+    _told_s: Carried[float] = 0.0
+    _silent_s: Carried[float] = 0.0
+    """For how long no frame had come before the latest; late ones may come together."""
+    _gap_s: Carried[float] = 0.0
+    """That of the first frame in doubt: so long the jaws could have gone anywhere."""
+    _was_driven: Carried[bool] = False
+    NOT_CARRIED = ("lasting_frames", "_acceleration_rad_s2", "_brake_nm", "_before")
+
     def __init__(self, period_s: float = USUAL_PERIOD_S, motor_type: MotorType = DM4310) -> None:
         self._brake_nm = motor_type.peak_nm
         self._acceleration_rad_s2 = motor_type.largest_acceleration_rad_s2
         self.lasting_frames = max(round(IMPLAUSIBLE_FRAMES * USUAL_PERIOD_S / period_s), 2)
         """So many in a row are no disturbed frame any more."""
-        self.in_a_row = 0
-        """How many frames have been in doubt, and left out, since the last one believed."""
-        self.refusal: Refusal | None = None
-        """Why the position is not to be believed, from the last of so many frames until `reset`."""
-        self._last: Feedback | None = None
         self._before: Feedback | None = None
         """The one believed before the last: that may have been a disturbed one."""
-        self._doubted: Feedback | None = None
-        self._told_s = 0.0
-        self._silent_s = 0.0
-        """For how long no frame had come before the latest; late ones may come together."""
-        self._gap_s = 0.0
-        """That of the first frame in doubt: so long the jaws could have gone anywhere."""
-        self._was_driven = False
 
     @property
     def brake_kd_nm_s_rad(self) -> float:

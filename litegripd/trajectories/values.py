@@ -1,150 +1,47 @@
-"""The trajectory file `.lgt` to the bit: how it is written, read and judged, without a disk.
+"""The samples of a trajectory file, without a disk: judged one by one, as text, and as a path.
 
-A header of 66 bytes and 40 bytes a sample, little-endian; what is stored is the openness, so that a
-trajectory taught on one gripper replays on another. Judging a long one takes far longer than a
-tick may: never in the control thread. `Path` reads it sample by sample, out of bytes that were
-judged before: cheap enough for a tick, however long the trajectory is.
+Judging a long one takes far longer than a tick may: never in the control thread. `Path` reads it
+sample by sample, out of bytes that were judged before: cheap enough for a tick, however long the
+trajectory is.
 """
 
 import math
-import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from litegripd.model.geometry import Mount
+from litegrip_client.errors import TrajectoryError
+from litegrip_client.protocol.lgt import HEADER, SAMPLE, Header, read_header
 
-MAGIC = b"LGRTRJ01"
-VERSION = 1
-HEADER = struct.Struct("<8sHI5dI8s")
-SAMPLE = struct.Struct("<5d")
-MAX_SAMPLES = 360_000
-"""30 minutes at 200 Hz, 14.4 MB."""
-
-MAX_BYTES = HEADER.size + MAX_SAMPLES * SAMPLE.size
 MAX_NAME = 64
 MAX_NAME_BYTES = 200
-"""With its endings, that of a temporary file included, a name fits into the 255 of a file system"""
+"""With its suffixes, also that of a temporary file, a name fits into a file system's 255 bytes."""
 
 CSV_HEAD = "t_s,openness,position_rad,velocity_rad_s,torque_nm\n"
-
-_MOUNTS: dict[bytes, Mount | None] = {b"normal": "normal", b"reverse": "reverse", b"": None}
-_MAX_CAN_ID = 2**32 - 1
-
-
-class TrajectoryError(ValueError):
-    """A trajectory that cannot be used, and why."""
-
-
-@dataclass(frozen=True, slots=True)
-class Header:
-    """What a file says of the gripper that it was taught on; `created_s` is unix time."""
-
-    samples: int
-    sample_hz: float
-    created_s: float
-    closed_rad: float
-    open_rad: float
-    rad_to_mm: float
-    can_id: int
-    mount: Mount | None
-
-    def __post_init__(self) -> None:
-        """Refuse what no reader would take; raises `TrajectoryError`."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, float) and not math.isfinite(value):
-                raise TrajectoryError(f"{field.name} of the header is {value}")
-        if self.sample_hz <= 0.0:
-            raise TrajectoryError(f"sample_hz is {self.sample_hz}, it must be above 0")
-        if self.rad_to_mm <= 0.0:
-            raise TrajectoryError(f"rad_to_mm is {self.rad_to_mm}, it must be above 0")
-        if self.closed_rad == self.open_rad:
-            raise TrajectoryError("zero travel: the closed and the open limit are equal")
-        if not 0 <= self.samples <= MAX_SAMPLES:
-            raise TrajectoryError(f"{self.samples} samples, at most {MAX_SAMPLES} are allowed")
-        if not 0 <= self.can_id <= _MAX_CAN_ID:
-            raise TrajectoryError(f"can_id is {self.can_id}, it must fit into 32 bits")
-
-    def pack(self) -> bytes:
-        """Return the 66 bytes."""
-        mount = b"" if self.mount is None else self.mount.encode()
-        return HEADER.pack(
-            MAGIC,
-            VERSION,
-            self.samples,
-            self.sample_hz,
-            self.created_s,
-            self.closed_rad,
-            self.open_rad,
-            self.rad_to_mm,
-            self.can_id,
-            mount,
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One sample: what was measured at `t_s`; the torque is for diagnosis and never replayed."""
-
-    t_s: float
-    openness: float
-    position_rad: float
-    velocity_rad_s: float
-    torque_nm: float
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What judging the samples has found out.
+    """The result of checking the samples.
 
     `max_rate_s` is the fastest change of the openness per second: infinite for a jump. Without
-    samples all is 0.
+    samples all values are 0.
     """
 
     duration_s: float = 0.0
     max_rate_s: float = 0.0
 
 
-def read_header(content: memoryview) -> Header:
-    """Read the header of a whole file; raises `TrajectoryError` with the reason."""
-    header = parse_header(content)
-    expected = HEADER.size + header.samples * SAMPLE.size
-    if len(content) != expected:
-        raise TrajectoryError(
-            f"{len(content)} bytes, but {header.samples} samples make {expected}: it is cut off or"
-            " something was added"
-        )
-    return header
-
-
-def parse_header(content: memoryview) -> Header:
-    """Read a header, whatever follows it; raises `TrajectoryError` with the reason."""
-    if len(content) < HEADER.size:
-        text = f"{len(content)} bytes are too few for a header, which has {HEADER.size}"
-        raise TrajectoryError(text)
-    magic, version, samples, *figures, can_id, padded = HEADER.unpack_from(content)
-    if magic != MAGIC:
-        raise TrajectoryError(f"it begins with {magic!r} and not with {MAGIC!r}: no .lgt file")
-    if version != VERSION:
-        raise TrajectoryError(f"version {version}, only version {VERSION} can be read")
-    mount = padded.rstrip(b"\0")
-    if mount not in _MOUNTS:
-        raise TrajectoryError(f"unknown mount {mount!r}; there are normal, reverse, and none")
-    hz, created_s, closed_rad, open_rad, rad_to_mm = figures
-    return Header(samples, hz, created_s, closed_rad, open_rad, rad_to_mm, can_id, _MOUNTS[mount])
-
-
 def read(content: memoryview) -> tuple[Header, Summary]:
-    """Judge a whole file; raises `TrajectoryError` with the reason.
+    """Check a whole file; raises `TrajectoryError` with the reason.
 
-    Takes about half a second for the longest one.
+    The longest file takes about half a second.
     """
     header = read_header(content)
     return header, summarize(content[HEADER.size :])
 
 
 def summarize(samples: memoryview) -> Summary:
-    """Judge samples, one by one; raises `TrajectoryError` with the number of the wrong one."""
+    """Check the samples; raises `TrajectoryError` with the number of the wrong one."""
     first_s = last_s = last = fastest = 0.0
     for number, values in enumerate(SAMPLE.iter_unpack(samples)):
         t_s, openness = values[:2]
@@ -164,7 +61,7 @@ def summarize(samples: memoryview) -> Summary:
 
 
 def csv_line(values: tuple[float, ...]) -> str:
-    """Return a sample as a line of CSV; each number reads back to the bit."""
+    """Return a sample as a line of CSV; each number reads back exactly."""
     return ",".join(map(repr, values)) + "\n"
 
 
@@ -189,9 +86,9 @@ PIECE_BYTES = PIECE_SAMPLES * SAMPLE.size
 
 
 class Path:
-    """The openness over the time since the first sample, straight between the samples.
+    """The openness over the time since the first sample, linear between the samples.
 
-    `pieces` have `PIECE_SAMPLES` samples each, the last one what is left; `samples` is above 0.
+    `pieces` have `PIECE_SAMPLES` samples each, the last one the remainder; `samples` is above 0.
     """
 
     def __init__(self, pieces: Sequence[bytes], samples: int) -> None:
@@ -201,9 +98,9 @@ class Path:
         self.duration_s = self._sample(samples - 1)[0] - self._first_s
 
     def openness_at(self, elapsed_s: float) -> float:
-        """Return the openness; before the start that of the start, past the end that of the end.
+        """Return the openness; before the start and after the end, that of the nearest sample.
 
-        Where several samples have the same time the last one counts.
+        If several samples have the same time, the last one counts.
         """
         after = self._first_after(elapsed_s)
         if after == 0:
@@ -216,7 +113,7 @@ class Path:
         return before + (following - before) * min(max(share, 0.0), 1.0)
 
     def _first_after(self, elapsed_s: float) -> int:
-        """Return the number of the first sample that is later, by bisection."""
+        """Return the number of the first later sample, by bisection."""
         low, high = 0, self.samples
         while low < high:
             middle = (low + high) // 2

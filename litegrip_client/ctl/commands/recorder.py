@@ -17,13 +17,14 @@ from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import figure, plain
 from litegrip_client.ctl.run import OK, Commands, Run, installing
 from litegrip_client.errors import CommandError
-from litegrip_client.trajectory import MAGIC, Trajectory
+from litegrip_client.protocol.lgt import MAGIC
+from litegrip_client.trajectory import Trajectory
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
-    from litegrip_client.taught_grips import TaughtGrip
+    from litegrip_client.protocol.grips import TaughtGrip
 
 
 _EIGHTHS = " ▁▂▃▄▅▆▇█"
