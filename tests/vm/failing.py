@@ -129,7 +129,8 @@ def stops() -> None:
             refused = (rpc.call("motion.open").get("error") or {}).get("data", {}).get("reason")
             check(f"after a stop by {what} motions are refused", refused == "stopped", refused)
             rpc.call("stop.clear")
-        check("a stop of level disable disabled", DISABLE in bus.data(COMMANDS))
+        disabled = reaches(lambda: DISABLE in bus.data(COMMANDS))
+        check("a stop of level disable disabled", disabled)
 
 
 FAILING = (
