@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from litegripd.control.actions.base import Adopted, Step
 from litegripd.control.admission import CALIBRATION_COMING, NOT_CALIBRATED, ZERO_MOVED
 from litegripd.control.gains import DEFAULT_GAINS, Gains, gains_of
+from litegripd.control.motions.base import Adopted, Step
 from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, measured
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry

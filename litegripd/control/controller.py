@@ -1,7 +1,7 @@
 """The controller: the one place that decides, in every tick, what the motor is told.
 
 Pure: `step(now_s, motor)` returns the order for this tick. Between ticks clients ask for motions
-(`Motions` and `Calibrating` begin them), for a stop, or are lost; nothing of that reaches the
+(`MotionRequests` and `CalibrationRequests` begin them), for a stop, or are lost; nothing of that reaches the
 motor but through `step`.
 """
 
@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from litegripd.control import announce
-from litegripd.control.actions.base import Action
 from litegripd.control.admission import (
     ENDING,
     NOT_ENABLED,
@@ -28,6 +27,7 @@ from litegripd.control.inquiries import Inquiries
 from litegripd.control.jobs import JobBook, Start
 from litegripd.control.lease import Grant, Lease, Loss, LossCause, OnAnswer, Wish
 from litegripd.control.limiter import Output, bounds_of
+from litegripd.control.motions.base import Action
 from litegripd.control.second_master import SecondMaster
 from litegripd.control.stop import StopLatch
 from litegripd.model.bus import NOT_OPENED, BusCondition

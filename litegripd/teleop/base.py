@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step
+from litegripd.control.motions.base import PlainAction, Step
 from litegripd.model.events import Event
 from litegripd.model.motor import Feedback, MotorView, Status, status_name
 from litegripd.model.results import TeleopResult

@@ -14,9 +14,9 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import Step, progress_of
 from litegripd.control.gains import Gains, budgeted, clamp_lead, max_lead_rad
 from litegripd.control.holds import Hold, Rest, Slack
+from litegripd.control.motions.base import Step, progress_of
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView

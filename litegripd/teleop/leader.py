@@ -14,8 +14,8 @@ leader's own motor).
 import math
 from dataclasses import replace
 
-from litegripd.control.actions.base import Step, progress_of
 from litegripd.control.holds import Slack
+from litegripd.control.motions.base import Step, progress_of
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult

@@ -13,9 +13,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
+from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motor import Feedback, MotorPhase, MotorView

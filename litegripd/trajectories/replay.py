@@ -14,10 +14,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step
-from litegripd.control.actions.grasp import Grasp, GraspRequest
 from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import Grip, Hold, Rest
+from litegripd.control.motions.base import PlainAction, Step
+from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig

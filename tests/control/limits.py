@@ -8,10 +8,9 @@ import math
 from dataclasses import replace
 from itertools import combinations
 
-from litegripd.control.actions.by_hand import CalibrateByHand
-from litegripd.control.actions.zero import Calibrate
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Hold, Rest, Slack
+from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobState
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges

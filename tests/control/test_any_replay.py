@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.control.actions.grasp import BUDGET_NM
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.holds import Slack
 from litegripd.control.limiter import torque_bound_nm
+from litegripd.control.motions.grasp import BUDGET_NM
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.helper_tasks import TaskResult

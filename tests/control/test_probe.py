@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from litegripd.control.actions.zero import Probe
+from litegripd.control.motions.calibrate import Probe
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback
 

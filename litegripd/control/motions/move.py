@@ -17,11 +17,11 @@ while the ramp lasts.
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.detectors import StallDetector, TorqueGuard
 from litegripd.control.gains import Gains, clamp_lead, is_in_press_zone, max_lead_rad
 from litegripd.control.holds import Slack
 from litegripd.control.limiter import bounds_of
+from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView

@@ -6,9 +6,9 @@ whatever the jaws meet with no more than its torque.
 
 from dataclasses import dataclass
 
-from litegripd.control.actions.base import PlainAction, Step
 from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import Hold, Rest
+from litegripd.control.motions.base import PlainAction, Step
 from litegripd.model.motor import MotorView
 from litegripd.model.results import StreamResult
 

@@ -13,10 +13,10 @@ the caller wanted.
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
 from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Rest
+from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
