@@ -1,8 +1,8 @@
 """The controller: the one place that decides, in every tick, what the motor is told.
 
-Pure: `step(now_s, motor)` returns the order for this tick. Between ticks clients ask for motions
-(`MotionRequests` and `CalibrationRequests` begin them), for a stop, or are lost; nothing of that reaches the
-motor but through `step`.
+Pure: `step(now_s, motor)` returns what the motor is to do in this tick. Between ticks clients ask
+for motions (`requests` begins them), for a stop, or are lost; nothing of that reaches the motor but
+through `step`.
 """
 
 import math
@@ -22,7 +22,7 @@ from litegripd.control.admission import (
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_errand
 from litegripd.control.gains import Gains
-from litegripd.control.holds import Grip, Hold, Rest, Slack
+from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.inquiries import Inquiries
 from litegripd.control.jobs import JobBook, Start
 from litegripd.control.lease import Grant, Lease, Loss, LossCause, OnAnswer, Wish
@@ -78,7 +78,7 @@ class Recording(Protocol):
 
 
 class Controller:
-    """Runs one gripper: at most one job, else a rest that holds the jaws or lets them go.
+    """Runs one gripper: at most one job, else idle jaws: a hold, a grip, or slack.
 
     It also says who may: the stop, the lease, and clients that are lost. Whatever is asked between
     two ticks reaches the motor only by the next `step`.
@@ -103,7 +103,7 @@ class Controller:
         self.action: Action | None = None
         self.has_stepped = False
         """True if the present or latest action has had any say in what the motor is told."""
-        self.rest: Rest = Slack()
+        self.idle: Idle = Slack()
         self.output = Output(self.gripper_id.motor_type)
         self.inquiries = Inquiries()
         self.capture: Recording | None = None
@@ -130,10 +130,10 @@ class Controller:
     def grip(self) -> Grip | None:
         """The hold by force, if there is one, be it a grasp's or what one has left."""
         if self._replaced is not None:
-            rest: Rest | None = self._left()
+            idle: Idle | None = self._left()
         else:
-            rest = self.rest if self.action is None else self.action.rest()
-        return rest if isinstance(rest, Grip) else None
+            idle = self.idle if self.action is None else self.action.idle_after()
+        return idle if isinstance(idle, Grip) else None
 
     @property
     def in_the_way(self) -> Job | None:
@@ -215,10 +215,10 @@ class Controller:
         self.events.append(announce.job_started(job))
         return job
 
-    def settle(self, kind: JobKind, rest: Rest, owner: Owner, result: Result) -> Job:
+    def settle(self, kind: JobKind, idle: Idle, owner: Owner, result: Result) -> Job:
         """Change at once what the jaws do without a motion; the job has ended when it returns."""
         self._end_replaced()
-        self.rest = rest
+        self.idle = idle
         job = self._new_job(kind, owner, detached=True)
         self.jobs.begin(job, self.now_s)
         self.events.append(announce.job_started(job))
@@ -263,7 +263,7 @@ class Controller:
             self.action = None
             return
         self.jobs.end(job, outcome, self.now_s)
-        self.rest, self.action = self._left(by_defect=by_defect), None
+        self.idle, self.action = self._left(by_defect=by_defect), None
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self.must_disable = True  # it may still take effect
@@ -299,13 +299,13 @@ class Controller:
         if reason is not None:
             self.end(reason)
 
-    def _left(self, *, by_defect: bool = False) -> Rest:
+    def _left(self, *, by_defect: bool = False) -> Idle:
         """Return what the jaws do if the running action ends now."""
         action, feedback = self.action, self.motor.feedback
         if action is None or feedback is None or not (action.needs_power and self.has_stepped):
-            return self.rest
-        rest = None if by_defect else action.rest()
-        return rest or Hold(feedback.position_rad, self.calibrated.gains)
+            return self.idle
+        idle = None if by_defect else action.idle_after()
+        return idle or Hold(feedback.position_rad, self.calibrated.gains)
 
     def _new_job(self, kind: JobKind, owner: Owner, detached: bool) -> Job:
         """Return the queued job whose turn it is, else a new one, under the present lease."""
@@ -353,8 +353,8 @@ class Controller:
             if stop is not before:
                 self.events.append(announce.stopped(stop.level, refusal))
         self._settle_into(stop.level)
-        if isinstance(self.rest, Grip):
-            self.rest.freeze()  # no more torque than there is now, but not a dropped object either
+        if isinstance(self.idle, Grip):
+            self.idle.freeze()  # no more torque than there is now, but not a dropped object either
 
     def clear_stop(self, by: Owner) -> None:
         """Allow motions again; the jaws stay as they are."""
@@ -480,14 +480,14 @@ class Controller:
         if level == "disable" or (level == "relax" and self.motor.phase is MotorPhase.SILENT):
             self.must_disable = True  # a motor that does not answer can only be told to let go
         elif level == "relax":
-            self.rest = Slack()
-        elif isinstance(self.rest, Grip):
-            self.rest.stay()
+            self.idle = Slack()
+        elif isinstance(self.idle, Grip):
+            self.idle.stay()
 
     # The tick
 
     def step(self, now_s: float, motor: MotorView) -> MotorOrder:
-        """Decide. In this order: power, fault, stop, lost client, the action, the rest."""
+        """Decide. In this order: power, fault, stop, lost client, the action, the idle jaws."""
         motor = _finite(motor)
         self._note_phase(motor)
         self._note_zero(motor.zero)
@@ -508,7 +508,7 @@ class Controller:
             self._send_nothing(now_s)
             return MotorOrder(request=request, register=inquiry)
         is_motion = command is not None
-        command = command or self._rest_command(now_s, feedback)
+        command = command or self._idle_command(now_s, feedback)
         self._note_moved_object(feedback)
         return MotorOrder(self._send(now_s, command, feedback), request, is_motion, inquiry)
 
@@ -530,18 +530,18 @@ class Controller:
             self.end(step.outcome)
         return step.command, step.request
 
-    def _rest_command(self, now_s: float, feedback: Feedback) -> MitCommand:
-        rest, geometry = self.rest, self.geometry
-        if isinstance(rest, Hold) and geometry is not None:
-            self.rest = rest = rest.eased(feedback.position_rad, geometry)
-        command = rest.command(now_s, feedback)
-        if isinstance(rest, Grip) and rest.is_lost:
-            if rest.watched:
+    def _idle_command(self, now_s: float, feedback: Feedback) -> MitCommand:
+        idle, geometry = self.idle, self.geometry
+        if isinstance(idle, Hold) and geometry is not None:
+            self.idle = idle = idle.eased(feedback.position_rad, geometry)
+        command = idle.command(now_s, feedback)
+        if isinstance(idle, Grip) and idle.is_lost:
+            if idle.watched:
                 self.events.append(announce.object_lost(None))
             # On some motors the damping of a position hold would shake running jaws.
-            caught_rad = rest.caught_rad(feedback.position_rad, self.period_s)
-            self.rest = Hold(caught_rad, self.gains.calmed())
-            return self.rest.command(now_s, feedback)
+            caught_rad = idle.caught_rad(feedback.position_rad, self.period_s)
+            self.idle = Hold(caught_rad, self.gains.calmed())
+            return self.idle.command(now_s, feedback)
         return command
 
     def _note_moved_object(self, feedback: Feedback) -> None:
@@ -606,10 +606,10 @@ class Controller:
         if motor.phase is not MotorPhase.ENABLED or motor.feedback is None:
             return
         was_silent = before is MotorPhase.SILENT
-        if was_silent and isinstance(self.rest, Grip):
-            self.rest.resume()
-        elif not (was_silent and isinstance(self.rest, Slack)):
-            self.rest = Hold(motor.feedback.position_rad, self.gains)
+        if was_silent and isinstance(self.idle, Grip):
+            self.idle.resume()
+        elif not (was_silent and isinstance(self.idle, Slack)):
+            self.idle = Hold(motor.feedback.position_rad, self.gains)
 
 
 def _defect(job: Job, error: Exception) -> Refusal:

@@ -126,6 +126,6 @@ class TorqueGuard:
         self._cycles = self._cycles + 1 if slow and strong else 0
         return self._cycles >= self._config.stop_torque_cycles
 
-    def rest(self) -> None:
+    def reset(self) -> None:
         """Forget what was seen: where the jaws are now, torque and stillness are expected."""
         self._sampled, self._cycles = None, 0

@@ -487,4 +487,4 @@ class Slack:
         return MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
 
 
-Rest: TypeAlias = Hold | Slack | Grip
+Idle: TypeAlias = Hold | Slack | Grip

@@ -185,13 +185,13 @@ class MotionRequests:
         controller, feedback = self._controller, self._powered()
         if isinstance(feedback, Refusal):
             return feedback
-        rest = controller.rest
-        if isinstance(rest, Slack):  # holding anew would lose the force of a hold
-            rest = Hold(feedback.position_rad, controller.gains)
-        elif isinstance(rest, Grip):
-            rest.stay()
-        position_rad = rest.position_rad if isinstance(rest, Hold) else feedback.position_rad
-        return controller.settle("hold", rest, owner, HoldResult(position_rad))
+        idle = controller.idle
+        if isinstance(idle, Slack):  # holding anew would lose the force of a hold
+            idle = Hold(feedback.position_rad, controller.gains)
+        elif isinstance(idle, Grip):
+            idle.stay()
+        position_rad = idle.position_rad if isinstance(idle, Hold) else feedback.position_rad
+        return controller.settle("hold", idle, owner, HoldResult(position_rad))
 
     def zero_gravity(self, owner: Owner) -> Job | Refusal:
         """Let the jaws go: enabled, but without stiffness, damping and torque."""

@@ -48,7 +48,7 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
         status=None if feedback is None else status_name(feedback.status),
         enabled=_enabled(motor),
         mode=mode_of(
-            motor.phase, controller.jobs.running is not None, isinstance(controller.rest, Slack)
+            motor.phase, controller.jobs.running is not None, isinstance(controller.idle, Slack)
         ),
         position_rad=None if feedback is None else feedback.position_rad,
         velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
@@ -100,7 +100,7 @@ def _enabled(motor: MotorView) -> bool | None:
 
 
 def mode_of(phase: MotorPhase, has_job: bool, is_slack: bool) -> Mode:
-    """Return the gripper's mode, from the motor's phase, whether a job runs, and the rest."""
+    """Return the gripper's mode, from the motor's phase, the job, and the idle jaws."""
     if phase is not MotorPhase.ENABLED:
         return _MODES[phase]
     if has_job:

@@ -15,7 +15,7 @@ from litegripd.control.detectors import Lasting, SpeedWindow
 from litegripd.control.gains import Gains
 from litegripd.control.grip_watch import GripWatch, WatchLimits, WatchState
 from litegripd.control.heat import HeatGuard, HeatModel, Readings
-from litegripd.control.holds import Grip, GripSettings, Hold, Rest, Slack
+from litegripd.control.holds import Grip, GripSettings, Hold, Idle, Slack
 from litegripd.control.jobs import JobBook
 from litegripd.control.lease import Grant, Lease
 from litegripd.control.limiter import CommandLimiter, Output
@@ -93,7 +93,7 @@ _CONTROLLER = Carried(
         "motor",  # handed over by its own room; here only its phase goes along
         "must_disable",
         "period_s",
-        "rest",
+        "idle",
         "gripper_id",
         "_is_ending",
         "_owed",
@@ -186,9 +186,9 @@ def export(controller: Controller) -> dict[str, Any]:
     plain = _CONTROLLER.memory(controller)
     if controller.lease.holder is not None:
         plain["lease"]["_lapsed"] = plain_of(controller.lease.holder)
-    rest = controller.rest
-    plain_rest = _GRIP.memory(rest) if isinstance(rest, Grip) else plain_of(rest)
-    return {"controller": plain, "rest": plain_rest, "phase": plain_of(controller.motor.phase)}
+    idle = controller.idle
+    plain_idle = _GRIP.memory(idle) if isinstance(idle, Grip) else plain_of(idle)
+    return {"controller": plain, "rest": plain_idle, "phase": plain_of(controller.motor.phase)}
 
 
 def adopt(controller: Controller, motor: MotorView, plain: Any) -> None:
@@ -199,7 +199,7 @@ def adopt(controller: Controller, motor: MotorView, plain: Any) -> None:
     if not isinstance(plain, dict) or plain.keys() != {"controller", "rest", "phase"}:
         raise PlainError("the controller's state is not of this version")
     _CONTROLLER.restore(controller, plain["controller"])
-    controller.rest = _rest_of(plain["rest"], controller.gripper_id.motor_type)
+    controller.idle = _idle_of(plain["rest"], controller.gripper_id.motor_type)
     # The phase of the predecessor's last tick: a change since then is still to be noticed.
     controller.motor = replace(motor, phase=value_of(plain["phase"], MotorPhase, "phase"))
 
@@ -214,9 +214,9 @@ def adopt_jobs(controller: Controller, plain: Any) -> None:
     _JOBS.restore(controller.jobs, plain)
 
 
-def _rest_of(plain: Any, motor_type: MotorType) -> Rest:
+def _idle_of(plain: Any, motor_type: MotorType) -> Idle:
     if not isinstance(plain, dict) or plain.get(TYPE_KEY) != Grip.__name__:
-        hold: Rest = value_of(plain, Hold | Slack, "rest")
+        hold: Idle = value_of(plain, Hold | Slack, "rest")
         return hold
     settings = value_of(plain.get("_settings"), GripSettings, "Grip._settings")
     grip = Grip(settings, 0.0, 0.0, motor_type, watched=False)

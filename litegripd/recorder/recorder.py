@@ -202,7 +202,7 @@ class Recorder:
             flags |= HAS_FEEDBACK
         if controller.output.requested is not None:
             flags |= HAS_REQUEST
-        if type(controller.rest) is Slack:
+        if type(controller.idle) is Slack:
             flags |= IS_SLACK
         if controller.stop_latch.latched is not None:
             flags |= IS_STOPPED

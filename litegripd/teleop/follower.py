@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.gains import Gains, budgeted, clamp_lead, max_lead_rad
-from litegripd.control.holds import Hold, Rest, Slack
+from litegripd.control.holds import Hold, Idle, Slack
 from litegripd.control.motions.base import Step, progress_of
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -279,7 +279,7 @@ class TeleopFollower(TeleopAction):
             self._tell_force(now_s, feedback)
         return Step(command)
 
-    def rest(self) -> Rest | None:
+    def idle_after(self) -> Idle | None:
         """Finished, it holds the jaws where they are; interrupted, it keeps what they press on.
 
         Moving jaws stop where they are. After a trip the jaws stay free: a hold would press again.

@@ -263,7 +263,7 @@ class Trajectories:
             gains=Gains(kp, kd),
             period_s=controller.period_s,
             motor_type=controller.gripper_id.motor_type,
-            resting=lambda: controller.rest,
+            idle=lambda: controller.idle,
         )
         self.replay_job = controller.begin("play", action, owner, detached)
         self.replay = action

@@ -55,7 +55,7 @@ class Jaws:
             gains=DEFAULT_GAINS,
             period_s=PERIOD_S,
             motor_type=DM4310,
-            resting=Slack,
+            idle=Slack,
         )
         self.follows = follows
         self.obstacle_rad = obstacle_rad

@@ -204,7 +204,7 @@ def test_no_period_passes_without_a_command_and_the_motor_stays_enabled() -> Non
         exchange(world)
         world.tick()
         assert world.phase is MotorPhase.ENABLED
-        assert isinstance(world.controller.rest, Grip)
+        assert isinstance(world.controller.idle, Grip)
     commands = world.commands_since(since_s + PERIOD_S / 2)
     assert len(commands) == 20
     assert {command.torque_nm for _, command in commands} == {commands[0][1].torque_nm}
@@ -216,7 +216,7 @@ def test_an_object_that_is_lost_after_the_restart_is_noticed() -> None:
     exchange(world)
     world.run(0.1)
     world.gripper.remove_object()
-    world.run_until(lambda: not isinstance(world.controller.rest, Grip))
+    world.run_until(lambda: not isinstance(world.controller.idle, Grip))
     assert world.state.mode == "holding"
 
 
@@ -240,7 +240,7 @@ def test_slack_jaws_stay_slack() -> None:
     world = slack("normal")
     exchange(world)
     world.run(0.1)
-    assert isinstance(world.controller.rest, Slack)
+    assert isinstance(world.controller.idle, Slack)
 
 
 def test_a_stop_stays_latched_and_what_was_sent_before_it_stays_void() -> None:

@@ -199,11 +199,11 @@ def test_a_repeated_stop_freezes_what_holds_by_force_again() -> None:
     client.result("motion.close")
     client.result("motion.set_force", force_n=5)
     client.result("stop")
-    rest = world.controller.rest
-    assert isinstance(rest, Grip)
-    rest.force_n = 50.0  # as if something had raised it behind the latch
+    idle = world.controller.idle
+    assert isinstance(idle, Grip)
+    idle.force_n = 50.0  # as if something had raised it behind the latch
     client.result("stop")
-    assert rest.force_n == rest.applied_n < 50.0
+    assert idle.force_n == idle.applied_n < 50.0
 
 
 @pytest.mark.parametrize("again", LEVELS)
@@ -212,7 +212,7 @@ def test_a_repeated_stop_goes_by_the_level_that_is_latched(again: str) -> None:
     client = world.enabled()
     client.result("stop", level="relax")
     world.tick()
-    world.controller.rest = Hold(world.gripper.position_rad, world.controller.gains)
+    world.controller.idle = Hold(world.gripper.position_rad, world.controller.gains)
     world.tick()
     assert not is_slack(world)
     client.result("stop", level=again)

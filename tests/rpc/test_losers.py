@@ -31,16 +31,16 @@ class Scene:
         """Let somebody act, and check that nothing has come of it; return what the act returned."""
         world, controller = self.world, self.world.controller
         world.run(0.1)
-        jobs, rest, calibration = (
+        jobs, idle, calibration = (
             list(controller.jobs),
-            controller.rest,
+            controller.idle,
             controller.calibrated.calibration,
         )
         opening_mm, phase = world.state.opening_mm, world.phase
         answer = act()
         world.run(0.5)
         assert [job.number for job in controller.jobs] == [job.number for job in jobs]
-        assert controller.rest is rest
+        assert controller.idle is idle
         assert controller.calibrated.calibration is calibration
         assert world.phase is phase
         assert opening_mm is not None

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from litegripd.control.holds import Rest
+from litegripd.control.holds import Idle
 from litegripd.control.limiter import Bounds
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
@@ -43,7 +43,7 @@ class Action(Protocol):
     def step(self, now_s: float, motor: MotorView) -> Step:
         """Advance to `now_s`. A position on a ramp follows from the time, not from the calls."""
 
-    def rest(self) -> Rest | None:
+    def idle_after(self) -> Idle | None:
         """Tell what the jaws do if it ends now; None: hold where they are."""
 
     def progress(self) -> Progress | None:
@@ -63,12 +63,12 @@ def progress_of(
 
 
 class PlainAction:
-    """What most actions have in common: no bounds of their own, no rest, nothing to tell."""
+    """What most actions have in common: no bounds of their own, a hold afterwards, no progress."""
 
     needs_power = True
     bounds: Bounds | None = None
 
-    def rest(self) -> Rest | None:
+    def idle_after(self) -> Idle | None:
         """Let the jaws hold where they are."""
         return None
 

@@ -15,7 +15,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
 from litegripd.control.gains import Gains, budgeted, clamp_lead
-from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Rest
+from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Idle
 from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -244,7 +244,7 @@ class Grasp(PlainAction):
         self._command_rad = command.position_rad
         return Step(command, outcome=self._outcome(self._grip))
 
-    def rest(self) -> Rest | None:
+    def idle_after(self) -> Idle | None:
         """Go on holding what is held; jaws that have lost it still run, and are held calmly."""
         if self._grip is None:
             return None

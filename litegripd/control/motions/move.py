@@ -320,7 +320,7 @@ class MoveToStop(PlainAction):
     def _is_jammed(self, now_s: float, feedback: Feedback) -> bool:
         """Check if something takes the torque where nothing should; at the stop, the stop does."""
         if self._is_near_stop:
-            self._guard.rest()
+            self._guard.reset()
             return False
         return self._guard.add(now_s, feedback.position_rad, feedback.torque_nm)
 

@@ -7,7 +7,7 @@ whatever the jaws meet with no more than its torque.
 from dataclasses import dataclass
 
 from litegripd.control.gains import Gains, budgeted, clamp_lead
-from litegripd.control.holds import Hold, Rest
+from litegripd.control.holds import Hold, Idle
 from litegripd.control.motions.base import PlainAction, Step
 from litegripd.model.motor import MotorView
 from litegripd.model.results import StreamResult
@@ -32,7 +32,7 @@ class Stream(PlainAction):
         self._point: SetPoint | None = None
         self._set_points = 0
         self._reference: tuple[float, float] | None = None
-        self._rest: Hold | None = None
+        self._hold: Hold | None = None
 
     def set(self, point: SetPoint) -> None:
         """Follow another set-point from the next tick on."""
@@ -54,9 +54,9 @@ class Stream(PlainAction):
         reference_rad = clamp_lead(wanted_rad, feedback.position_rad, lead_rad)
         velocity_rad_s = (wanted_rad - was_rad) / elapsed_s if elapsed_s > 0.0 else 0.0
         self._reference = (now_s, reference_rad)
-        self._rest = Hold(reference_rad, gains)
+        self._hold = Hold(reference_rad, gains)
         return Step(gains.at(reference_rad, velocity_rad_s))
 
-    def rest(self) -> Rest | None:
+    def idle_after(self) -> Idle | None:
         """Go on pressing as in the latest tick."""
-        return self._rest
+        return self._hold
