@@ -61,8 +61,8 @@ class Machine:
         self.controller.note_bus(bus)
         must_disable = self.controller.must_disable
         try:
-            order = self.controller.step(now_s, view)
-            self._sent = self.motor.step(now_s, order)
+            wanted = self.controller.step(now_s, view)
+            self._sent = self.motor.step(now_s, wanted)
         except Exception as error:
             self.controller.break_off(error)
             self.controller.must_disable |= must_disable  # it may not have got that far

@@ -43,7 +43,7 @@ from litegripd.model.motor import (
     DisableMotor,
     Feedback,
     MitCommand,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     MotorRequest,
     MotorView,
@@ -486,7 +486,7 @@ class Controller:
 
     # The tick
 
-    def step(self, now_s: float, motor: MotorView) -> MotorOrder:
+    def step(self, now_s: float, motor: MotorView) -> MotorInput:
         """Decide. In this order: power, fault, stop, lost client, the action, the idle jaws."""
         motor = _finite(motor)
         self._note_phase(motor)
@@ -501,16 +501,16 @@ class Controller:
         if self.must_disable:
             self.must_disable = False
             self._send_nothing(now_s)
-            return MotorOrder(request=DisableMotor(), register=inquiry)
+            return MotorInput(request=DisableMotor(), register=inquiry)
         command, request = self._act(now_s)
         feedback = motor.feedback
         if motor.phase is not MotorPhase.ENABLED or feedback is None:
             self._send_nothing(now_s)
-            return MotorOrder(request=request, register=inquiry)
+            return MotorInput(request=request, register=inquiry)
         is_motion = command is not None
         command = command or self._idle_command(now_s, feedback)
         self._note_moved_object(feedback)
-        return MotorOrder(self._send(now_s, command, feedback), request, is_motion, inquiry)
+        return MotorInput(self._send(now_s, command, feedback), request, is_motion, inquiry)
 
     def _act(self, now_s: float) -> tuple[MitCommand | None, MotorRequest | None]:
         """Step the running action, if its motor is still there."""

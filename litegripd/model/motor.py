@@ -208,7 +208,7 @@ MotorRequest: TypeAlias = EnableMotor | DisableMotor | SetZero | ClearFault
 
 
 @dataclass(frozen=True, slots=True)
-class MotorOrder:
+class MotorInput:
     """What the controller wants of the motor in one tick.
 
     `is_motion` tells that `command` leads the jaws on; it must not go on without feedback. A

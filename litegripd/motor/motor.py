@@ -1,6 +1,6 @@
 """One motor: takes frames, keeps its phase, and gives the frames to send in each tick.
 
-Pure: time is an argument, frames are values. What the controller wants comes in as a `MotorOrder`;
+Pure: time is an argument, frames are values. What the controller wants comes in as a `MotorInput`;
 what is known goes out as a `MotorView`. Nothing in here decides to energise the motor.
 """
 
@@ -14,7 +14,7 @@ from litegripd.model.motor import (
     Feedback,
     MitCommand,
     MotorIdentity,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     MotorRequest,
     MotorView,
@@ -150,14 +150,14 @@ class Motor:
         """Take whether the bus can carry frames; call it after `receive`."""
         self._silence.note_bus(self._phase, is_usable=is_usable)
 
-    def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
+    def step(self, now_s: float, wanted: MotorInput) -> list[CanFrame]:
         """Do what the controller wants and return the frames to send, in their order."""
-        if order.request is not None:
-            self._begin(order.request, now_s)
-        frames = self._step(now_s, order)
+        if wanted.request is not None:
+            self._begin(wanted.request, now_s)
+        frames = self._step(now_s, wanted)
         if frames:
             self._asked_s = now_s
-        read = self._reading.step(now_s, order.register, self._phase)
+        read = self._reading.step(now_s, wanted.register, self._phase)
         return frames + (read or self._verify(now_s))
 
     # What is heard
@@ -359,9 +359,9 @@ class Motor:
         else:
             self._begin_clear(now_s)
 
-    def _step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
-        if self._phase is Phase.ENABLED and order.command is not None:
-            return self._command(order.command, order.is_motion)
+    def _step(self, now_s: float, wanted: MotorInput) -> list[CanFrame]:
+        if self._phase is Phase.ENABLED and wanted.command is not None:
+            return self._command(wanted.command, wanted.is_motion)
         if self._phase in ARMING_PHASES:
             return self._arm(now_s)
         if self._phase is Phase.UNFAULTING:

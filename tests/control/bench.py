@@ -18,7 +18,7 @@ from litegripd.model.motor import (
     EnableMotor,
     Feedback,
     MotorIdentity,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     MotorView,
     Ranges,
@@ -162,7 +162,7 @@ class Bench:
             self._read(session)
         self._run_errands()
 
-    def _obey(self, order: MotorOrder) -> None:
+    def _obey(self, order: MotorInput) -> None:
         """Become what the motor is told to be, without the delays of a real one."""
         if isinstance(order.request, DisableMotor):
             self._phase = MotorPhase.DISABLING
