@@ -111,7 +111,7 @@ def lease_lost(loss: Loss) -> Event:
 
 def lease_granted(grant: Grant) -> Event:
     """Report who got the lease, and what for."""
-    owner, purpose = grant.owner, grant.wish.purpose
+    owner, purpose = grant.owner, grant.options.purpose
     why = "" if purpose is None else f" for {purpose}"
     text = f"lease {grant.number} granted to {_named(owner)}{why}"
     data = {"client": owner.client, "pid": owner.pid, "lease": grant.number, "held": True}

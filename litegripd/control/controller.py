@@ -25,7 +25,7 @@ from litegripd.control.gains import Gains
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.inquiries import Inquiries
 from litegripd.control.jobs import JobBook, Start
-from litegripd.control.lease import Grant, Lease, Loss, LossCause, OnAnswer, Wish
+from litegripd.control.lease import Grant, Lease, LeaseOptions, Loss, LossCause, OnAnswer
 from litegripd.control.limiter import Output, bounds_of
 from litegripd.control.motions.base import Action
 from litegripd.control.second_master import SecondMaster
@@ -363,24 +363,24 @@ class Controller:
 
     # The lease
 
-    def acquire(self, owner: Owner, wish: Wish) -> Grant | Refusal:
+    def acquire(self, owner: Owner, options: LeaseOptions) -> Grant | Refusal:
         """Grant the lease, where it is free and nobody else's motion runs."""
         before, running = self.lease.holder, self.jobs.running
         if before is None and running is not None and running.owner.client != owner.client:
             return busy_with(running)
-        answer = self.lease.acquire(owner, wish, self.now_s)
+        answer = self.lease.acquire(owner, options, self.now_s)
         is_new = isinstance(answer, Grant) and (before is None or answer.number != before.number)
         return self._granted(answer) if is_new else answer
 
     def await_lease(
-        self, owner: Owner, wish: Wish, wait_s: float, on_answer: OnAnswer
+        self, owner: Owner, options: LeaseOptions, wait_s: float, on_answer: OnAnswer
     ) -> Refusal | None:
         """Let `owner` wait for the lease, first come, first served."""
 
         def granted(answer: Grant | Refusal) -> None:
             on_answer(self._granted(answer))
 
-        return self.lease.wait(owner, wish, self.now_s + wait_s, granted)
+        return self.lease.wait(owner, options, self.now_s + wait_s, granted)
 
     def release(self, owner: Owner) -> Refusal | None:
         """Give the lease back; a motion that runs under it goes on."""
@@ -392,14 +392,16 @@ class Controller:
                 running.grant = None
         return refusal
 
-    def take_over(self, owner: Owner, wish: Wish, why: str, left: OnLost = "hold") -> Grant:
+    def take_over(
+        self, owner: Owner, options: LeaseOptions, why: str, left: OnLost = "hold"
+    ) -> Grant:
         """Take the lease from whoever has it; the caller has made sure that `owner` may.
 
         What runs ends, whoever's it is and also what is detached, but for disabling and for the
         taker's own motion without a lease. What the jaws do then is the taker's to say (`left`),
         not the loser's, unless something goes on.
         """
-        grant, loss = self.lease.take(owner, wish, why, left, self.now_s)
+        grant, loss = self.lease.take(owner, options, why, left, self.now_s)
         running = self.jobs.running
         is_anothers = running is not None and running.owner.client != owner.client
         if running is not None and is_anothers and running.kind != "disable":

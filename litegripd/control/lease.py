@@ -27,7 +27,7 @@ MOST_WAITING = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
+class LeaseOptions:
     """What somebody wants of a lease.
 
     With `ttl_s` it is lost when its holder sends no request for so long; `on_lost` is what the
@@ -45,7 +45,7 @@ class Grant:
 
     number: int
     owner: Owner
-    wish: Wish
+    options: LeaseOptions
     since_s: float
 
 
@@ -85,7 +85,7 @@ class Loss:
     @property
     def on_lost(self) -> OnLost:
         """What the jaws do: as the taker says, else as the loser wished."""
-        return self.left or self.grant.wish.on_lost
+        return self.left or self.grant.options.on_lost
 
     @property
     def text(self) -> str:
@@ -110,7 +110,7 @@ OnAnswer: TypeAlias = Callable[[Grant | Refusal], None]
 @dataclass(frozen=True, slots=True)
 class _Waiting:
     owner: Owner
-    wish: Wish
+    options: LeaseOptions
     until_s: float
     on_answer: OnAnswer
 
@@ -154,11 +154,11 @@ class Lease:
             return None
         return held_refusal(holder)
 
-    def acquire(self, owner: Owner, wish: Wish, now_s: float) -> Grant | Refusal:
+    def acquire(self, owner: Owner, options: LeaseOptions, now_s: float) -> Grant | Refusal:
         """Grant the lease where it is free; its holder may change what it wished."""
         holder = self.holder
         if holder is not None and holder.owner.client == owner.client:
-            self.holder = replace(holder, wish=wish)
+            self.holder = replace(holder, options=options)
             self._renew(now_s)
             return self.holder
         if holder is not None:
@@ -166,14 +166,16 @@ class Lease:
         if self._waiting:
             text = f"{len(self._waiting)} are waiting for the lease already: wait, too (wait_s)"
             return Refusal("lease_held", text, {"waiting": len(self._waiting)})
-        return self._grant(owner, wish, now_s)
+        return self._grant(owner, options, now_s)
 
-    def wait(self, owner: Owner, wish: Wish, until_s: float, on_answer: OnAnswer) -> Refusal | None:
+    def wait(
+        self, owner: Owner, options: LeaseOptions, until_s: float, on_answer: OnAnswer
+    ) -> Refusal | None:
         """Wait for the lease; `on_answer` is called once, from `step` or another's request."""
         if len(self._waiting) >= MOST_WAITING:
             text = f"{MOST_WAITING} are waiting for the lease already: try again later"
             return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
-        self._waiting.append(_Waiting(owner, wish, until_s, on_answer))
+        self._waiting.append(_Waiting(owner, options, until_s, on_answer))
         return None
 
     def release(self, owner: Owner) -> Refusal | None:
@@ -187,14 +189,14 @@ class Lease:
         return refusal
 
     def take(
-        self, owner: Owner, wish: Wish, why: str, left: OnLost, now_s: float
+        self, owner: Owner, options: LeaseOptions, why: str, left: OnLost, now_s: float
     ) -> tuple[Grant, Loss | None]:
         """Take the lease over; the caller has made sure that `owner` may."""
         holder = self.holder
         loss = None if holder is None else Loss(holder, "taken", owner, why, left)
         if loss is not None:
             self._losses[loss.grant.owner.client] = loss
-        return self._grant(owner, wish, now_s), loss
+        return self._grant(owner, options, now_s), loss
 
     def resume(self, number: int, owner: Owner, now_s: float) -> Grant | Refusal:
         """Grant a lapsed lease again to who shows its number, if nobody has acquired one since."""
@@ -205,7 +207,7 @@ class Lease:
                 " the lease since; acquire it anew (lease.acquire)"
             )
             return Refusal("lease_lost", text)
-        return self._grant(owner, lapsed.wish, now_s)
+        return self._grant(owner, lapsed.options, now_s)
 
     def renew(self, client: int, now_s: float) -> None:
         """Note a request: its sender does not hang."""
@@ -240,18 +242,18 @@ class Lease:
             entry.on_answer(_waited_in_vain(self.holder))
         if may_grant and self.holder is None and self._waiting:
             entry = self._waiting.popleft()
-            entry.on_answer(self._grant(entry.owner, entry.wish, now_s))
+            entry.on_answer(self._grant(entry.owner, entry.options, now_s))
 
-    def _grant(self, owner: Owner, wish: Wish, now_s: float) -> Grant:
+    def _grant(self, owner: Owner, options: LeaseOptions, now_s: float) -> Grant:
         self._last += 1
-        self.holder = Grant(self._last, replace(owner, grant=None), wish, now_s)
+        self.holder = Grant(self._last, replace(owner, grant=None), options, now_s)
         self._lapsed = None
         self._losses.pop(owner.client, None)
         self._renew(now_s)
         return self.holder
 
     def _renew(self, now_s: float) -> None:
-        ttl_s = None if self.holder is None else self.holder.wish.ttl_s
+        ttl_s = None if self.holder is None else self.holder.options.ttl_s
         self._expires_s = None if ttl_s is None else now_s + ttl_s
 
     def _lapse(self, loss: Loss) -> None:
@@ -265,7 +267,7 @@ class Lease:
 
 def held_refusal(holder: Grant) -> Refusal:
     """Return who has the lease, and what for."""
-    owner, purpose = holder.owner, holder.wish.purpose
+    owner, purpose = holder.owner, holder.options.purpose
     what = "" if purpose is None else f" for {purpose}"
     return Refusal(
         "lease_held",
@@ -290,7 +292,7 @@ def _held_by(holder: Grant | None) -> dict[str, object]:
 
 
 def _owner_data(holder: Grant) -> dict[str, object]:
-    purpose, since_s = holder.wish.purpose, holder.since_s
+    purpose, since_s = holder.options.purpose, holder.since_s
     return {**_who(holder.owner), "purpose": purpose, "since_s": since_s}
 
 
