@@ -1,4 +1,4 @@
-"""Values of teleoperation: what is wished for, its links, and the frames on the wire.
+"""Values of teleoperation: its options, its links, and the frames on the wire.
 
 A leader's frame has 32 bytes that other stacks send and read, too: four big-endian float64, the
 openness, position, force and the sender's time. Nothing is clamped here: what is no number is no
@@ -30,7 +30,7 @@ last, which it does not have."""
 
 
 @dataclass(frozen=True, slots=True)
-class LinkWish:
+class LinkOptions:
     """Which link to open. `host` is the other end's: a follower's leader, or whom UDP sends to.
 
     A leader's UDP goes to one address or several (see `teleop_targets`). With `reflects` the
@@ -118,7 +118,7 @@ class TeleopStatus:
     motor did not answer. `fault` names the motor's status where it is not "enabled", or why it all
     ended.
 
-    `host` and `port` are the wish's: where a slave's leader is, with UDP also whom a master sends
+    `host` and `port` are the link's: where a slave's leader is, with UDP also whom a master sends
     to; None where there is no network. `link_protected` is False where anybody may take part who
     reaches the link; like `link_state` and `matching` it is None once all is over. `force_limited`
     says that a slave would press harder, but for its limits. With force reflection `reflected_n` is
@@ -170,17 +170,17 @@ MOST_TARGETS = 8
 _TARGET = re.compile(r"(\[[^\[\]]+\]|[^:\[\]]+)(?::(\d{1,5}))?")
 
 
-def udp_targets(wish: LinkWish) -> tuple[tuple[str, int], ...]:
+def udp_targets(options: LinkOptions) -> tuple[tuple[str, int], ...]:
     """Return the hosts and ports that a leader sends to.
 
     `host` names them, separated by commas, each with a port of its own where that is not the
     link's: `10.0.0.2,10.0.0.3:17449`, `[fe80::1]:17449`. Raises `ValueError` for a port that is
     none, a name that is none, and more than `MOST_TARGETS`.
     """
-    names = [name.strip() for name in (wish.host or "").split(",")]
+    names = [name.strip() for name in (options.host or "").split(",")]
     if len(names) > MOST_TARGETS:
         raise ValueError(f"names {len(names)} followers, {MOST_TARGETS} are the most")
-    return tuple(_target(name, wish.port) for name in names)
+    return tuple(_target(name, options.port) for name in names)
 
 
 def _target(name: str, port: int) -> tuple[str, int]:

@@ -21,7 +21,13 @@ from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
-from litegripd.model.teleop import ForceFrame, LinkWish, TeleopSettings, TeleopStatus, encode_force
+from litegripd.model.teleop import (
+    ForceFrame,
+    LinkOptions,
+    TeleopSettings,
+    TeleopStatus,
+    encode_force,
+)
 from litegripd.teleop.base import TeleopAction, Tell
 from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.teleop.link import Link
@@ -236,8 +242,8 @@ class Course:
 class TeleopFollower(TeleopAction):
     """Follows until it is finished; leaves a hold behind or, after a trip, free jaws."""
 
-    def __init__(self, link: Link, wish: LinkWish, tell: Tell, course: Course) -> None:
-        super().__init__(link, wish, tell)
+    def __init__(self, link: Link, options: LinkOptions, tell: Tell, course: Course) -> None:
+        super().__init__(link, options, tell)
         self._course = course
         self._intake = Intake(course.settings.watchdog_s)
         self._guard = PressGuard(course.settings.torque_limit_nm)
@@ -275,7 +281,7 @@ class TeleopFollower(TeleopAction):
         elapsed_s = max(now_s - self._stepped_s, 0.0) if self._reference_rad is not None else 0.0
         self._stepped_s = now_s
         command = self._command(now_s, elapsed_s, feedback)
-        if self.wish.reflects and is_new:
+        if self.options.reflects and is_new:
             self._tell_force(now_s, feedback)
         return Step(command)
 
@@ -340,9 +346,9 @@ class TeleopFollower(TeleopAction):
         if silent_s < _SILENT_S:
             return None
         never = "" if intake.frames else " yet"
-        where = "" if self.wish.host is None else f" at {self.wish.host}"
+        where = "" if self.options.host is None else f" at {self.options.host}"
         return (
-            f"teleoperation: nothing heard{never} from a leader{where}, port {self.wish.port},"
+            f"teleoperation: nothing heard{never} from a leader{where}, port {self.options.port},"
             f" for {silent_s:.0f} s"
         )
 

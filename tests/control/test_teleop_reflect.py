@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.teleop import Arrival, LinkWish
+from litegripd.model.teleop import Arrival, LinkOptions
 from litegripd.teleop.leader import DEAD_BAND_N
 from litegripd.teleop.link import InProcessLinks
 from tests.control.reflection_pair import FORCE, force_frame, pair
@@ -197,9 +197,9 @@ def test_what_does_not_go_together_is_refused_by_name(
 
 def test_inside_one_process_forces_come_to_the_leader() -> None:
     links = InProcessLinks()
-    leader = links.open(LinkWish("master", "none", reflects=True))
-    deaf = links.open(LinkWish("master", "none"))
-    follower = links.open(LinkWish("slave", "none", reflects=True))
+    leader = links.open(LinkOptions("master", "none", reflects=True))
+    deaf = links.open(LinkOptions("master", "none"))
+    follower = links.open(LinkOptions("slave", "none", reflects=True))
     assert follower.reply(b"force", "", 5.0)
     leader.publish(b"frame", 5.0)
     assert [arrival.payload for arrival in leader.receive(5.0)] == [b"force"]
