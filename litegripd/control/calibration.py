@@ -152,7 +152,7 @@ class Saving:
             self._began_s = now_s
             self._content = content_of(calibration, self._gripper_id, self._gains, motor)
             if self._keep:
-                return Step(task=save_errand(self._gripper_id, self._content, self._note))
+                return Step(task=save_task(self._gripper_id, self._content, self._note))
         if not self._keep:
             return _adopt(calibration, self._content, None)
         if self._saved is None:
@@ -183,7 +183,7 @@ def content_of(
     )
 
 
-def save_errand(
+def save_task(
     gripper_id: GripperId, content: Mapping[str, Any], on_result: Callable[[TaskResult], None]
 ) -> HelperTask:
     """Return the helper task that writes the daemon's own calibration file."""

@@ -20,7 +20,7 @@ from litegripd.control.admission import (
     motor_refusal,
     stopped_under_way,
 )
-from litegripd.control.calibration import CalibrationInUse, content_of, save_errand
+from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.gains import Gains
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.inquiries import Inquiries
@@ -576,7 +576,7 @@ class Controller:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
-            self.tasks.append(save_errand(self.gripper_id, content, self._saved))
+            self.tasks.append(save_task(self.gripper_id, content, self._saved))
             self.events.append(announce.calibrated(useless, self.calibrated.file))
             if self.action is not None and self.action.needs_power:
                 self.end(ZERO_MOVED)  # its travel is known no longer

@@ -21,7 +21,7 @@ from litegripd.control.admission import (
     position_refusal,
     target_refusal,
 )
-from litegripd.control.calibration import Saving, content_of, save_errand
+from litegripd.control.calibration import Saving, content_of, save_task
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
@@ -406,9 +406,7 @@ class CalibrationRequests:
                 )
             on_saved(result)
 
-        controller.tasks.append(
-            replace(save_errand(controller.gripper_id, content, saved), uid=uid)
-        )
+        controller.tasks.append(replace(save_task(controller.gripper_id, content, saved), uid=uid))
         return None
 
     def _unready(self) -> Refusal | None:

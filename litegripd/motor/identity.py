@@ -502,12 +502,12 @@ class Identification:
         self._judged: MotorIdentity | None = None
         self._refusal: Refusal | None = None
         """Why the motor that was `_judged` cannot be used: judged once, asked for in every tick."""
-        self._look = RegisterScan(can_id, motor_type)
+        self._scan = RegisterScan(can_id, motor_type)
 
     @property
     def master_id(self) -> int | None:
         """The id on which the motor answers, once it is known."""
-        return self._look.master_id if self.identity is None else self.identity.master_id
+        return self._scan.master_id if self.identity is None else self.identity.master_id
 
     @property
     def usable_ranges(self) -> Ranges | None:
@@ -528,22 +528,22 @@ class Identification:
 
     def begin(self) -> None:
         """Forget everything and look anew."""
-        self._look = RegisterScan(self.can_id, self.motor_type)
+        self._scan = RegisterScan(self.can_id, self.motor_type)
         self.identity = None
         self.verifier.reset()
 
     def expect_another(self) -> None:
         """Look anew for the id of the answers: another motor may come in a silent one's place."""
-        if self._look.master_id is not None:
-            self._look = RegisterScan(self.can_id, self.motor_type)
+        if self._scan.master_id is not None:
+            self._scan = RegisterScan(self.can_id, self.motor_type)
 
     def step(self, now_s: float) -> list[CanFrame]:
         """Return the read request that is due, if any."""
-        return self._look.step(now_s)
+        return self._scan.step(now_s)
 
     def take(self, answer: Answer, can_id: int) -> bool:
         """Take an answer that came on `can_id`; tell whether it was the awaited one."""
-        return self._look.take(answer, can_id)
+        return self._scan.take(answer, can_id)
 
     def note_request(self, request: Answer) -> None:
         """Take another program's request to write registers; all is verified after it."""
@@ -567,7 +567,7 @@ class Identification:
 
     def finish(self) -> bool:
         """Note the identity when all has been asked for; tell whether it is known."""
-        self.identity = self._look.identity()
+        self.identity = self._scan.identity()
         return self.identity is not None
 
     def problem(self) -> Refusal | None:

@@ -73,7 +73,7 @@ class Motor:
         self._entered_s = 0.0
         self._arming: Arming | None = None
         self._zeroing = Zeroing(can_id, motor_type.ranges, 0.0)
-        self._reading = RegisterReader(can_id)
+        self._register_reader = RegisterReader(can_id)
         self._plausibility = Plausibility(period_s, motor_type)
         self._status = StatusJudge()
         self._feedback: Feedback | None = None
@@ -89,7 +89,7 @@ class Motor:
         self._standstill = Standstill(period_s)
         self._stood_still_s: float | None = None
         """For how long the daemon sent nothing before the present fault, if it stood still."""
-        self._unfaulting: FaultClearing | None = None
+        self._fault_clearing: FaultClearing | None = None
         self._tries = 0
         self._failure: Refusal | None = None
 
@@ -103,7 +103,7 @@ class Motor:
             problem=self._problem(),
             failure=self._failure,
             fault=self._fault(),
-            register=self._reading.reply,
+            register=self._register_reader.reply,
             zero=self._zeroing.view,
             foreign_commands=self.counters.foreign_commands,
             foreign_write=self._foreign_write,
@@ -157,7 +157,7 @@ class Motor:
         frames = self._step(now_s, wanted)
         if frames:
             self._asked_s = now_s
-        read = self._reading.step(now_s, wanted.register, self._phase)
+        read = self._register_reader.step(now_s, wanted.register, self._phase)
         return frames + (read or self._verify(now_s))
 
     # What is heard
@@ -275,7 +275,7 @@ class Motor:
             is_awaited = known.verify(answer, can_id)
             self._note_changed(before)
             is_read = self._phase in READABLE and can_id == known.master_id
-            return (is_read and self._reading.take(answer)) or is_awaited
+            return (is_read and self._register_reader.take(answer)) or is_awaited
         if not known.take(answer, can_id):
             return False
         self._silence.unanswered = 0
@@ -364,8 +364,8 @@ class Motor:
             return self._command(wanted.command, wanted.is_motion)
         if self._phase in ARMING_PHASES:
             return self._arm(now_s)
-        if self._phase is Phase.UNFAULTING:
-            return self._unfault(now_s)
+        if self._phase is Phase.CLEARING_FAULT:
+            return self._clear_fault(now_s)
         if self._phase is Phase.DISABLING:
             return self._disable(now_s)
         if self._phase is Phase.LOST:
@@ -373,7 +373,7 @@ class Motor:
         if self._zeroing.is_pending:
             return self._zeroing.step(now_s)
         if self._phase is Phase.LOOKING:
-            return self._traffic.poll(now_s) + self._look_again(now_s)
+            return self._traffic.poll(now_s) + self._scan_again(now_s)
         return self._unstore() + self._traffic.poll(now_s)
 
     def _public_phase(self) -> MotorPhase:
@@ -419,16 +419,16 @@ class Motor:
         self._failure = None
         self._plausibility.reset()
         if self._identification.problem() is not None:
-            self._go(Event.LOOK, now_s)
-        self._unfaulting = FaultClearing(self._can_id, now_s)
+            self._go(Event.SCAN, now_s)
+        self._fault_clearing = FaultClearing(self._can_id, now_s)
         self._go(Event.CLEAR, now_s)
 
-    def _unfault(self, now_s: float) -> list[CanFrame]:
-        if self._unfaulting is None or self._unfaulting.has_failed(now_s):
+    def _clear_fault(self, now_s: float) -> list[CanFrame]:
+        if self._fault_clearing is None or self._fault_clearing.has_failed(now_s):
             self._failure = self._fault()
             self._go(Event.STAYED, now_s)
             return []
-        return self._unfaulting.step(now_s)
+        return self._fault_clearing.step(now_s)
 
     def _command(self, command: MitCommand, is_motion: bool) -> list[CanFrame]:
         """Give the command; while the position is in doubt, of a stiff one only its damping.
@@ -474,7 +474,7 @@ class Motor:
             return []
         return self._traffic.unstore(feedback.position_rad, self._identification.ranges)
 
-    def _look_again(self, now_s: float) -> list[CanFrame]:
+    def _scan_again(self, now_s: float) -> list[CanFrame]:
         """Read registers; a motor that is found enabled is disabled at once, whoever enabled it."""
         frames = self._identification.step(now_s)
         if self._identification.identity is None:

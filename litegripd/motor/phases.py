@@ -30,7 +30,7 @@ class Phase(Enum):
     """Was enabled and stopped answering: commands are withheld, so that none can queue up."""
     DISABLING = auto()
     FAULT = auto()
-    UNFAULTING = auto()
+    CLEARING_FAULT = auto()
     """Clearing a fault for its own sake, not in order to enable."""
 
 
@@ -47,7 +47,7 @@ class Event(Enum):
     GAVE_UP = auto()
     IMPLAUSIBLE = auto()
     CLEAR = auto()
-    LOOK = auto()
+    SCAN = auto()
     STAYED = auto()
 
 
@@ -63,18 +63,18 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.DISABLED, _E.NO_ANSWER): _P.LOOKING,
         (_P.DISABLED, _E.ENABLE): _P.PREPARING,
         (_P.DISABLED, _E.DISABLE): _P.DISABLING,
-        (_P.DISABLED, _E.LOOK): _P.LOOKING,
+        (_P.DISABLED, _E.SCAN): _P.LOOKING,
         (_P.FAULT, _E.SAW_DISABLED): _P.DISABLED,
         (_P.FAULT, _E.SAW_ENABLED): _P.DISABLING,
         (_P.FAULT, _E.NO_ANSWER): _P.LOOKING,
         (_P.FAULT, _E.ENABLE): _P.PREPARING,
         (_P.FAULT, _E.DISABLE): _P.DISABLING,
-        (_P.FAULT, _E.CLEAR): _P.UNFAULTING,
-        (_P.UNFAULTING, _E.SAW_DISABLED): _P.DISABLED,
-        (_P.UNFAULTING, _E.SAW_ENABLED): _P.DISABLING,
-        (_P.UNFAULTING, _E.STAYED): _P.FAULT,
-        (_P.UNFAULTING, _E.DISABLE): _P.DISABLING,
-        (_P.UNFAULTING, _E.NO_ANSWER): _P.LOOKING,
+        (_P.FAULT, _E.CLEAR): _P.CLEARING_FAULT,
+        (_P.CLEARING_FAULT, _E.SAW_DISABLED): _P.DISABLED,
+        (_P.CLEARING_FAULT, _E.SAW_ENABLED): _P.DISABLING,
+        (_P.CLEARING_FAULT, _E.STAYED): _P.FAULT,
+        (_P.CLEARING_FAULT, _E.DISABLE): _P.DISABLING,
+        (_P.CLEARING_FAULT, _E.NO_ANSWER): _P.LOOKING,
         (_P.PREPARING, _E.PREPARED): _P.CLEARING,
         (_P.PREPARING, _E.GAVE_UP): _P.DISABLING,
         (_P.PREPARING, _E.DISABLE): _P.DISABLING,
@@ -104,7 +104,7 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
 """`DISABLE` while looking needs no row: a motor that is found enabled is disabled anyway."""
 
 ARMING_PHASES = (Phase.PREPARING, Phase.CLEARING, Phase.ARMING)
-FAULTY = (Phase.FAULT, Phase.UNFAULTING)
+FAULTY = (Phase.FAULT, Phase.CLEARING_FAULT)
 
 PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
     {
@@ -117,6 +117,6 @@ PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
         Phase.LOST: MotorPhase.SILENT,
         Phase.DISABLING: MotorPhase.DISABLING,
         Phase.FAULT: MotorPhase.FAULT,
-        Phase.UNFAULTING: MotorPhase.FAULT,
+        Phase.CLEARING_FAULT: MotorPhase.FAULT,
     }
 )

@@ -220,7 +220,8 @@ def _not_opened(error: Exception, options: LinkOptions) -> str:
         return text
     return (
         f"port {options.port} is in use, by another program or by the daemon of another channel"
-        " (one that has led keeps its port): give another --port at both ends, or restart that daemon"
+        " (one that has led keeps its port): give another --port at both ends, or restart that"
+        " daemon"
     )
 
 

@@ -13,8 +13,8 @@ from litegripd.model.results import ClearFaultResult, DisableResult, EnableResul
 
 _DISABLE_WITHIN_S = 1.0
 _CLEAR_WITHIN_S = 0.5
-_LOOK_WITHIN_S = 3.0
-"""So long reading the registers anew may take; a third of the frames may be lost meanwhile."""
+_SCAN_WITHIN_S = 3.0
+"""How long reading all registers again may take, with a third of the frames lost."""
 
 
 class Enable(PlainAction):
@@ -92,8 +92,8 @@ class ClearFault(PlainAction):
             return self._ask(now_s)
         if motor.phase is MotorPhase.DISABLED:
             return Step(outcome=motor.problem or ClearFaultResult(True, self._cleared))
-        is_looked_at = motor.phase is MotorPhase.UNKNOWN
-        within_s = _LOOK_WITHIN_S if is_looked_at else _CLEAR_WITHIN_S
+        is_scanned = motor.phase is MotorPhase.UNKNOWN
+        within_s = _SCAN_WITHIN_S if is_scanned else _CLEAR_WITHIN_S
         if motor.failure is None and now_s - self._asked_s < within_s:
             return Step()
         return Step(outcome=motor.failure or motor.fault or motor.problem or _NOT_CLEARED)

@@ -16,7 +16,7 @@ from tests.motor.helpers import MASTER_ID, Registers, world_with
 from tests.world import CAN_ID, World
 
 
-def test_the_first_frames_only_look() -> None:
+def test_the_first_frames_only_read() -> None:
     world = World()
     world.run(2.0)
     assert world.phase is MotorPhase.DISABLED
