@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol, TypeVar
 
-from litegripd.control import announce
+from litegripd.control import events
 from litegripd.control.admission import (
     ENDING,
     NOT_ENABLED,
@@ -23,8 +23,7 @@ from litegripd.control.admission import (
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.gains import Gains
 from litegripd.control.holds import Grip, Hold, Idle, Slack
-from litegripd.control.inquiries import Inquiries
-from litegripd.control.jobs import JobBook, Start
+from litegripd.control.jobs import JobBook, RegisterReads, Start
 from litegripd.control.lease import Grant, Lease, LeaseOptions, Loss, LossCause, OnAnswer
 from litegripd.control.limiter import Output, bounds_of
 from litegripd.control.motions.base import Action
@@ -105,7 +104,7 @@ class Controller:
         """True if the present or latest action has had any say in what the motor is told."""
         self.idle: Idle = Slack()
         self.output = Output(self.gripper_id.motor_type)
-        self.inquiries = Inquiries()
+        self.register_reads = RegisterReads()
         self.capture: Recording | None = None
         self.recordings = 0
         self.events: list[Event] = []
@@ -163,7 +162,7 @@ class Controller:
         """Take a calibration and its file, or the reason why there is none."""
         self.calibrated.use(calibration, problem, file)
         if calibration is not None:
-            self.events.append(announce.calibrated(calibration, file))
+            self.events.append(events.calibrated(calibration, file))
 
     def note_bus(self, bus: BusCondition) -> None:
         """Take the state of the bus; a change of it is told once, whatever its errors say.
@@ -172,7 +171,7 @@ class Controller:
         """
         is_first = self.bus == NOT_OPENED and bus != NOT_OPENED
         if is_first or bus.state != self.bus.state:
-            self.events.append(announce.bus_changed(self.bus, bus, self.gripper_id.bus_channel))
+            self.events.append(events.bus_changed(self.bus, bus, self.gripper_id.bus_channel))
         self.bus = bus
 
     # Why not
@@ -212,7 +211,7 @@ class Controller:
         job = self._new_job(kind, owner, detached)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
-        self.events.append(announce.job_started(job))
+        self.events.append(events.job_started(job))
         return job
 
     def settle(self, kind: JobKind, idle: Idle, owner: Owner, result: Result) -> Job:
@@ -221,7 +220,7 @@ class Controller:
         self.idle = idle
         job = self._new_job(kind, owner, detached=True)
         self.jobs.begin(job, self.now_s)
-        self.events.append(announce.job_started(job))
+        self.events.append(events.job_started(job))
         self.end(result)
         return job
 
@@ -270,7 +269,7 @@ class Controller:
         owed, self._owed = self._owed, None
         if owed is not None:
             self._settle_into(owed)
-        self.events += announce.job_ended(job, outcome)
+        self.events += events.job_ended(job, outcome)
         if action is not None:
             action.close()
 
@@ -331,7 +330,7 @@ class Controller:
 
     def _end_queued(self, job: Job, refusal: Refusal) -> None:
         self.jobs.end(job, refusal, self.now_s)
-        self.events += announce.job_ended(job, refusal)
+        self.events += events.job_ended(job, refusal)
 
     # The stop
 
@@ -351,7 +350,7 @@ class Controller:
                 self.end(stopped_under_way(running, refusal))
             self._drop_queued(refusal, lambda _job: True)
             if stop is not before:
-                self.events.append(announce.stopped(stop.level, refusal))
+                self.events.append(events.stopped(stop.level, refusal))
         self._settle_into(stop.level)
         if isinstance(self.idle, Grip):
             self.idle.freeze()  # no more torque than there is now, but not a dropped object either
@@ -359,7 +358,7 @@ class Controller:
     def clear_stop(self, by: Owner) -> None:
         """Allow motions again; the jaws stay as they are."""
         if self.stop_latch.latched is not None:
-            self.events.append(announce.stop_cleared(by, self.stop_latch.clear()))
+            self.events.append(events.stop_cleared(by, self.stop_latch.clear()))
 
     # The lease
 
@@ -387,7 +386,7 @@ class Controller:
         holder, running = self.lease.holder, self.jobs.running
         refusal = self.lease.release(owner)
         if refusal is None and holder is not None:
-            self.events.append(announce.lease_released(holder, owner))
+            self.events.append(events.lease_released(holder, owner))
             if running is not None and running.grant == holder.number:
                 running.grant = None
         return refusal
@@ -405,7 +404,7 @@ class Controller:
         running = self.jobs.running
         is_anothers = running is not None and running.owner.client != owner.client
         if running is not None and is_anothers and running.kind != "disable":
-            self.end(announce.taken_refusal(owner, why, left))
+            self.end(events.taken_refusal(owner, why, left))
         if loss is not None:
             self.lose(loss, loss.grant.owner.client)
         elif self.jobs.running is None:
@@ -422,8 +421,8 @@ class Controller:
         if isinstance(answer, Grant):
             if self._owed is not None:
                 self._owed = None
-                self.events.append(announce.left_to_holder())
-            self.events.append(announce.lease_granted(answer))
+                self.events.append(events.left_to_holder())
+            self.events.append(events.lease_granted(answer))
         return answer
 
     # Lost clients and lost leases
@@ -439,7 +438,7 @@ class Controller:
         detached one, or another client's. Disabling always goes on.
         """
         running = self.jobs.running
-        refusal = announce.loss_refusal(loss)
+        refusal = events.loss_refusal(loss)
         self._drop_queued(refusal, lambda job: _falls(job, loss, client))
         ends = running is not None and running.kind != "disable" and _falls(running, loss, client)
         if ends:
@@ -448,9 +447,9 @@ class Controller:
         cause = None if loss is None else loss.cause
         later = loss is not None and self.jobs.running is not None
         if loss is not None:
-            self.events.append(announce.lease_lost(loss))
+            self.events.append(events.lease_lost(loss))
         if ends or loss is not None:
-            self.events.append(announce.client_lost(on_lost, cause, later=later))
+            self.events.append(events.client_lost(on_lost, cause, later=later))
         if later:
             self._owed = on_lost
         elif ends or loss is not None:
@@ -473,7 +472,7 @@ class Controller:
             and running.kind != "disable"
             and running.grant not in (None, present)
         ):
-            self.end(announce.loss_refusal(None))
+            self.end(events.loss_refusal(None))
         self._start_queued()
         self.lease.step(now_s, may_grant=self.jobs.running is None and not self.jobs.queue)
 
@@ -499,20 +498,20 @@ class Controller:
         self._note_second_master(now_s, motor)
         if self.capture is not None:
             self.capture.step(now_s, motor, self.geometry, self.grip, self.jobs)
-        inquiry = self.inquiries.step(motor.register)
+        register = self.register_reads.step(motor.register)
         if self.must_disable:
             self.must_disable = False
             self._send_nothing(now_s)
-            return MotorInput(request=DisableMotor(), register=inquiry)
+            return MotorInput(request=DisableMotor(), register=register)
         command, request = self._act(now_s)
         feedback = motor.feedback
         if motor.phase is not MotorPhase.ENABLED or feedback is None:
             self._send_nothing(now_s)
-            return MotorInput(request=request, register=inquiry)
+            return MotorInput(request=request, register=register)
         is_motion = command is not None
         command = command or self._idle_command(now_s, feedback)
         self._note_moved_object(feedback)
-        return MotorInput(self._send(now_s, command, feedback), request, is_motion, inquiry)
+        return MotorInput(self._send(now_s, command, feedback), request, is_motion, register)
 
     def _act(self, now_s: float) -> tuple[MitCommand | None, MotorRequest | None]:
         """Step the running action, if its motor is still there."""
@@ -539,7 +538,7 @@ class Controller:
         command = idle.command(now_s, feedback)
         if isinstance(idle, Grip) and idle.is_lost:
             if idle.watched:
-                self.events.append(announce.object_lost(None))
+                self.events.append(events.object_lost(None))
             # On some motors the damping of a position hold would shake running jaws.
             caught_rad = idle.caught_rad(feedback.position_rad, self.period_s)
             self.idle = Hold(caught_rad, self.gains.calmed())
@@ -551,7 +550,7 @@ class Controller:
         moved_mm = None if grip is None else grip.take_moved_mm()
         if grip is not None and grip.is_holding and moved_mm is not None and geometry is not None:
             width_mm = geometry.opening_mm(feedback.position_rad)
-            self.events.append(announce.object_moved(moved_mm, width_mm))
+            self.events.append(events.object_moved(moved_mm, width_mm))
 
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
         """Return what is sent in place of `command`."""
@@ -561,7 +560,7 @@ class Controller:
         bounds = own_bounds or bounds_of(self.geometry, self.config)
         change = self.output.send(now_s, command, feedback, bounds, ranges)
         if change is not None:
-            self.events.append(announce.heat_changed(change))
+            self.events.append(events.heat_changed(change))
         grip, sent = self.grip, self.output.command
         if grip is not None and sent is not None:
             grip.note_sent(sent.torque_nm)
@@ -570,20 +569,20 @@ class Controller:
     def _send_nothing(self, now_s: float) -> None:
         change = self.output.unpowered(now_s, self.motor.feedback)
         if change is not None:
-            self.events.append(announce.heat_changed(change))
+            self.events.append(events.heat_changed(change))
 
     def _note_zero(self, zero: ZeroView) -> None:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
-            self.events.append(announce.calibrated(useless, self.calibrated.file))
+            self.events.append(events.calibrated(useless, self.calibrated.file))
             if self.action is not None and self.action.needs_power:
                 self.end(ZERO_MOVED)  # its travel is known no longer
 
     def _saved(self, result: TaskResult) -> None:
         if result.error is not None:
-            self.events.append(announce.not_saved(result.error))
+            self.events.append(events.not_saved(result.error))
 
     def _note_second_master(self, now_s: float, motor: MotorView) -> None:
         """End what runs when another commands the motor; the jaws go on holding."""
@@ -601,7 +600,7 @@ class Controller:
         by force go on, or they would drop what they hold: a motor that says that it is still
         enabled has gone on squeezing meanwhile.
         """
-        self.events += announce.motor_changed(self.motor, motor)
+        self.events += events.motor_changed(self.motor, motor)
         before, self.motor = self.motor.phase, motor
         if motor.phase is before:
             return

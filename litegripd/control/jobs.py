@@ -1,4 +1,7 @@
-"""The jobs: at most one runs; those that ended are kept for a while, for clients that come back."""
+"""The jobs, of which at most one runs, and the registers that clients read beside them.
+
+Jobs that ended are kept for a while, for clients that come back.
+"""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator
@@ -7,6 +10,7 @@ from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, JobState, Owner
+from litegripd.model.motor import RegisterReply, RegisterRequest
 from litegripd.model.results import Result
 
 KEPT_JOBS = 64
@@ -120,3 +124,38 @@ def _is_same_program(one: Owner, other: Owner) -> bool:
     if one.pid == 0 or other.pid == 0:
         return one.client == other.client
     return (one.pid, one.uid) == (other.pid, other.uid)
+
+
+MOST_WAITING = 16
+
+OnReply: TypeAlias = Callable[[RegisterReply], None]
+
+
+@dataclass(frozen=True, slots=True)
+class _RegisterRead:
+    request: RegisterRequest
+    on_reply: OnReply
+
+
+class RegisterReads:
+    """The row of registers to be read."""
+
+    def __init__(self) -> None:
+        self._row: deque[_RegisterRead] = deque()
+        self._last = 0
+
+    def add(self, number: int, on_reply: OnReply) -> Refusal | None:
+        """Put a register at the end of the row; `on_reply` is called once, in a tick."""
+        if len(self._row) >= MOST_WAITING:
+            text = f"{MOST_WAITING} registers are waiting to be read already: try again"
+            return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
+        self._last += 1
+        self._row.append(_RegisterRead(RegisterRequest(self._last, number), on_reply))
+        return None
+
+    def step(self, reply: RegisterReply | None) -> RegisterRequest | None:
+        """Hand over the motor's latest reply; return what is to be asked for now."""
+        row = self._row
+        if row and reply is not None and reply.identity == row[0].request.identity:
+            row.popleft().on_reply(reply)
+        return row[0].request if row else None

@@ -89,7 +89,7 @@ _CONTROLLER = Carried(
         "tasks",
         "events",
         "has_stepped",
-        "inquiries",
+        "register_reads",
         "motor",  # handed over by its own room; here only its phase goes along
         "must_disable",
         "period_s",

@@ -20,6 +20,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.motor import MotorIdentity, Ranges
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 from litegripd.motor.registers import (
+    ANSWER_WITHIN_S,
     CAN_ID,
     CONTROL_MODE,
     ESSENTIAL,
@@ -42,7 +43,6 @@ from litegripd.motor.registers import (
     write_request,
 )
 
-ANSWER_WITHIN_S = 0.02
 TRIES_PER_REGISTER = 3
 
 LONGEST_WATCHDOG_S = 0.4

@@ -31,12 +31,13 @@ from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identity import STILL_READ, Identification
 from litegripd.motor.phases import ARMING_PHASES, FAULTY, PUBLIC, TRANSITIONS, Event, Phase
 from litegripd.motor.plausibility import Plausibility, StatusJudge
-from litegripd.motor.register_reader import READABLE, RegisterReader
 from litegripd.motor.registers import (
     MASTER_ID,
     PMAX,
+    READABLE,
     VERIFIED,
     Answer,
+    RegisterReader,
     described,
     parse_answer,
     parse_write_request,

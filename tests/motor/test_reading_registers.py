@@ -17,8 +17,7 @@ from litegripd.model.motor import (
     RegisterRequest,
 )
 from litegripd.motor.phases import Phase
-from litegripd.motor.register_reader import READ_TRIES, RegisterReader
-from litegripd.motor.registers import REGISTERS, Answer
+from litegripd.motor.registers import READ_TRIES, REGISTERS, Answer, RegisterReader
 from tests.motor.bench import (
     CAN_ID,
     MASTER_ID,

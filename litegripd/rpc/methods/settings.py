@@ -339,7 +339,7 @@ class SettingsMethods:
             named = RegisterValue(number=number, name=name, value=reply.value)
             deferred.resolve(reply.failure or named)
 
-        return self._controller.inquiries.add(register.number, replied) or deferred
+        return self._controller.register_reads.add(register.number, replied) or deferred
 
     @Method(
         "motor.set_zero",
