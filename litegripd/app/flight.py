@@ -10,7 +10,7 @@ from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.app.status import daemon_version
 from litegripd.io.shared_memory import SharedMemory
-from litegripd.model.events import Event
+from litegripd.model.state import Event
 from litegripd.recorder.causes import Dumps
 from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
 from litegripd.rpc.service import RpcService

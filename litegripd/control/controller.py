@@ -32,11 +32,9 @@ from litegripd.control.stop import StopLatch
 from litegripd.model.bus import NOT_OPENED, BusCondition
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
-from litegripd.model.helper_tasks import HelperTask, TaskResult
-from litegripd.model.jobs import Job, JobKind, OnLost, Owner, StopLevel
+from litegripd.model.jobs import HelperTask, Job, JobKind, OnLost, Owner, StopLevel, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,
@@ -49,6 +47,7 @@ from litegripd.model.motor import (
     ZeroView,
 )
 from litegripd.model.results import Progress, Result
+from litegripd.model.state import Event
 
 _SAFE_JOBS = ("disable", "clear_fault")
 """What goes on though another program commands the motor: it energises nothing."""

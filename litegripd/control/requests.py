@@ -32,8 +32,7 @@ from litegripd.control.motions.stream import SetPoint, Stream
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry, Mount
-from litegripd.model.helper_tasks import TaskResult
-from litegripd.model.jobs import Job, Owner
+from litegripd.model.jobs import Job, Owner, TaskResult
 from litegripd.model.motion_config import (
     MotionConfig,
     damping_conflict,

@@ -6,8 +6,8 @@ motor's registers changes what every frame means, and counts the same.
 """
 
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
 from litegripd.model.motor import RegisterWrite
+from litegripd.model.state import Event
 
 QUIET_AFTER_S = 2.0
 """Without a frame of theirs for so long, they count as gone."""

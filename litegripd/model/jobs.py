@@ -1,5 +1,6 @@
-"""A motion as a job: whose it is, how far it is, how it ended."""
+"""Work that takes time: a motion as a job, and a task for the helper process, which has a disk."""
 
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import Literal, TypeAlias
@@ -93,3 +94,29 @@ class Job:
     def is_running(self) -> bool:
         """True if it has not ended; one that waits for its turn has not."""
         return self.state in (JobState.RUNNING, JobState.QUEUED)
+
+
+@dataclass(frozen=True, slots=True)
+class TaskResult:
+    """What became of a task: `value` where it worked, else `error`, a sentence.
+
+    `reason` is that of the error table, where it is not for the one who asked to find it.
+    """
+
+    value: object = None
+    error: str | None = None
+    reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class HelperTask:
+    """One operation of the helper process; `on_result` is called once, between two ticks.
+
+    `uid` is the user whose request it is alone; None for the daemon's own, and for what a motion
+    needs, which never wait behind requests.
+    """
+
+    operation: str
+    parameters: Mapping[str, object]
+    on_result: Callable[[TaskResult], None]
+    uid: int | None = None

@@ -1,6 +1,7 @@
-"""The gripper's state in one tick, as every client sees it."""
+"""The gripper's state in one tick, and the events in it, as every client sees them."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from litegripd.model.bus import BusState
@@ -88,3 +89,34 @@ class GripperState:
     job: JobSummary | None
     stop: StopSummary | None
     stop_generation: int
+
+
+EventKind: TypeAlias = Literal[
+    "job_started",
+    "job_ended",
+    "stop",
+    "stop_cleared",
+    "bus",
+    "motor",
+    "second_master",
+    "implausible",
+    "client_lost",
+    "object_lost",
+    "object_moved",
+    "heat",
+    "calibration",
+    "lease",
+    "lease_lost",
+    "recorder",
+    "refused",
+    "teleop",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that happened: a sentence for a person, and the same for a program."""
+
+    kind: EventKind
+    message: str
+    data: Mapping[str, object] = field(default_factory=dict)

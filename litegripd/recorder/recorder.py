@@ -11,10 +11,10 @@ from typing import get_args
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Slack
-from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobKind, Owner
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase
+from litegripd.model.state import Event
 from litegripd.recorder.ring import OVERHEAD_BYTES, Ring
 
 KEPT_S = 60.0

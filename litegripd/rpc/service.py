@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
+from litegripd.model.state import Event
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.jsonrpc import (

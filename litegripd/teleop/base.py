@@ -6,9 +6,9 @@ from dataclasses import replace
 from typing import TypeAlias
 
 from litegripd.control.motions.base import PlainAction, Step
-from litegripd.model.events import Event
 from litegripd.model.motor import Feedback, MotorView, Status, status_name
 from litegripd.model.results import TeleopResult
+from litegripd.model.state import Event
 from litegripd.model.teleop import LinkOptions, LinkStatus, TeleopMode, TeleopStatus
 from litegripd.teleop.link import Link
 

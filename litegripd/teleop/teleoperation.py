@@ -17,10 +17,10 @@ from litegripd.control.admission import (
 from litegripd.control.controller import Controller
 from litegripd.control.gains import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
+from litegripd.model.state import Event
 from litegripd.model.teleop import (
     Arrival,
     LinkOptions,

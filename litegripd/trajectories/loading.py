@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from litegripd.model.errors import Refusal
-from litegripd.model.helper_tasks import HelperTask, TaskResult
+from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.trajectories.grips import TaughtGrip
 from litegripd.trajectories.values import PIECE_BYTES, SAMPLE, Path
 

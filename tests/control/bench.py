@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 from litegripd.app.features import build_service
 from litegripd.control.controller import Controller
 from litegripd.model.calibration import CalibrationError, read_content
-from litegripd.model.helper_tasks import HelperTask, TaskResult
+from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,

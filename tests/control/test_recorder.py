@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.model.events import Event
+from litegripd.model.state import Event
 from litegripd.motor import codec
 from litegripd.recorder import recorder
 from litegripd.recorder.mcap import tick_fields

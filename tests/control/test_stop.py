@@ -3,8 +3,8 @@
 import pytest
 
 from litegripd.control.holds import Grip, Hold
-from litegripd.model.events import Event
 from litegripd.model.motor import Status
+from litegripd.model.state import Event
 from tests.control.states import (
     LEVELS,
     POWERED,

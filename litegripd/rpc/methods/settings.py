@@ -11,7 +11,7 @@ from litegripd.control.requests import CalibrationRequests
 from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
-from litegripd.model.helper_tasks import HelperTask, TaskResult
+from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import fast_conflict, ranges_of
 from litegripd.model.motor import RegisterReply
 from litegripd.model.results import SetZeroResult, ZeroResult
