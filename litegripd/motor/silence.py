@@ -1,47 +1,47 @@
-"""Two silences: of the motor, by the measure of each phase, and of the daemon itself.
+"""Two silences: the motor's, measured as each phase needs it, and the daemon's own.
 
-`Silence` counts requests without an answer; what that leads to is the business of the phases.
-`Standstill` tells for how long the daemon sent nothing before a fault of the motor's watchdog.
+`Silence` counts requests without an answer; the phases decide what follows. `Standstill` measures
+how long the daemon sent nothing before the motor's watchdog reported a fault.
 """
 
 from litegripd.motor.phases import Event, Phase
 
 USUAL_PERIOD_S = 0.005
-"""Of the ticks. What is counted in ticks or frames lasts as long at any other period."""
+"""The usual period of ticks. What is counted in ticks or frames lasts as long at any other one."""
 POLL_INTERVAL_S = 0.05  # 20 Hz keep the state of a disabled motor fresh
 SILENT_AFTER_POLLS = 3
 SILENT_AFTER_S = SILENT_AFTER_POLLS * POLL_INTERVAL_S
 PATIENCE_S = 0.02
-"""For so long unanswered commands are repeated without feed-forward: at 200 Hz three times; then
-commands are withheld, for frames queued for a dead bus are replayed when power returns."""
+"""How long unanswered commands are repeated without feed-forward: three times at 200 Hz. Then
+commands are withheld: frames queued for a dead bus would be replayed when power returns."""
 REPEATED_AT_ONCE = 3
 REPEAT_INTERVAL_S = 0.005
-"""The first repeats go out in every tick, the others so far apart: no more than seven commands lie
-in a queue, at any rate. A queue holds ten frames."""
+"""The first repeats go out in every tick, the others at this interval. So at most seven commands
+lie in a queue, at any rate. A queue holds ten frames."""
 LOST_GIVES_UP_S = 1.0  # by then the motor's own watchdog has long disarmed it
 DISABLE_GIVES_UP_S = 0.5
 
 
 class Silence:
-    """Counts what was asked since the last answer, in the present phase.
+    """Counts the requests since the last answer, in the present phase.
 
-    Commands are counted by ticks, so that a daemon that was late does not take that for a silence;
-    how many ticks the patience lasts follows from `period_s`.
+    Commands are counted by ticks, so that a late daemon does not take its own delay for a silence.
+    The number of ticks follows from `period_s`.
     """
 
     def __init__(self, period_s: float) -> None:
         self.unanswered = 0
         self.repeats = max(round(PATIENCE_S / period_s) - 1, 1)
-        """How many unanswered commands are due to be repeated before the motor counts as lost."""
+        """How many unanswered commands are repeated before the motor counts as lost."""
         self._ticks_apart = max(round(REPEAT_INTERVAL_S / period_s), 1)
         self._bus_is_usable = True
         self._was_total = False
 
     def note_bus(self, phase: Phase, *, is_usable: bool) -> None:
-        """Count anew, for a motor out of reach, once the bus can carry anything again.
+        """Count from zero for a motor out of reach, once the bus can carry frames again.
 
-        What was asked before that reached nobody, and tells nothing of a motor that was not silent
-        when the bus was lost. The phase stays: one that was lost while enabled is treated alike.
+        Earlier requests reached nobody, and prove nothing about a motor that was not silent when
+        the bus was lost. The phase stays: a motor that was lost while enabled is treated alike.
         """
         if is_usable is self._bus_is_usable:
             return
@@ -52,24 +52,24 @@ class Silence:
             self.unanswered = 0
 
     def begin_phase(self, event: Event) -> None:
-        """Count anew; a motor that is looked for because of its silence is known to be silent."""
+        """Count from zero; a motor that is searched because of its silence is known to be silent."""
         is_known = event in (Event.NO_ANSWER, Event.GAVE_UP)
         self.unanswered = SILENT_AFTER_POLLS + 1 if is_known else 0
 
     def is_total(self, phase: Phase) -> bool:
-        """Return whether the motor that is looked for does not answer at all."""
+        """Return True if the motor that is searched does not answer at all."""
         return phase is Phase.LOOKING and self.unanswered > SILENT_AFTER_POLLS
 
     @property
     def may_repeat(self) -> bool:
-        """True if a command may go out in this tick, in view of those without an answer."""
+        """True if a command may go out in this tick, given those without an answer."""
         beyond = self.unanswered - REPEATED_AT_ONCE
         return beyond <= 0 or beyond % self._ticks_apart == 0
 
     def event(self, phase: Phase, in_phase_s: float, silent_s: float) -> Event | None:
-        """Return what the silence leads to, if anything.
+        """Return the event that the silence leads to, or None.
 
-        `silent_s` is for how long no feedback has come, in this phase or since before it.
+        `silent_s` is the time since the last feedback, in this phase or before it.
         """
         if phase is Phase.LOST:
             return Event.GAVE_UP if in_phase_s >= LOST_GIVES_UP_S else None
@@ -83,15 +83,15 @@ class Silence:
 
 
 RECENT_S = 1.0
-"""For so long after a standstill it explains a communication loss. The motor reports one in its
-first answer; where that answer is lost, the motor is looked for first."""
+"""How long a standstill explains a communication loss after it. The motor reports the loss in
+its first answer; if that answer is lost, the motor is searched first."""
 
 _TICKS_BESIDE = 2
 """A command may leave one tick before the standstill, and one after it."""
 
 
 class Standstill:
-    """Notices a tick so late that the motor's own watchdog ran out before it."""
+    """Detects a tick so late that the motor's own watchdog ran out before it."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -100,7 +100,7 @@ class Standstill:
         self._lasted_s = 0.0
 
     def tick(self, now_s: float, watchdog_s: float) -> None:
-        """Note the time of a tick; `watchdog_s` is what the motor waits for commands, 0 if off."""
+        """Take the time of a tick; `watchdog_s` is how long the motor waits for commands, 0 if off."""
         before_s, self._ticked_s = self._ticked_s, now_s
         if before_s is None or watchdog_s <= 0.0:
             return
@@ -109,7 +109,7 @@ class Standstill:
             self._ended_s, self._lasted_s = now_s, lasted_s
 
     def before(self, now_s: float) -> float | None:
-        """Return for how long the daemon stood still shortly before `now_s`; None if it did not."""
+        """Return how long the daemon stood still shortly before `now_s`; None if it did not."""
         if self._ended_s is None or now_s - self._ended_s > RECENT_S:
             return None
         return self._lasted_s

@@ -1,6 +1,6 @@
-"""What goes to the motor in every tick while nothing special happens: commands, or status requests.
+"""The regular frames to the motor: commands, or status requests.
 
-Each is counted as unanswered until feedback comes. It decides no phase and energises nothing.
+Each counts as unanswered until feedback comes. Nothing here decides a phase or energises.
 """
 
 from dataclasses import dataclass, replace
@@ -14,16 +14,16 @@ from litegripd.motor.silence import POLL_INTERVAL_S, Silence
 
 @dataclass(slots=True)
 class MotorCounters:
-    """What went by since the start."""
+    """Counts since the start."""
 
     commands: int = 0
     missed_replies: int = 0
     withheld_commands: int = 0
     ignored_frames: int = 0
     foreign_commands: int = 0
-    """Frames to our motor that somebody else on the bus sent."""
+    """Frames to our motor from another sender on the bus."""
     implausible_frames: int = 0
-    """Feedback of an enabled motor whose position no jaw can have got to."""
+    """Feedback of an enabled motor with a position that no jaw can have reached."""
 
 
 class Traffic:
@@ -40,12 +40,12 @@ class Traffic:
 
     @property
     def is_driven(self) -> bool:
-        """True if the motor was told last to do anything; else the jaws are slack."""
+        """True if the last command drives the motor; otherwise the jaws are slack."""
         last = self._last_command
         return last is not None and any((last.kp_nm_rad, last.kd_nm_s_rad, last.torque_nm))
 
     def forget_command(self) -> None:
-        """Begin anew: whoever is enabled next repeats nothing of before."""
+        """Forget the last command, so that the next enabling does not repeat it."""
         self._last_command = None
 
     def poll_soon(self) -> None:
@@ -53,10 +53,10 @@ class Traffic:
         self._polled_at_s = float("-inf")
 
     def command(self, command: MitCommand, is_motion: bool, ranges: Ranges) -> list[CanFrame]:
-        """Give one command; while answers fail, a motion's last one again, without feed-forward.
+        """Return one command; while answers fail, repeat a motion's last one without feed-forward.
 
-        What is no motion is what a stop has led to, or a hold: that goes out as it is. In some
-        ticks of a silence nothing does.
+        A command that is no motion comes from a stop or a hold, and goes out as it is. In some
+        ticks of a silence no command goes out.
         """
         may_send = self._silence.may_repeat
         if self._silence.unanswered:
@@ -72,16 +72,17 @@ class Traffic:
         return [CanFrame(self._can_id, codec.encode_command(command, ranges))]
 
     def unstore(self, position_rad: float, ranges: Ranges) -> list[CanFrame]:
-        """Give zero gains once after commands, to a motor that is off or about to be.
+        """Return zero gains once after commands, for a motor that is off or about to be.
 
-        It stores the last command: whoever enables it next, with another program, would set off
-        what is left of a motion. Only once, for any command feeds the motor's own watchdog.
+        The motor stores its last command: whoever enables it next, with another program, would
+        start what is left of a motion. It is sent only once, because any command feeds the motor's
+        own watchdog.
         """
         self.is_stored = False
         return [CanFrame(self._can_id, codec.encode_zero_gains(position_rad, ranges))]
 
     def poll(self, now_s: float) -> list[CanFrame]:
-        """Ask for the status at 20 Hz."""
+        """Return a status request 20 times a second."""
         if now_s - self._polled_at_s < POLL_INTERVAL_S:
             return []
         self._polled_at_s = now_s
@@ -89,7 +90,7 @@ class Traffic:
         return [status_request(self._can_id)]
 
     def probe(self, now_s: float) -> list[CanFrame]:
-        """Ask for the status in every tick, in place of the commands to a motor that is lost."""
+        """Return a status request in every tick, in place of the commands to a lost motor."""
         self._counters.withheld_commands += 1
         self._polled_at_s = now_s
         self._silence.unanswered += 1
