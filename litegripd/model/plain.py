@@ -1,11 +1,11 @@
-"""Values as JSON carries them from one process of the daemon to its successor, and back.
+"""Values in a form that JSON carries from one process of the daemon to its successor, and back.
 
-What arrives is checked against the declared type, down to the last field: a state that another
-version has written, or that is damaged, is refused and never guessed at.
+What arrives is checked against the declared type, down to the last field. A state that another
+version has written, or that is damaged, is rejected and never guessed.
 
 `Carried` is a table of the attributes of an object that a successor takes over. Every attribute is
-either carried or left: one that is in neither list is a defect, which is found before anything is
-handed over, and not by jaws that let go.
+either carried or left. One that is in neither list is a defect; it is found before anything is
+handed over.
 """
 
 from collections import OrderedDict, deque
@@ -18,17 +18,17 @@ from types import NoneType, UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 TYPE_KEY = "is"
-"""Under this key an object says which dataclass it is; no field has this name."""
+"""The key whose value names the dataclass of an object; no field has this name."""
 
 
 class PlainError(ValueError):
-    """Something that arrived is not what was declared; the message says where."""
+    """A value that is not of the declared type; the message says where."""
 
 
 def plain_of(value: Any) -> Any:
-    """Return what JSON can hold of a value: dataclasses as objects, enums by their names.
+    """Return a value in a form that JSON can hold: dataclasses as objects, enums by their names.
 
-    Numbers that are not finite stay: both ends are Python's own `json`.
+    Numbers that are not finite stay: both ends use Python's own `json`.
     """
     if value is None or isinstance(value, bool | int | float | str):
         return value.name if isinstance(value, Enum) else value
@@ -47,7 +47,7 @@ def plain_of(value: Any) -> Any:
 def value_of(plain: Any, kind: Any, where: str) -> Any:
     """Return the value of the declared type `kind`; `where` names it in an error.
 
-    Raises `PlainError`, also for a value that its own class refuses.
+    Raises `PlainError`, also for a value that its own class rejects.
     """
     return _reader(kind)(plain, where)
 
@@ -57,7 +57,7 @@ Reader = Callable[[Any, str], Any]
 
 @cache
 def _reader(kind: Any) -> Reader:
-    """Return what reads a type; made once for each."""
+    """Return the function that reads a type; made once for each type."""
     if kind in (Any, object):
         return lambda plain, _where: plain
     if kind in _PRIMITIVES:
@@ -192,7 +192,7 @@ def _dataclass(kind: Any) -> Reader:
 
 
 def check_object(plain: Any, name: str, expected: set[str], where: str) -> None:
-    """Refuse what is not the object `name` with exactly the expected keys."""
+    """Raise `PlainError` unless this is the object `name` with exactly the expected keys."""
     if not isinstance(plain, dict) or plain.get(TYPE_KEY) != name:
         raise PlainError(f"{where} is not a {name}")
     differing = expected ^ plain.keys()
@@ -203,8 +203,8 @@ def check_object(plain: Any, name: str, expected: set[str], where: str) -> None:
 class Carried:
     """The table of one class: the carried attributes with their types, and those that are left.
 
-    A type may be another `Carried`: the object in that attribute is filled, not replaced. Keyed
-    and bounded rows are filled, too, so that they keep their bounds.
+    A type may be another `Carried`: then the object in that attribute is filled, not replaced.
+    Keyed and bounded collections are filled, too, so that they keep their bounds.
     """
 
     def __init__(self, owner: type, *, left: tuple[str, ...] = (), **kinds: Any) -> None:
@@ -213,7 +213,7 @@ class Carried:
         self._kinds = kinds
 
     def memory(self, source: Any) -> dict[str, Any]:
-        """Return what JSON can hold of the carried attributes. Raises `PlainError` for a defect."""
+        """Return the carried attributes as JSON can hold them. Raises `PlainError` for a defect."""
         unknown = vars(source).keys() ^ (self._kinds.keys() | self._left)
         if unknown:
             names = ", ".join(sorted(unknown))

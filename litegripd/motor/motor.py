@@ -58,7 +58,7 @@ DISABLE_CONFIRM_AFTER_S = 0.01  # earlier answers may still be on their way when
 
 
 class Motor:
-    """The motor `can_id`. It answers on the id in its register MST_ID, or on `master_id` if given."""
+    """The motor `can_id`; it answers on the id in its register MST_ID, or on `master_id`."""
 
     def __init__(
         self,
@@ -263,13 +263,13 @@ class Motor:
         self._fresh = True
 
     def _has_no_scale(self, feedback: Feedback) -> bool:
-        """Return True if the position's scale is unknown: another program may have set the range."""
+        """Return True if the scale of its position is unknown, by another program's write."""
         is_used = self._phase in _JUDGED or self._zeroing.is_pending
         is_enabled = feedback.status == Status.ENABLED or self._zeroing.is_pending
         return is_used and is_enabled and self._identification.verifier.is_in_doubt(PMAX)
 
     def _take_answer(self, answer: Answer, can_id: int) -> bool:
-        """Pass a register answer to the reader that awaits it; an unawaited one is never feedback."""
+        """Pass a register answer to the reader that awaits it; it is never feedback."""
         known = self._identification
         if self._phase is not Phase.LOOKING:
             before = known.identity

@@ -153,7 +153,7 @@ def write_request(can_id: int, register: Register, value: float) -> CanFrame:
 
 
 def status_request(can_id: int) -> CanFrame:
-    """Return the frame that asks for feedback; it neither energises nor feeds the motor's watchdog."""
+    """Return the frame that asks for feedback; it does not energise or feed the watchdog."""
     return CanFrame(REGISTER_CAN_ID, struct.pack("<HBx4x", can_id, _STATUS_REQUEST))
 
 
@@ -208,7 +208,7 @@ READ_WITHIN_S = 1.0
 
 
 class RegisterReader:
-    """Reads the register of the present request; a request with another number starts a new read."""
+    """Reads the register of the present request; another request starts a new read."""
 
     def __init__(self, can_id: int) -> None:
         self.reply: RegisterReply | None = None

@@ -52,7 +52,7 @@ class Silence:
             self.unanswered = 0
 
     def begin_phase(self, event: Event) -> None:
-        """Count from zero; a motor that is searched because of its silence is known to be silent."""
+        """Count from zero; a motor that is searched because it was silent is still silent."""
         is_known = event in (Event.NO_ANSWER, Event.GAVE_UP)
         self.unanswered = SILENT_AFTER_POLLS + 1 if is_known else 0
 
@@ -100,7 +100,7 @@ class Standstill:
         self._lasted_s = 0.0
 
     def tick(self, now_s: float, watchdog_s: float) -> None:
-        """Take the time of a tick; `watchdog_s` is how long the motor waits for commands, 0 if off."""
+        """Take the time of a tick; `watchdog_s` is the motor's timeout, 0 if it is off."""
         before_s, self._ticked_s = self._ticked_s, now_s
         if before_s is None or watchdog_s <= 0.0:
             return
