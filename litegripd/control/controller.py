@@ -1,8 +1,8 @@
-"""The controller: the one place that decides, in every tick, what the motor is told.
+"""The controller: the one place that decides, in every tick, what the motor gets.
 
 Pure: `step(now_s, motor)` returns what the motor is to do in this tick. Between ticks clients ask
-for motions (`requests` begins them), for a stop, or are lost; nothing of that reaches the motor but
-through `step`.
+for motions (`requests` begins them), ask for a stop, or are lost. All of that reaches the motor
+only through `step`.
 """
 
 import math
@@ -50,19 +50,19 @@ from litegripd.model.results import Progress, Result
 from litegripd.model.state import Event
 
 _SAFE_JOBS = ("disable", "clear_fault")
-"""What goes on though another program commands the motor: it energises nothing."""
+"""The jobs that continue while another program commands the motor: they energise nothing."""
 
 _Begun = TypeVar("_Begun")
 
 
 class Recording(Protocol):
-    """A recording of the jaws' motion: what the controller needs to know of one."""
+    """A recording of the jaws' motion, as far as the controller needs it."""
 
     is_over: bool
 
     @property
     def would_be_lost(self) -> bool:
-        """True if it is good and not kept anywhere else."""
+        """True if it is good and kept nowhere else."""
 
     def step(
         self,
@@ -72,14 +72,14 @@ class Recording(Protocol):
         grip: Grip | None,
         jobs: JobBook,
     ) -> None:
-        """Take a tick's measurement, and what the jaws hold."""
+        """Take a tick's measurement, and the present grip."""
 
 
 class Controller:
     """Runs one gripper: at most one job, else idle jaws: a hold, a grip, or slack.
 
-    It also says who may: the stop, the lease, and clients that are lost. Whatever is asked between
-    two ticks reaches the motor only by the next `step`.
+    It also has the authority: the software stop, the lease, and lost clients. All requests between
+    two ticks reach the motor only by the next `step`.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class Controller:
         self.stop_latch = StopLatch()
         self.action: Action | None = None
         self.has_stepped = False
-        """True if the present or latest action has had any say in what the motor is told."""
+        """True if the present or latest action has had any effect on what the motor gets."""
         self.idle: Idle = Slack()
         self.output = Output(self.gripper_id.motor_type)
         self.register_reads = RegisterReads()
@@ -126,7 +126,7 @@ class Controller:
 
     @property
     def grip(self) -> Grip | None:
-        """The hold by force, if there is one, be it a grasp's or what one has left."""
+        """The present hold by force, of a running grasp or after one; None without one."""
         if self._replaced is not None:
             idle: Idle | None = self._left()
         else:
@@ -135,7 +135,7 @@ class Controller:
 
     @property
     def in_the_way(self) -> Job | None:
-        """The running job, but for one that the next motion replaces."""
+        """The running job, unless the next motion replaces it."""
         return None if self._replaced is not None else self.jobs.running
 
     @property
@@ -144,7 +144,7 @@ class Controller:
         return self._is_ending
 
     def progress(self) -> Progress | None:
-        """Return where the running job is."""
+        """Return the progress of the running job."""
         return None if self.action is None else self.action.progress()
 
     def take_events(self) -> list[Event]:
@@ -158,33 +158,33 @@ class Controller:
         problem: Refusal | None = None,
         file: str | None = None,
     ) -> None:
-        """Take a calibration and its file, or the reason why there is none."""
+        """Use a calibration and its file, or the reason why there is none."""
         self.calibrated.use(calibration, problem, file)
         if calibration is not None:
             self.events.append(events.calibrated(calibration, file))
 
     def note_bus(self, bus: BusCondition) -> None:
-        """Take the state of the bus; a change of it is told once, whatever its errors say.
+        """Take the state of the bus; report each change of it once, whatever its errors say.
 
-        What the first attempt to open it leads to is told as well, though that be "down".
+        The result of the first attempt to open the bus is reported as well, even if it is "down".
         """
         is_first = self.bus == NOT_OPENED and bus != NOT_OPENED
         if is_first or bus.state != self.bus.state:
             self.events.append(events.bus_changed(self.bus, bus, self.gripper_id.bus_channel))
         self.bus = bus
 
-    # Why not
+    # Refusals
 
     def why_busy(self) -> Refusal | None:
-        """Return why no motion may be asked for: the end, a stop, another master or a motion."""
+        """Return why no motion may begin, or None: the end, a stop, another sender or a motion."""
         ending = ENDING if self._is_ending else None
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.in_the_way)
 
     def why_not_restartable(self) -> Refusal | None:
-        """Return why no successor can take over now, if so.
+        """Return why no successor can take over now, or None.
 
-        That is the daemon's end, a motion, a disabling, or a recording that would be lost.
+        The reasons are the daemon's end, a motion, a disabling, and a recording that would be lost.
         """
         ending = ENDING if self._is_ending else None
         refusal = ending or busy_refusal(self.jobs.running)
@@ -196,7 +196,7 @@ class Controller:
         return refusal
 
     def recording_refusal(self) -> Refusal | None:
-        """Return a refusal if a recording is under way: replay and teleoperation wait for it."""
+        """Return a refusal while a recording is under way: replay and teleoperation exclude it."""
         if self.capture is None or self.capture.is_over:
             return None
         text = "a recording is under way: end it (trajectory.record_stop)"
@@ -205,7 +205,7 @@ class Controller:
     # Jobs
 
     def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
-        """Begin a job; the caller has made sure that it may."""
+        """Begin a job; the caller has checked that it may begin."""
         self._end_replaced()
         job = self._new_job(kind, owner, detached)
         self.jobs.begin(job, self.now_s)
@@ -214,7 +214,7 @@ class Controller:
         return job
 
     def settle(self, kind: JobKind, idle: Idle, owner: Owner, result: Result) -> Job:
-        """Change at once what the jaws do without a motion; the job has ended when it returns."""
+        """Change at once what idle jaws do; the job has ended when this returns."""
         self._end_replaced()
         self.idle = idle
         job = self._new_job(kind, owner, detached=True)
@@ -224,9 +224,9 @@ class Controller:
         return job
 
     def replace(self, reason: Refusal, start: Callable[[], _Begun]) -> _Begun:
-        """Begin another motion in the place of the running one, which ends by `reason`.
+        """Begin another motion in place of the running one, which ends with `reason`.
 
-        It ends when the other one begins: one that is refused leaves it running.
+        The running one ends when the other one begins. If the other one is rejected, it continues.
         """
         self._replaced = reason
         try:
@@ -235,11 +235,11 @@ class Controller:
             self._replaced = None
 
     def queue(self, kind: JobKind, owner: Owner, detached: bool, start: Start) -> Job | Refusal:
-        """Let a motion wait for the end of the running one; `start` is called then."""
+        """Let a motion wait for the end of the running one; then `start` is called."""
         return self.jobs.enqueue(kind, owner, detached, self.now_s, start)
 
     def cancel(self, number: int, by: Owner) -> Job | Refusal:
-        """End a job; the jaws go on holding what they hold, else where they are."""
+        """End a job; the jaws keep holding what they hold, else they hold where they are."""
         job = self.jobs.get(number)
         if job is None:
             return Refusal("unknown_job", f"there is no job {number}, or it is no longer kept")
@@ -252,9 +252,9 @@ class Controller:
         return job
 
     def end(self, outcome: Result | Refusal, *, by_defect: bool = False) -> None:
-        """End the running job; what the jaws do then is its action's to say, else they hold.
+        """End the running job; its action decides what the jaws do then, else they hold.
 
-        An action that failed `by_defect` is not asked: they hold where they are.
+        An action that failed `by_defect` does not decide: the jaws hold where they are.
         """
         job, action = self.jobs.running, self.action
         if job is None:
@@ -273,9 +273,9 @@ class Controller:
             action.close()
 
     def break_off(self, error: Exception) -> None:
-        """End the job that runs, or was to begin, in the tick in which a defect raised `error`.
+        """End the running or starting job in the tick in which a defect raised `error`.
 
-        It would fail in every tick, and the motor be told nothing.
+        It would fail in every tick, and the motor would get no commands.
         """
         starting, self._starting = self._starting, None
         if starting is not None:
@@ -286,7 +286,7 @@ class Controller:
             self.end(_defect(running, error), by_defect=True)
 
     def shut_down(self) -> None:
-        """Begin the daemon's end: what runs is cancelled, the motor disabled, all else refused."""
+        """Begin the daemon's end: cancel what runs, disable the motor, and reject all else."""
         self._is_ending = True
         self.must_disable = True
         self.end(ENDING)
@@ -298,7 +298,7 @@ class Controller:
             self.end(reason)
 
     def _left(self, *, by_defect: bool = False) -> Idle:
-        """Return what the jaws do if the running action ends now."""
+        """Return what the jaws would do if the running action ended now."""
         action, feedback = self.action, self.motor.feedback
         if action is None or feedback is None or not (action.needs_power and self.has_stepped):
             return self.idle
@@ -306,7 +306,7 @@ class Controller:
         return idle or Hold(feedback.position_rad, self.calibrated.gains)
 
     def _new_job(self, kind: JobKind, owner: Owner, detached: bool) -> Job:
-        """Return the queued job whose turn it is, else a new one, under the present lease."""
+        """Return the queued job whose turn it is, or a new one, under the present lease."""
         job, self._starting = self._starting, None
         job = job or self.jobs.add(kind, owner, detached, self.now_s)
         holder = self.lease.holder
@@ -314,7 +314,7 @@ class Controller:
         return job
 
     def _start_queued(self) -> None:
-        """Start the motion whose turn it is; one that is refused by now ends so."""
+        """Start the queued motion whose turn it is; if it is rejected now, it ends with that."""
         while self.jobs.queue and self.jobs.running is None:
             entry = self.jobs.queue.popleft()
             self._starting = entry.job
@@ -334,15 +334,15 @@ class Controller:
     # The stop
 
     def stop(self, level: StopLevel, by: Owner | None, why: str | None, now_s: float) -> None:
-        """Stop, in force with the next command that is sent, and latched.
+        """Latch a stop, which takes effect with the next command.
 
-        One that raises nothing takes effect all the same, but is only counted: a flood of stops
-        is no flood of events.
+        A stop that does not raise the level takes effect, too, but is only counted: many stops must
+        not make as many events.
         """
         before = self.stop_latch.latched
         stop = self.stop_latch.raise_to(level, by, why, now_s)
         refusal = self.stop_latch.refusal()
-        self._owed = None  # what a client who is gone wished for the jaws would undo the stop
+        self._owed = None  # the wish of a lost client would undo the stop
         if refusal is not None:
             running = self.jobs.running
             if running is not None and running.kind != "disable":
@@ -352,7 +352,7 @@ class Controller:
                 self.events.append(events.stopped(stop.level, refusal))
         self._settle_into(stop.level)
         if isinstance(self.idle, Grip):
-            self.idle.freeze()  # no more torque than there is now, but not a dropped object either
+            self.idle.freeze()  # no more torque than now, but nothing is dropped
 
     def clear_stop(self, by: Owner) -> None:
         """Allow motions again; the jaws stay as they are."""
@@ -362,7 +362,7 @@ class Controller:
     # The lease
 
     def acquire(self, owner: Owner, options: LeaseOptions) -> Grant | Refusal:
-        """Grant the lease, where it is free and nobody else's motion runs."""
+        """Grant the lease if it is free and no other client's motion runs."""
         before, running = self.lease.holder, self.jobs.running
         if before is None and running is not None and running.owner.client != owner.client:
             return busy_with(running)
@@ -381,7 +381,7 @@ class Controller:
         return self.lease.wait(owner, options, self.now_s + wait_s, granted)
 
     def release(self, owner: Owner) -> Refusal | None:
-        """Give the lease back; a motion that runs under it goes on."""
+        """Release the lease; a motion that runs under it continues."""
         holder, running = self.lease.holder, self.jobs.running
         refusal = self.lease.release(owner)
         if refusal is None and holder is not None:
@@ -393,11 +393,11 @@ class Controller:
     def take_over(
         self, owner: Owner, options: LeaseOptions, why: str, left: OnLost = "hold"
     ) -> Grant:
-        """Take the lease from whoever has it; the caller has made sure that `owner` may.
+        """Take the lease from its holder; the caller has checked that `owner` may.
 
-        What runs ends, whoever's it is and also what is detached, but for disabling and for the
-        taker's own motion without a lease. What the jaws do then is the taker's to say (`left`),
-        not the loser's, unless something goes on.
+        All that runs ends, whoever owns it, also if it is detached. Only a disabling continues, and
+        the taker's own motion without a lease. Then the jaws do what the taker says (`left`), not
+        what the loser said, unless something continues.
         """
         grant, loss = self.lease.take(owner, options, why, left, self.now_s)
         running = self.jobs.running
@@ -412,11 +412,11 @@ class Controller:
         return grant
 
     def resume(self, number: int, owner: Owner) -> Grant | Refusal:
-        """Grant a lapsed lease again to who reconnected, if nobody has had one since."""
+        """Grant a lapsed lease again after its client reconnected, if nobody has had one since."""
         return self._granted(self.lease.resume(number, owner, self.now_s))
 
     def _granted(self, answer: Grant | Refusal) -> Grant | Refusal:
-        """Tell of a grant; what a lost client wished for the jaws counts no more from then on."""
+        """Report a grant; from then on, what a lost client wanted for the jaws does not count."""
         if isinstance(answer, Grant):
             if self._owed is not None:
                 self._owed = None
@@ -431,10 +431,10 @@ class Controller:
         self.lose(self.lease.lose(client, cause), client)
 
     def lose(self, loss: Loss | None, client: int) -> None:
-        """End the motion of a lost client or lease; then the jaws do what was wished.
+        """End the motion of a lost client or lease; then the jaws do what its options say.
 
-        That is done at once, or when the motion has ended that goes on without its client: a
-        detached one, or another client's. Disabling always goes on.
+        They do so at once, or after the end of a motion that continues: a detached one, or another
+        client's. A disabling always continues.
         """
         running = self.jobs.running
         refusal = events.loss_refusal(loss)
@@ -455,10 +455,9 @@ class Controller:
             self._settle_into(on_lost)
 
     def _step_authority(self, now_s: float) -> None:
-        """Take what time brings: a lease that runs out, and whose turn it is.
+        """Advance the authority: a lease that expires, and the next motion in the queue.
 
-        A motion under a lease that is not the present one never goes on, whatever the way;
-        disabling always does.
+        A motion under a lease that is not the present one never continues; a disabling always does.
         """
         loss = self.lease.expire(now_s)
         if loss is not None:
@@ -476,9 +475,9 @@ class Controller:
         self.lease.step(now_s, may_grant=self.jobs.running is None and not self.jobs.queue)
 
     def _settle_into(self, level: StopLevel) -> None:
-        """Go into what a stop or a lost client leaves behind; a hold is kept, force included."""
+        """Do what a stop or a lost client leaves behind; a hold is kept, with its force."""
         if level == "disable" or (level == "relax" and self.motor.phase is MotorPhase.SILENT):
-            self.must_disable = True  # a motor that does not answer can only be told to let go
+            self.must_disable = True  # a motor that does not answer can only be disabled
         elif level == "relax":
             self.idle = Slack()
         elif isinstance(self.idle, Grip):
@@ -487,7 +486,10 @@ class Controller:
     # The tick
 
     def step(self, now_s: float, motor: MotorView) -> MotorInput:
-        """Decide. In this order: power, fault, stop, lost client, the action, the idle jaws."""
+        """Return the input of the motor for this tick.
+
+        The order of decisions is: power, fault, stop, lost client, the action, the idle jaws.
+        """
         motor = _finite(motor)
         self._note_phase(motor)
         self._note_zero(motor.zero)
@@ -513,7 +515,7 @@ class Controller:
         return MotorInput(self._send(now_s, command, feedback), request, is_motion, register)
 
     def _act(self, now_s: float) -> tuple[MitCommand | None, MotorRequest | None]:
-        """Step the running action, if its motor is still there."""
+        """Step the running action, if the motor is still enabled."""
         action, motor = self.action, self.motor
         if action is None:
             return None, None
@@ -552,7 +554,7 @@ class Controller:
             self.events.append(events.object_moved(moved_mm, width_mm))
 
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
-        """Return what is sent in place of `command`."""
+        """Return the command that is sent in place of `command`."""
         identity, action = self.motor.identity, self.action
         ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
         own_bounds = None if action is None else action.bounds
@@ -577,14 +579,14 @@ class Controller:
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
             self.events.append(events.calibrated(useless, self.calibrated.file))
             if self.action is not None and self.action.needs_power:
-                self.end(ZERO_MOVED)  # its travel is known no longer
+                self.end(ZERO_MOVED)  # its travel is no longer known
 
     def _saved(self, result: TaskResult) -> None:
         if result.error is not None:
             self.events.append(events.not_saved(result.error))
 
     def _note_second_master(self, now_s: float, motor: MotorView) -> None:
-        """End what runs when another commands the motor; the jaws go on holding."""
+        """End what runs when another program commands the motor; the jaws keep holding."""
         told = self.second_master.step(now_s, motor.foreign_commands, motor.foreign_write)
         if told is not None:
             self.events.append(told)
@@ -593,11 +595,11 @@ class Controller:
             self.end(refusal)
 
     def _note_phase(self, motor: MotorView) -> None:
-        """Whenever the motor becomes enabled, or answers again, hold what is measured now.
+        """Hold what is measured now when the motor becomes enabled, or answers again.
 
-        Jaws that were slack before a silence stay slack: a hand may be in them. Those that held
-        by force go on, or they would drop what they hold: a motor that says that it is still
-        enabled has gone on squeezing meanwhile.
+        Jaws that were slack before a silence stay slack: a hand may be in them. A hold by force
+        continues, or it would drop its object: a motor that reports that it is still enabled has
+        kept squeezing.
         """
         self.events += events.motor_changed(self.motor, motor)
         before, self.motor = self.motor.phase, motor
@@ -618,7 +620,7 @@ def _defect(job: Job, error: Exception) -> Refusal:
 
 
 def _falls(job: Job, loss: Loss | None, client: int) -> bool:
-    """Return whether a job ends with its client, or with the lease that it runs under."""
+    """Return True if a job ends with its client, or with the lease that it runs under."""
     if job.detached:
         return False
     under = loss is not None and job.grant == loss.grant.number
@@ -626,7 +628,7 @@ def _falls(job: Job, loss: Loss | None, client: int) -> bool:
 
 
 def _finite(motor: MotorView) -> MotorView:
-    """Leave out a measurement that is no number: nothing may be derived from it."""
+    """Drop a measurement that is no number: nothing may be derived from it."""
     feedback = motor.feedback
     if feedback is None:
         return motor

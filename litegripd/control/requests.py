@@ -47,7 +47,7 @@ SMALLEST_MOVE_RAD = 1e-4
 
 
 class MotionRequests:
-    """Begins motions on one controller; a refusal says why not, and nothing has changed."""
+    """Begins motions on one controller; after a refusal nothing has changed."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
@@ -62,7 +62,7 @@ class MotionRequests:
         return controller.begin("enable", Enable(request), owner, detached)
 
     def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
-        """Begin to disable the motor; ends the owner's own motion, but not another's."""
+        """Begin to disable the motor; end the owner's own motion, but not another client's."""
         controller = self._controller
         running = controller.jobs.running
         if running is not None and running.owner.client == owner.client:
@@ -73,7 +73,7 @@ class MotionRequests:
         return controller.begin("disable", Disable(), owner, detached)
 
     def clear_fault(self, owner: Owner, detached: bool) -> Job | Refusal:
-        """Begin to clear what the motor has latched; it stays disabled."""
+        """Begin to clear the fault that the motor has latched; the motor stays disabled."""
         controller = self._controller
         enabled = controller.motor.phase in (MotorPhase.ENABLED, MotorPhase.ENABLING)
         refusal = busy_refusal(controller.jobs.running) or (FAULTLESS if enabled else None)
@@ -113,7 +113,7 @@ class MotionRequests:
     def grasp(
         self, request: GraspRequest, owner: Owner, config: MotionConfig, detached: bool
     ) -> Job | Refusal:
-        """Begin to close until something is gripped; what is held already is held on."""
+        """Begin to close until something is gripped; an object that is held already stays held."""
         controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
@@ -180,12 +180,12 @@ class MotionRequests:
         return controller.begin("move", action, owner, detached)
 
     def hold(self, owner: Owner) -> Job | Refusal:
-        """Hold from now on: what is held already, else the measured position."""
+        """Hold from now on: the present object or hold, otherwise the measured position."""
         controller, feedback = self._controller, self._powered()
         if isinstance(feedback, Refusal):
             return feedback
         idle = controller.idle
-        if isinstance(idle, Slack):  # holding anew would lose the force of a hold
+        if isinstance(idle, Slack):  # a new hold would lose the force of the present one
             idle = Hold(feedback.position_rad, controller.gains)
         elif isinstance(idle, Grip):
             idle.stay()
@@ -193,7 +193,7 @@ class MotionRequests:
         return controller.settle("hold", idle, owner, HoldResult(position_rad))
 
     def zero_gravity(self, owner: Owner) -> Job | Refusal:
-        """Let the jaws go: enabled, but without stiffness, damping and torque."""
+        """Release the jaws: enabled, but without stiffness, damping and torque."""
         feedback = self._powered()
         if isinstance(feedback, Refusal):
             return feedback
@@ -201,9 +201,9 @@ class MotionRequests:
         return self._controller.settle("zero_gravity", Slack(), owner, result)
 
     def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
-        """Squeeze by `force_n` from now on: what is gripped, else from where the jaws are.
+        """Squeeze with `force_n` from now on: the present object, or from where the jaws are.
 
-        The owner's running grasp goes on with it; anybody else's is not touched.
+        A running grasp of the owner continues with the new force; another client's is not changed.
         """
         controller, grip, running = (
             self._controller,
@@ -236,7 +236,7 @@ class MotionRequests:
         speed_mm_s: float | None,
         torque_nm: float,
     ) -> Job | Refusal:
-        """Take a set-point that counts until a time of CLOCK_MONOTONIC; the first one begins it."""
+        """Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
         controller = self._controller
         running, action = controller.jobs.running, controller.action
         goes_on = running is not None and running.owner.client == owner.client
@@ -267,7 +267,7 @@ class MotionRequests:
         return grip if grip is not None and grip.is_holding else None
 
     def _blocked(self, target_rad: float) -> MoveResult:
-        """Return the result of a closing that what is held ends before it begins.
+        """Return the result of a closing that is rejected because an object is held.
 
         It would crush the object, and then let go of it.
         """
@@ -286,12 +286,12 @@ class MotionRequests:
         )
 
     def _powered(self) -> Feedback | Refusal:
-        """Return the present feedback where the motor is free and enabled, else why not."""
+        """Return the present feedback if the motor is free and enabled, otherwise a refusal."""
         refusal = self._controller.why_busy() or motor_refusal(self._controller.motor)
         return refusal or self._controller.motor.feedback or NO_FEEDBACK
 
     def _ready(self) -> Geometry | Refusal:
-        """Return the travel where a motion in it may begin, else say why not."""
+        """Return the travel if a motion in it may begin, otherwise a refusal."""
         controller = self._controller
         refusal = controller.why_busy()
         if refusal is not None:
@@ -307,7 +307,7 @@ OnSaved: TypeAlias = Callable[[TaskResult], None]
 
 
 class CalibrationRequests:
-    """Begins calibrations on one controller, and takes care of what is in use."""
+    """Begins calibrations on one controller, and changes the calibration in use."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
@@ -321,7 +321,7 @@ class CalibrationRequests:
         keep: bool,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to probe both stops; `mount` declares the direction, else the calibration does."""
+        """Begin to probe both stops; `mount` sets the direction, otherwise the calibration does."""
         controller = self._controller
         refusal = self._unready()
         if refusal is not None:
@@ -352,7 +352,7 @@ class CalibrationRequests:
         return action.mark(side) or dict(action.marks)
 
     def finish(self, owner: Owner, *, keep: bool) -> Job | Refusal:
-        """Make the marks the calibration; the job ends when it is in use."""
+        """Make a calibration of the marks; the job ends when it is in use."""
         controller = self._controller
         action, running = self._by_hand_of(owner), controller.jobs.running
         if isinstance(action, Refusal):
@@ -379,18 +379,18 @@ class CalibrationRequests:
         return controller.begin("set_zero", SetZero(), owner, detached)
 
     def refusal_to_load(self) -> Refusal | None:
-        """Return why no other calibration may be taken now, or None."""
+        """Return why no other calibration may be loaded now, or None."""
         return busy_refusal(self._controller.jobs.running)
 
     def load(self, calibration: Calibration, file: str | None) -> Refusal | None:
-        """Take another calibration."""
+        """Use another calibration."""
         refusal = self.refusal_to_load()
         if refusal is None:
             self._controller.use_calibration(calibration, file=file)
         return refusal
 
     def save(self, on_saved: OnSaved, uid: int | None = None) -> Refusal | None:
-        """Have the calibration in use written to the daemon's own file."""
+        """Let the helper write the calibration in use to the daemon's own file."""
         controller = self._controller
         calibration = controller.calibrated.calibration
         if calibration is None or not calibration.calibrated:

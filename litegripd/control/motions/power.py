@@ -18,7 +18,7 @@ _SCAN_WITHIN_S = 3.0
 
 
 class Enable(PlainAction):
-    """Enables the motor; ends when it says so, or with the reason why it does not."""
+    """Enables the motor; ends when the motor confirms it, or with the reason why it does not."""
 
     needs_power = False
 
@@ -27,7 +27,7 @@ class Enable(PlainAction):
         self._began_s: float | None = None
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Let a disabling that is under way end, ask once, then watch."""
+        """Wait for the end of a disabling, ask once, then watch."""
         if self._began_s is None:
             self._began_s = now_s
         if motor.phase is MotorPhase.ENABLED:
@@ -48,7 +48,7 @@ class Enable(PlainAction):
 
 
 class Disable(PlainAction):
-    """Disables the motor; ends when it says so, or as not confirmed."""
+    """Disables the motor; ends when the motor confirms it, or as not confirmed."""
 
     needs_power = False
 
@@ -68,7 +68,7 @@ class Disable(PlainAction):
 
 
 class ClearFault(PlainAction):
-    """Clears what the motor has latched; ends when it says so, or with the fault that stays.
+    """Clears the latched fault; ends when the motor confirms it, or with the fault that stays.
 
     It never energises: a motor without a fault is left as it is.
     """
@@ -81,7 +81,7 @@ class ClearFault(PlainAction):
         self._had_fault = False
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Ask, then watch; once a fault is gone, ask again for what else is wrong, if anything."""
+        """Ask, then watch; after a fault is gone, ask again to clear another problem."""
         if self._asked_s is None:
             self._had_fault = motor.fault is not None
             latched = motor.fault or motor.problem
@@ -113,7 +113,7 @@ _STILL_DISABLING = Refusal("not_confirmed", "the motor is still being disabled: 
 _NOT_CONFIRMED = Refusal(
     "not_confirmed", "the motor does not confirm that it is disabled: cut its power"
 )
-"""What remains to be said when the motor answers but stays enabled."""
+"""The outcome if the motor answers but stays enabled."""
 
 
 _ZERO_WITHIN_S = 2.0
@@ -129,7 +129,7 @@ _NO_END = Refusal(
 class SetZero(PlainAction):
     """Makes the present position the zero of the motor's positions; the motor ends disabled.
 
-    What the motor does goes on when this is ended early: `MotorView.zero` tells how it ended.
+    The motor continues the setting if this is ended early; `MotorView.zero` has its end.
     """
 
     needs_power = False
@@ -141,7 +141,7 @@ class SetZero(PlainAction):
         self._was_begun = False
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Disable the motor unless it is disabled, ask once for the zero, then watch."""
+        """Disable the motor if it is not disabled, ask once for the zero, then watch."""
         if self._began_s is None:
             self._began_s = now_s
         if self._asked_s is not None:
@@ -159,7 +159,7 @@ class SetZero(PlainAction):
         return Step(outcome=None if waits else motor.failure or _NOT_DISABLED)
 
     def _watch(self, asked_for_s: float, motor: MotorView) -> Step:
-        """Take the end of what was begun here, never that of an earlier setting."""
+        """Take the end of the setting that was begun here, never that of an earlier one."""
         zero = motor.zero
         self._was_begun = self._was_begun or zero.state == "pending"
         if zero.state == "done" and self._was_begun:

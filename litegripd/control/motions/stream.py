@@ -15,7 +15,7 @@ from litegripd.model.results import StreamResult
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """Where the jaws shall be, until when (CLOCK_MONOTONIC) this counts, how they go there."""
+    """Where to move the jaws, until when (CLOCK_MONOTONIC) this is valid, and how."""
 
     position_rad: float
     valid_until_s: float
@@ -24,7 +24,7 @@ class SetPoint:
 
 
 class Stream(PlainAction):
-    """Follows set-points until the latest one has expired; then holds as it pressed last."""
+    """Follows set-points until the latest one has expired; then holds with the last pressure."""
 
     def __init__(self, gains: Gains, period_s: float) -> None:
         self._gains = gains
@@ -40,7 +40,7 @@ class Stream(PlainAction):
         self._set_points += 1
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Move the command on."""
+        """Return the next command towards the set-point."""
         feedback, point = motor.feedback, self._point
         if feedback is None or point is None:
             return Step()
@@ -58,5 +58,5 @@ class Stream(PlainAction):
         return Step(gains.at(reference_rad, velocity_rad_s))
 
     def idle_after(self) -> Idle | None:
-        """Go on pressing as in the latest tick."""
+        """Return the hold that presses as in the latest tick."""
         return self._hold
