@@ -1,13 +1,14 @@
-"""Detectors of what the jaws do, from measured positions and in time: none counts ticks.
+"""Detectors of what the jaws do, from measured positions. They count time, not ticks.
 
-`Lasting` tells that something has been so for a while, `SpeedWindow` the speed over a short window
-(the motor's own speed is filtered by it, and may be noisy; positions are exact to 0.4 mrad).
+`Lasting` detects that a condition has held for some time. `SpeedWindow` returns the speed over a
+short window: the motor filters its own speed by more than that, and may report a noisy one;
+positions are exact to 0.4 mrad.
 
 `StallDetector` is the vendor's windowed test. The DM4310 has no stall protection. A test of single
 samples would misfire on the stick-slip of the closing side, so the net movement over a whole window
-counts. `TorqueGuard` notices a jam that yields slowly, which that test never calls a stall: much
-torque, and the jaws slower than half of what is commanded, for several samples in a row (field use
-of the gripper).
+counts. `TorqueGuard` detects a jam that yields slowly, which that test never calls a stall: a large
+torque, and jaws slower than half of the commanded speed, for several samples in a row (field use of
+the gripper).
 """
 
 from collections import deque
@@ -16,14 +17,14 @@ from litegripd.model.motion_config import MotionConfig
 
 
 class Lasting:
-    """Tells when a condition has held for `duration_s` at every time at which it was asked."""
+    """Detects that a condition has held for `duration_s` at every time at which it was asked."""
 
     def __init__(self, duration_s: float) -> None:
-        self._duration_s = duration_s * 0.999  # ticks fall a rounding error short of their period
+        self._duration_s = duration_s * 0.999  # ticks may be a rounding error too short
         self._since_s: float | None = None
 
     def step(self, is_so: bool, at_s: float) -> bool:
-        """Take whether it is so at `at_s`; return True once it has been so for long enough."""
+        """Take the condition at `at_s`; return True once it has held for long enough."""
         if not is_so:
             self._since_s = None
             return False
@@ -32,7 +33,7 @@ class Lasting:
         return self.has_lasted(at_s)
 
     def has_lasted(self, at_s: float) -> bool:
-        """Return True if it has been so for long enough at `at_s`, since the last `step`."""
+        """Return True if the condition has held for long enough at `at_s`."""
         return self._since_s is not None and at_s - self._since_s >= self._duration_s
 
     def reset(self) -> None:
@@ -41,8 +42,8 @@ class Lasting:
 
 
 WINDOW_S = 0.010
-"""Long enough to resolve 0.04 rad/s (3 mm/s) from the codes of a frame's position, short enough to
-notice within two periods of 5 ms that the jaws have stopped or run away."""
+"""Long enough to resolve 0.04 rad/s (3 mm/s) from the codes of a frame's position. Short enough
+to detect within two periods of 5 ms that the jaws have stopped or run away."""
 
 
 class SpeedWindow:
@@ -69,7 +70,7 @@ class SpeedWindow:
         return self._samples[0][1]
 
     def clear(self) -> None:
-        """Forget what was measured: what comes next does not continue it."""
+        """Forget all measurements: the next one does not continue them."""
         self._samples.clear()
 
 
@@ -82,10 +83,10 @@ class StallDetector:
         self._samples: deque[tuple[float, float]] = deque(maxlen=config.stall_cycles + 1)
 
     def add(self, now_s: float, position_rad: float) -> bool:
-        """Take the position of this tick; tell whether the latest full window is a stall.
+        """Take the position of this tick; return True if the latest full window is a stall.
 
-        The expected distance follows from the window's own duration, so that samples of late
-        ticks neither hide a stall nor feign one.
+        The expected distance follows from the window's own duration, so that samples of late ticks
+        neither hide a stall nor feign one.
         """
         samples = self._samples
         if samples and now_s - samples[-1][0] < self._config.sample_interval * 0.999:
@@ -112,7 +113,7 @@ class TorqueGuard:
         self._cycles = 0
 
     def add(self, now_s: float, position_rad: float, torque_nm: float) -> bool:
-        """Take what was measured in this tick; tell whether the jaws must let go."""
+        """Take the measurement of this tick; return True if the jaws must let go."""
         if self._sampled is None:
             self._sampled = (now_s, position_rad)
             return False
@@ -127,5 +128,5 @@ class TorqueGuard:
         return self._cycles >= self._config.stop_torque_cycles
 
     def reset(self) -> None:
-        """Forget what was seen: where the jaws are now, torque and stillness are expected."""
+        """Forget all samples: where the jaws are now, torque and stillness are expected."""
         self._sampled, self._cycles = None, 0

@@ -1,12 +1,12 @@
-"""True if what is held by force is still there, judged by where the jaws end.
+"""Whether a gripped object is still there, judged by where the jaws stop.
 
-Jaws that close fast while nothing takes their torque are a suspicion and no verdict: they may come
-back after a push, or follow an object that has given way by a millimetre. The squeezing continues
-with little torque (`is_searching`) until they press on something again, or are too far beyond the
-place where they last pressed: only then is the object lost.
+Jaws that close fast while nothing takes their torque are a suspicion and not a verdict: they may
+come back after a push, or follow an object that has given way by a millimetre. The squeezing
+continues with little torque (`is_searching`) until the jaws press on something again, or are too
+far beyond the last contact. Only then is the object lost.
 
-The speed comes from measured positions: the speed that the motor reports is filtered and may be
-noisy. Durations are counted in time, and each measurement counts once.
+The speed comes from measured positions, because the motor filters the speed that it reports, which
+may be noisy. Durations are counted in time, and each measurement counts once.
 """
 
 from dataclasses import dataclass
@@ -16,35 +16,36 @@ from litegripd.control.detectors import Lasting, SpeedWindow
 from litegripd.model.motor import Feedback
 
 WatchState: TypeAlias = Literal["held", "searching", "recovering"]
-"""`held`: the jaws press. `searching`: they close on nothing, so far. `recovering`: they press
-again, and the force comes back."""
+"""`held`: the jaws press. `searching`: they close, and have met nothing yet. `recovering`: they
+press again, and the force comes back."""
 
 AGREE_S = 0.004
-"""Two measurements at 100 and 200 Hz, five at 1000 Hz: one alone may be disturbed."""
+"""Two measurements at 100 and 200 Hz, five at 1000 Hz: a single one may be disturbed."""
 CLOSED_S = 0.010
-"""So long jaws must be seen closed all the way."""
+"""How long jaws must be seen fully closed."""
 TOUCH_S = 0.015
-"""So long jaws must stand and press to have touched something again."""
+"""How long jaws must stand and press to count as having touched something again."""
 SETTLED_S = 0.05
-"""So long the force must be back before the object counts as held again."""
+"""How long the force must be back before the object counts as held again."""
 
 STILL_RAD_S = 0.1
-"""Jaws that stand are slower than this, 7 mm/s; a noise of one code over the window is 0.08."""
+"""Standing jaws are slower than this, 7 mm/s. A noise of one code over the window is 0.08 rad/s."""
 
 RESIST_SHARE = 0.4
 RESIST_FRICTIONS = 1.3
 RESIST_NM = 0.2
-"""What resists takes this share of the commanded torque, and this much more than friction. With a
-larger share a soft object would seem lost when jaws that stuck near the closed stop break away
-into it."""
+"""An object that resists takes this share of the commanded torque, and this amount more than
+friction. With a larger share a soft object would seem lost when jaws that stuck near the closed
+stop break away into it."""
 TOUCH_TORQUE_SHARE = 0.5
 TOUCH_SPEED_SHARE = 0.4
-"""Of the speed of a search; jaws that meet nothing reach more, even with twice the friction."""
+"""Share of the speed of a search. Jaws that meet nothing exceed it, even with twice the
+friction."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Seen:
-    """One measurement, counted in the closing direction, beside the torque commanded then."""
+    """One measurement, counted in the closing direction, with the torque commanded at that time."""
 
     at_s: float
     closed_rad: float
@@ -55,22 +56,22 @@ class _Seen:
 
 @dataclass(frozen=True, slots=True)
 class WatchLimits:
-    """What a watch judges by; positions count in the closing direction."""
+    """The limits of a watch; positions count in the closing direction."""
 
     fast_rad_s: float
     """Jaws that press are slower than this, or something takes their torque."""
     search_rad_s: float
     far_rad: float
-    """So far beyond the last contact there is nothing between the jaws."""
+    """This far beyond the last contact there is nothing between the jaws."""
     lost_at_rad: float
-    """Closed this far, there is nothing between the jaws wherever the last contact was."""
+    """Closed this far, there is nothing between the jaws, wherever the last contact was."""
     friction_nm: float
     moved_rad: float
-    """From this way on a change of the contact is worth a report."""
+    """A change of the contact by this distance or more is reported."""
 
 
 class GripWatch:
-    """Watches one grip; `moved_rad` is how far its object has moved, once, when that is sure."""
+    """Watches one grip; `moved_rad` is how far the object has moved, once that is certain."""
 
     def __init__(self, limits: WatchLimits) -> None:
         self.limits = limits
@@ -78,10 +79,10 @@ class GripWatch:
         self.is_lost = False
         self.moved_rad: float | None = None
         self.contact_rad: float | None = None
-        """Where the jaws pressed last, as far closed as they did."""
+        """The most closed position at which the jaws have pressed lately."""
         self._pressed_rad: float | None = None
         self.takes_nothing = False
-        """True while nothing resists the torque that is commanded, fast or slow."""
+        """True while nothing resists the commanded torque, at any speed."""
         self.speed_rad_s: float | None = None
         """The closing speed over the last few measurements, None while there are too few."""
         self._seen_s = 0.0
@@ -94,7 +95,7 @@ class GripWatch:
 
     @property
     def is_searching(self) -> bool:
-        """True while the jaws close on nothing, so far."""
+        """True while the jaws close and have met nothing yet."""
         return self.state == "searching"
 
     @property
@@ -103,12 +104,12 @@ class GripWatch:
         return self.speed_rad_s is not None and abs(self.speed_rad_s) < STILL_RAD_S
 
     def continue_from(self, before: "GripWatch") -> None:
-        """Take over what another watch of the same object knows."""
+        """Take over the state of another watch of the same object."""
         self.state, self.is_lost = before.state, before.is_lost
         self.contact_rad = before.contact_rad
 
     def resume(self) -> None:
-        """Continue after a silence; what was measured before it continues nothing."""
+        """Continue after a silence; earlier measurements do not count."""
         self._speed.clear()
         self.speed_rad_s = self._pressed_rad = None
         for lasting in (self._free, self._far, self._closed, self._touching, self._settled):
@@ -117,7 +118,8 @@ class GripWatch:
     def see(self, feedback: Feedback, sign: int, applied_nm: float, *, is_full: bool) -> bool:
         """Judge a measurement, each once; return True for a new one.
 
-        `applied_nm` is the torque that is commanded; `is_full`, that it is all that was asked for.
+        `applied_nm` is the commanded torque; `is_full` is True if that is the whole torque asked
+        for.
         """
         at_s = feedback.at_s
         if at_s == self._seen_s:
@@ -158,9 +160,9 @@ class GripWatch:
             lasting.reset()
 
     def _keep_contact(self) -> None:
-        """Note where the jaws press; a hand that opens them does not move the object.
+        """Keep the position where the jaws press; a hand that opens them does not move the object.
 
-        Two windows must agree: one measurement alone may be disturbed.
+        Two windows must agree: a single measurement may be disturbed.
         """
         before_rad, self._pressed_rad = self._pressed_rad, self._speed.began_rad
         pressed_rad = (
@@ -170,7 +172,7 @@ class GripWatch:
             self.contact_rad = max(self.contact_rad, pressed_rad)
 
     def ease_contact(self, most_rad: float) -> None:
-        """Take the contact back to where the jaws press now, by `most_rad` at the most.
+        """Move the contact back to where the jaws press now, by at most `most_rad`.
 
         A soft object opens the jaws by itself when the force on it is lowered.
         """
@@ -178,7 +180,7 @@ class GripWatch:
             self.contact_rad = max(self.contact_rad - most_rad, self._pressed_rad)
 
     def _search(self, seen: _Seen) -> None:
-        """Judge where the jaws end that close on nothing: on something again, or too far."""
+        """Judge where searching jaws stop: on something again, or too far."""
         contact_rad, limits = self.contact_rad, self.limits
         is_far = contact_rad is not None and seen.closed_rad - contact_rad > limits.far_rad
         if self._far.step(is_far, seen.at_s):
@@ -189,7 +191,7 @@ class GripWatch:
             self._enter("recovering")
 
     def _recover(self, seen: _Seen, *, is_settled: bool) -> None:
-        """Wait until the whole force holds; jaws that were only stuck would have gone on."""
+        """Wait until the whole force holds; jaws that only stuck would have moved on."""
         if not self._settled.step(is_settled, seen.at_s):
             return
         self._enter("held")

@@ -1,6 +1,6 @@
-"""Who may move the gripper: one lease, granted first come, first served, lost in several ways.
+"""Who may move the gripper: one lease, granted in the order of requests, lost in several ways.
 
-It knows no motion: the controller ends what a lost lease ran. Times are arguments; a callback
+It knows no motion: the controller ends what ran under a lost lease. Times are arguments; a callback
 answers waiting requests.
 """
 
@@ -28,9 +28,9 @@ MOST_WAITING = 64
 
 @dataclass(frozen=True, slots=True)
 class LeaseOptions:
-    """What somebody wants of a lease.
+    """The options of a lease.
 
-    With `ttl_s` it is lost when its holder sends no request for so long; `on_lost` is what the
+    With `ttl_s` it is lost when its holder sends no request for that time; `on_lost` is what the
     jaws do then.
     """
 
@@ -41,7 +41,7 @@ class LeaseOptions:
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """A lease that somebody holds; `number` counts the grants of this start of the daemon."""
+    """A lease that a client holds; `number` counts the grants since the daemon's start."""
 
     number: int
     owner: Owner
@@ -64,16 +64,16 @@ class _LossData(TypedDict):
 
 
 class LossData(_LossData, total=False):
-    """Why a lease was lost, for programs; `by` is there where it was taken."""
+    """Why a lease was lost, for programs; `by` exists only if it was taken."""
 
     by: Taker
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """A lease that was lost, why, and to whom, if it was taken.
+    """A lost lease: the reason, and the taker if it was taken.
 
-    `left` is what the jaws do then, where the taker has said it.
+    `left` is what the jaws do then, if the taker chose it.
     """
 
     grant: Grant
@@ -84,12 +84,12 @@ class Loss:
 
     @property
     def on_lost(self) -> OnLost:
-        """What the jaws do: as the taker says, else as the loser wished."""
+        """What the jaws do: the taker's choice, otherwise the former holder's."""
         return self.left or self.grant.options.on_lost
 
     @property
     def text(self) -> str:
-        """Why it was lost, and to whom."""
+        """Why it was lost, and who took it."""
         if self.by is None:
             return LOSS_TEXTS[self.cause]
         by = self.by
@@ -118,8 +118,8 @@ class _Waiting:
 class Lease:
     """The one lease of a gripper.
 
-    Who has lost it, and is still connected, moves nothing more by that connection until it asks
-    for the lease again: a program that slept through its loss must not act as if it had it.
+    A connection that has lost it moves nothing until it asks for the lease again: a program that
+    slept through its loss must not act as if it had it.
     """
 
     def __init__(self) -> None:
@@ -132,14 +132,15 @@ class Lease:
 
     @property
     def waiting(self) -> int:
-        """How many wait for it."""
+        """The number of waiting requests."""
         return len(self._waiting)
 
     def refusal(self, owner: Owner) -> Refusal | None:
         """Return why `owner` may not move the gripper, or None.
 
-        Who names a grant must name the present one; who names none may where the lease is held
-        by the same connection, or is free and was not lost by this connection.
+        A request that names a grant must name the present one. A request that names none is
+        admitted if its own connection holds the lease, or if the lease is free and was not lost by
+        this connection.
         """
         holder = self.holder
         if owner.grant is not None and (holder is None or holder.number != owner.grant):
@@ -155,7 +156,7 @@ class Lease:
         return held_refusal(holder)
 
     def acquire(self, owner: Owner, options: LeaseOptions, now_s: float) -> Grant | Refusal:
-        """Grant the lease where it is free; its holder may change what it wished."""
+        """Grant the lease if it is free; its holder may change its options."""
         holder = self.holder
         if holder is not None and holder.owner.client == owner.client:
             self.holder = replace(holder, options=options)
@@ -179,7 +180,7 @@ class Lease:
         return None
 
     def release(self, owner: Owner) -> Refusal | None:
-        """Give the lease back, if `owner` has it: nothing is lost by that."""
+        """Release the lease if `owner` has it; this is no loss."""
         holder = self.holder
         if holder is None:
             return Refusal("lease_lost", "there is no lease to release")
@@ -191,7 +192,7 @@ class Lease:
     def take(
         self, owner: Owner, options: LeaseOptions, why: str, left: OnLost, now_s: float
     ) -> tuple[Grant, Loss | None]:
-        """Take the lease over; the caller has made sure that `owner` may."""
+        """Take the lease over; the caller has checked that `owner` may."""
         holder = self.holder
         loss = None if holder is None else Loss(holder, "taken", owner, why, left)
         if loss is not None:
@@ -199,7 +200,7 @@ class Lease:
         return self._grant(owner, options, now_s), loss
 
     def resume(self, number: int, owner: Owner, now_s: float) -> Grant | Refusal:
-        """Grant a lapsed lease again to who shows its number, if nobody has acquired one since."""
+        """Grant a lapsed lease again for its number, if nobody has acquired one since."""
         lapsed = self._lapsed
         if self.holder is not None or lapsed is None or lapsed.number != number or self._waiting:
             text = (
@@ -210,12 +211,12 @@ class Lease:
         return self._grant(owner, lapsed.options, now_s)
 
     def renew(self, client: int, now_s: float) -> None:
-        """Note a request: its sender does not hang."""
+        """Take note of a request: its sender does not hang."""
         if self.holder is not None and self.holder.owner.client == client:
             self._renew(now_s)
 
     def lose(self, client: int, cause: LossCause) -> Loss | None:
-        """Forget a client that is gone; return what it lost."""
+        """Forget a lost client; return what it lost."""
         self._waiting = deque(entry for entry in self._waiting if entry.owner.client != client)
         holder = self.holder
         loss = None
@@ -223,11 +224,11 @@ class Lease:
             loss = Loss(holder, cause)
             self._lapse(loss)
         if cause == "connection":
-            self._losses.pop(client, None)  # it asks for nothing any more
+            self._losses.pop(client, None)  # it sends no more requests
         return loss
 
     def expire(self, now_s: float) -> Loss | None:
-        """Return what is lost because its holder sent nothing for too long."""
+        """Return the loss of a lease whose holder sent nothing for too long, or None."""
         holder = self.holder
         if holder is None or self._expires_s is None or now_s < self._expires_s:
             return None
@@ -236,7 +237,7 @@ class Lease:
         return loss
 
     def step(self, now_s: float, *, may_grant: bool) -> None:
-        """Answer who has waited long enough, or is next; `may_grant`: no motion runs by now."""
+        """Answer waiting requests: those whose time is over, and the next if `may_grant`."""
         for entry in [entry for entry in self._waiting if now_s >= entry.until_s]:
             self._waiting.remove(entry)
             entry.on_answer(_waited_in_vain(self.holder))
