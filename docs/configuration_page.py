@@ -7,8 +7,7 @@ means stands here.
 import textwrap
 from typing import Any
 
-from litegripd.app.config import KEYS, TABLES, Key, load
-from litegripd.app.succession import SAME_TABLES
+from litegripd.app.config import KEYS, SAME_TABLES, TABLES, Key, load
 from litegripd.model.motion_config import MotionConfig, ranges_of
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 

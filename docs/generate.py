@@ -15,6 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT))
 
+from docs.blocking_client import blocking_client  # noqa: E402
 from docs.configuration_page import configuration_page, default_file  # noqa: E402
 from docs.manual import client_page, daemon_page, simulator_page  # noqa: E402
 from docs.protocol_fields import (  # noqa: E402
@@ -219,6 +220,7 @@ user who may not write there.
 
 GENERATED = (
     Generated("litegrip_client/_error_table.py", client_error_table),
+    Generated("litegrip_client/actions.py", blocking_client),
     Generated("docs/errors.md", errors_page),
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),

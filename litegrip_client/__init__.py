@@ -24,7 +24,7 @@ if sys.version_info < (3, 10):  # noqa: UP036 - a copy beside a script was insta
         + ".".join(map(str, sys.version_info[:3]))
     )
 
-from litegrip_client.actions import GripperActions
+from litegrip_client.actions import GripperActions, ManualCalibration, SetpointStream
 from litegrip_client.errors import (
     BusyError,
     CancelledError,
@@ -49,7 +49,6 @@ if TYPE_CHECKING:
     from litegrip_client.calibration_files import CALIB_TEMPLATES, list_templates
     from litegrip_client.conversion import UnitConversion
     from litegrip_client.feeds import Event
-    from litegrip_client.manual import ManualCalibration
     from litegrip_client.motion_config import MotionConfig
     from litegrip_client.results import (
         EnableResult,
@@ -60,7 +59,6 @@ if TYPE_CHECKING:
         PlayResult,
         SetZeroResult,
     )
-    from litegrip_client.setpoints import SetpointStream
     from litegrip_client.taught_grips import TaughtGrip
     from litegrip_client.trajectory import Trajectory, TrajectorySample
     from litegrip_client.trajectory_files import TrajectoryFile, list_trajectories
@@ -115,13 +113,11 @@ _LATER = {
     "GraspResult": "results",
     "GripperConfig": "calibration",
     "GripperState": "results",
-    "ManualCalibration": "manual",
     "MotionConfig": "motion_config",
     "MoveProgress": "results",
     "MoveResult": "results",
     "PlayResult": "results",
     "SetZeroResult": "results",
-    "SetpointStream": "setpoints",
     "TaughtGrip": "taught_grips",
     "Trajectory": "trajectory",
     "TrajectoryFile": "trajectory_files",

@@ -1,31 +1,787 @@
-"""The actions of a gripper, for other driver layers that are built on top.
-
-They report by results, progress callbacks and exceptions, and print nothing. Only the probe of
-the calibration prints, as in the vendor's SDK.
-"""
+"""The client for threads: made by docs/generate.py from its core, not by hand."""
 
 from __future__ import annotations
 
-from litegrip_client.calibration_actions import CalibrationActions
-from litegrip_client.motion_actions import MotionActions
-from litegrip_client.motor_actions import MotorActions
-from litegrip_client.setpoints import SetpointActions
-from litegrip_client.teleop import TeleopActions
-from litegrip_client.trajectory_actions import TrajectoryActions
+from litegrip_client.blocking import wait
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # importing typing and dataclasses is slow
+    import os
+    from types import TracebackType
+    from typing import Any, Literal
+
+    from litegrip_client.calibration import CalibrationData, GripperConfig
+    from litegrip_client.core import actions as core_actions
+    from litegrip_client.core import calibrations as core_calibrations
+    from litegrip_client.core import gripper as core_gripper
+    from litegrip_client.core import session as core_session
+    from litegrip_client.core import setpoints as core_setpoints
+    from litegrip_client.core.actions import ProgressCallback
+    from litegrip_client.motion_config import MotionConfig
+    from litegrip_client.results import (
+        EnableResult,
+        GraspResult,
+        GripperState,
+        MoveResult,
+        PlayResult,
+        SetZeroResult,
+    )
+    from litegrip_client.trajectory import Trajectory
 
 
-class GripperActions(
-    MotorActions,
-    MotionActions,
-    SetpointActions,
-    TrajectoryActions,
-    TeleopActions,
-    CalibrationActions,
-):
-    """All actions of the gripper at the other end of a link.
+class Lease:
+    """The lease of one gripper, for `with`: taken at the start, returned at the end.
+
+    It is kept while another block, or `enable`, of the same gripper object needs it. `token` names
+    it, for another connection of the same program (`lease` of the raw methods).
+    """
+
+    def __init__(self, core: core_session.Lease) -> None:
+        self._core = core
+
+    @property
+    def token(self) -> str | None:
+        """The name of the lease, inside the block."""
+        return self._core.token
+
+    def __enter__(self) -> Lease:
+        wait(self._core.__aenter__())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        wait(self._core.__aexit__(kind, error, trace))
+
+    def renew(self) -> None:
+        """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""
+        wait(self._core.renew())
+
+
+class ManualCalibration:
+    """One calibration by hand, as `with gripper.manual_calibration() as manual:`.
+
+    The motor must be enabled. Push the jaws to each stop, in any order, and call `mark_closed` and
+    `mark_open` there; then `finish`. The marks alone say which way closing is. A block that ends
+    without `finish` changes nothing. At its end the jaws hold.
+    """
+
+    def __init__(self, core: core_calibrations.ManualCalibration) -> None:
+        self._core = core
+
+    def mark_closed(self) -> float:
+        """Take the present position as the closed limit; return it, in rad."""
+        return wait(self._core.mark_closed())
+
+    def mark_open(self) -> float:
+        """Take the present position as the open limit; return it, in rad."""
+        return wait(self._core.mark_open())
+
+    def finish(self, save: bool = True) -> CalibrationData:
+        """Use the calibration that the two marks make, and save it unless `save` is false.
+
+        It is saved as `LiteGrip.zero` does. Raises `CommandError` while a mark is missing or the
+        two cannot be right (then mark again), and when it could not be saved.
+        """
+        return wait(self._core.finish(save))
+
+    def __enter__(self) -> ManualCalibration:
+        wait(self._core.__aenter__())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        wait(self._core.__aexit__(kind, error, trace))
+
+
+class SetpointStream:
+    """A stream of targets for the jaws: `with gripper.stream() as stream:`.
+
+    The latest target wins. When none comes for `valid_s`, and at the end of the block, the jaws
+    hold where they are. Each object is for one thread or task.
+
+    The first target, and one after a pause, waits for the daemon's answer; the others are sent
+    without. What the daemon refuses of those is raised by one of the next calls, but for one that
+    came too late: the jaws hold until the next one.
+    """
+
+    def __init__(self, core: core_setpoints.SetpointStream) -> None:
+        self._core = core
+
+    def set_target(
+        self,
+        opening_mm: float | None = None,
+        *,
+        position_rad: float | None = None,
+        openness: float | None = None,
+        torque_nm: float | None = None,
+    ) -> None:
+        """Send the jaws to exactly one of `opening_mm`, `position_rad` and `openness` (0 to 1).
+
+        `torque_nm` is for this target what it is for the whole stream. Raises `CommandError` (a
+        target outside the travel, another motion runs, ...) and all that motions raise.
+        """
+        wait(
+            self._core.set_target(
+                opening_mm, position_rad=position_rad, openness=openness, torque_nm=torque_nm
+            )
+        )
+
+    def close(self) -> None:
+        """End the stream at once, so that the jaws hold; nothing to do when it ended by itself."""
+        wait(self._core.close())
+
+    def __enter__(self) -> SetpointStream:
+        wait(self._core.__aenter__())
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        wait(self._core.__aexit__(kind, error, trace))
+
+
+class GripperActions:
+    """All actions of the gripper at the other end of a session.
 
     Every action raises `ConnectError` without a connection. An action that moves the jaws raises
     `CommandError` (not calibrated, or a value out of its range), `BusyError` (another motion
     runs), `StoppedError` (a stop is latched, or came in between), `CancelledError` and
     `HardwareError` (the motor or the bus does not work).
+
+    `progress` gets a `MoveProgress` up to 20 times a second. An interrupt (`KeyboardInterrupt`, a
+    cancelled task), or an error of the callback, cancels the motion before it is raised; the jaws
+    then hold.
+
+    They report by results, progress callbacks and exceptions, and print nothing. Only the probe of
+    the calibration prints, as in the vendor's SDK.
     """
+
+    def __init__(self, core: core_actions.GripperActions) -> None:
+        self._core = core
+
+    @property
+    def motion_config(self) -> MotionConfig:
+        """The tunables of this object's motions: what was set in them is sent with each call."""
+        return self._core.motion_config
+
+    @motion_config.setter
+    def motion_config(self, value: MotionConfig) -> None:
+        self._core.motion_config = value
+
+    def enable(self, retries: int | None = None) -> EnableResult:
+        """Enable the motor; true if its status says so.
+
+        `retries`: enable commands at most, 1 to 20; None means `motion_config.enable_retries`.
+        It takes the lease: until the gripper is disconnected no other client moves it.
+        If this process ends without disabling the motor, the daemon disables it, or continues to
+        hold, according to the present `disable_on_disconnect`. Raises `LeaseError`, which names
+        the owner, when another client has the lease, `StoppedError` while a stop is latched and
+        `HardwareError` when the motor or the bus does not work.
+        """
+        return wait(self._core.enable(retries))
+
+    def disable(self) -> bool:
+        """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed."""
+        return wait(self._core.disable())
+
+    def clear_fault(self) -> str | None:
+        """Clear the motor's latched fault; return its name. The motor stays disabled.
+
+        None means that there was no fault. This also accepts a position that has jumped: check
+        first where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
+        """
+        return wait(self._core.clear_fault())
+
+    def read_param(self, register: str | int) -> float:
+        """Read a register of the motor, by name ("PMAX") or number (21); nothing is written.
+
+        Raises `CommandError` for one that is not known.
+        """
+        return wait(self._core.read_param(register))
+
+    def set_zero(self) -> SetZeroResult:
+        """Store the present position as the motor's zero, permanently; disables the motor first.
+
+        The calibration is then invalid: motions are refused until the gripper is calibrated
+        again, by `zero` or `manual_calibration`.
+        """
+        return wait(self._core.set_zero())
+
+    def open(
+        self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Open the jaws to the mechanical stop, at `speed_mm_s` or `motion_config`'s.
+
+        A success is `ok` and `stalled`: pressed onto the stop. Raises as `GripperActions` does.
+        """
+        return wait(self._core.open(speed_mm_s, progress=progress))
+
+    def close(
+        self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Close the jaws to the mechanical stop; everything as for `open`."""
+        return wait(self._core.close(speed_mm_s, progress=progress))
+
+    def grasp(
+        self,
+        force_n: float | None = None,
+        hold_s: float = 0.0,
+        *,
+        speed_mm_s: float | None = None,
+        width_mm: float | None = None,
+        tolerance_mm: float | None = None,
+        until: Literal["held", "verdict"] = "held",
+        hold_by: Literal["torque", "gains"] | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> GraspResult:
+        """Close until an object stops the jaws, then hold it with `force_n`.
+
+        `force_n`: 0.5 to 30 N, `motion_config.force_n` by default; approximate. `hold_s`: seconds
+        until this returns; with 0 it does not return by itself while the object is held, and
+        an interrupt ends the waiting. The jaws then continue to hold with the same force, until
+        the next command or until the motor is disabled (`disconnect` disables it).
+        With `until` "verdict" it returns as soon as it has detected an object or none, and
+        `hold_s` must be left out.
+
+        `speed_mm_s` is the closing speed, `motion_config.grasp_speed_mm_s` by default. With
+        `width_mm`, `tolerance_mm` is required, too: an object whose width differs by more is
+        still held, but `ok` is False.
+        `hold_by` "gains" holds with `hold_kp` and `hold_kd` around a position, which loses force
+        when the object yields.
+
+        Without an object it returns at once, with `ok` False. Raises as `GripperActions` does.
+        """
+        return wait(
+            self._core.grasp(
+                force_n,
+                hold_s,
+                speed_mm_s=speed_mm_s,
+                width_mm=width_mm,
+                tolerance_mm=tolerance_mm,
+                until=until,
+                hold_by=hold_by,
+                progress=progress,
+            )
+        )
+
+    def goto(
+        self,
+        opening_mm: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to an opening between the fingers, in mm: 0 at the closed stop.
+
+        `duration`: seconds; None moves at `motion_config.speed_mm_s`. A success is `reached` and
+        not `stalled`. Raises as `GripperActions` does. A target outside the calibrated travel is
+        a `CommandError`; its `data["limit"]` is the travel.
+        """
+        return wait(self._core.goto(opening_mm, duration, progress=progress))
+
+    def goto_rad(
+        self,
+        position_rad: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to a position of the motor, in rad; everything else as for `goto`."""
+        return wait(self._core.goto_rad(position_rad, duration, progress=progress))
+
+    def goto_openness(
+        self,
+        openness: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
+        return wait(self._core.goto_openness(openness, duration, progress=progress))
+
+    def move_at_speed(
+        self, opening_mm: float, speed_mm_s: float, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Move to an opening in mm at a speed; everything else as for `goto`."""
+        return wait(self._core.move_at_speed(opening_mm, speed_mm_s, progress=progress))
+
+    def set_force(self, force_n: float) -> GripperState:
+        """Squeeze with `force_n` from now on, 0.5 to 30 N, ramped.
+
+        It changes the force of a grasp, also while another thread or task of this program waits
+        for that grasp. Without a grasp the jaws begin to squeeze at their present position.
+        """
+        return wait(self._core.set_force(force_n))
+
+    def zero_gravity(self, on: bool = True) -> GripperState:
+        """Let the jaws be moved freely by hand, the motor enabled but without any torque.
+
+        They are loose until `zero_gravity(False)`, `hold` or any motion.
+        """
+        return wait(self._core.zero_gravity(on))
+
+    def hold(self) -> GripperState:
+        """Hold from now on: a held object with its present force, else the measured position."""
+        return wait(self._core.hold())
+
+    def stream(
+        self,
+        valid_s: float = 0.2,
+        *,
+        speed_mm_s: float | None = None,
+        torque_nm: float | None = None,
+    ) -> SetpointStream:
+        """Begin a stream of targets; the jaws do not move before the first `set_target`.
+
+        `valid_s`: 0.02 to 2 s, after which the jaws hold unless a new target came. `speed_mm_s`
+        is how fast they follow at most (`motion_config.speed_mm_s` by default), `torque_nm`, 0.1
+        to 3 N·m, what they press with at most on what stands in their way (1 by default).
+        """
+        return SetpointStream(
+            self._core.stream(valid_s, speed_mm_s=speed_mm_s, torque_nm=torque_nm)
+        )
+
+    def send_mit_frame(
+        self, position: float, velocity: float, kp: float, kd: float, torque: float
+    ) -> bool:
+        """Send a set-point for `position`, in rad, valid for 0.2 s; not a frame on the bus.
+
+        The daemon's limits and gains stay in force: `velocity`, `kp` and `kd` are checked and
+        then not used. A `torque` beyond ±1 N·m (3 at most) only lets the jaws press with up to
+        that torque. They follow at `motion_config.speed_mm_s` at most.
+        True when it is sent; a refusal is raised, perhaps by the next call. Raises
+        `CommandError` with reason "unsupported" for `kp` 0, which asks for a torque, a speed or
+        for nothing instead of a position: use `set_force`, `grasp`, `move_at_speed` or
+        `zero_gravity`.
+        """
+        return wait(self._core.send_mit_frame(position, velocity, kp, kd, torque))
+
+    def record(
+        self, duration_s: float, rate_hz: float = 100.0, zero_gravity: bool = True
+    ) -> Trajectory:
+        """Record for `duration_s` seconds, `rate_hz` samples a second (1 to the control rate).
+
+        With `zero_gravity` **the jaws are slack** for that time, to be pushed by hand, and hold at
+        the end; without, it only watches what others make them do: another thread of this program,
+        for example. A recording that did not fill raises `CommandError`, reason recording_failed,
+        with the number of samples: one that was interrupted, or of which more than a tenth is
+        missing. Single measurements may be missing in it, lost on the bus, but never more than
+        0.1 s at a stretch: see `longest_gap_s` of the trajectory.
+
+        An interrupt ends the recording before it is raised.
+        """
+        return wait(self._core.record(duration_s, rate_hz, zero_gravity))
+
+    def record_start(
+        self, rate_hz: float = 100.0, zero_gravity: bool = True, max_samples: int | None = None
+    ) -> dict[str, Any]:
+        """Begin to record in the background, as `record` does; return `trajectory_status()`.
+
+        It ends by `record_stop`, or when `max_samples` (1 to 360 000, which is the default) were
+        due; the jaws then hold.
+        """
+        return wait(self._core.record_start(rate_hz, zero_gravity, max_samples))
+
+    def record_stop(self, allow_empty: bool = False) -> Trajectory:
+        """End the recording and return it.
+
+        Raises `CommandError`, reason recording_failed, for one that was interrupted (by a stop, a
+        fault of the motor, a silent bus, ...), and for one without samples unless `allow_empty`.
+        """
+        return wait(self._core.record_stop(allow_empty))
+
+    def play(
+        self,
+        trajectory: Trajectory,
+        speed: float = 1.0,
+        kp: float | None = None,
+        kd: float | None = None,
+        align: bool = True,
+        *,
+        loop: bool = False,
+        repeat: int = 1,
+        torque_nm: float | None = None,
+        force: str = "path",
+        progress: ProgressCallback | None = None,
+    ) -> PlayResult:
+        """Replay a trajectory to its end; the jaws then hold there until the next command.
+
+        It commands positions, by the openness and the calibration in use now; the torque that was
+        recorded is never repeated. `speed` is a multiple of the one that was taught, 0.1 to 4;
+        `kp` (5 to 500 N·m/rad) and `kd` (0.1 to 5 N·m·s/rad, and at least kp · 0.002 s) are the
+        calibration's by default; `torque_nm` is what the jaws press with on what is in the way, at
+        most (0.3 to 3, 2 by default). With `align` they first go to where it begins, at
+        `motion_config.speed_mm_s`; without, they must be there, within `motion_config.max_lead_mm`.
+        `repeat` is how often.
+
+        With `force` "replay" the jaws do each of `trajectory.grips` again, as `grasp` does, with
+        the taught force and for as long as it lasted, at `motion_config.grasp_speed_mm_s`; what is
+        not gripped, or lost, ends the replay with `ok` False and outcome no_object or object_lost.
+        A trajectory without grips is then refused (`CommandError`).
+
+        `loop` is for `play_start`. An interrupt, or an error of `progress`, cancels the replay
+        before it is raised. A path that something blocks gives `ok` False.
+        """
+        return wait(
+            self._core.play(
+                trajectory,
+                speed,
+                kp,
+                kd,
+                align,
+                loop=loop,
+                repeat=repeat,
+                torque_nm=torque_nm,
+                force=force,
+                progress=progress,
+            )
+        )
+
+    def play_start(
+        self,
+        trajectory: Trajectory,
+        speed: float = 1.0,
+        kp: float | None = None,
+        kd: float | None = None,
+        loop: bool = False,
+        align: bool = True,
+        *,
+        torque_nm: float | None = None,
+        force: str = "path",
+    ) -> dict[str, Any]:
+        """Begin to replay in the background, as `play` does; return `trajectory_status()`.
+
+        With `loop` it continues until `play_stop`; a trajectory of one sample is a pose, which is
+        held then. `error` of `trajectory_status` reports later errors.
+        """
+        return wait(
+            self._core.play_start(
+                trajectory, speed, kp, kd, loop, align, torque_nm=torque_nm, force=force
+            )
+        )
+
+    def play_stop(self, timeout: float = 2.0) -> dict[str, Any]:
+        """End the replay; the jaws hold where they are. Return `trajectory_status()`.
+
+        It does nothing where none runs. Raises `CommandError` when it has not ended after
+        `timeout` seconds.
+        """
+        return wait(self._core.play_stop(timeout))
+
+    def trajectory_status(self) -> dict[str, Any]:
+        """Return the status of the running recording or replay, else of the latest one.
+
+        `active`, `kind` ("record", "play" or None), `samples` and `error` are always there; of a
+        recording also `rate_hz`, `zero_gravity`, `loop_hz`, `missed` and `duration_s`, of a replay
+        `frames`, `speed`, `openness`, `completed`, `loops`, `phase` and `grips`.
+        """
+        return wait(self._core.trajectory_status())
+
+    def teleop_start(
+        self,
+        mode: str,
+        host: str | None = None,
+        *,
+        port: int | None = None,
+        grip_id: str | None = None,
+        link: str | None = None,
+        rate_hz: float | None = None,
+        watchdog_s: float | None = None,
+        torque_limit_nm: float | None = None,
+        force_limit_n: float | None = None,
+        kp: float | None = None,
+        kd: float | None = None,
+        dq_max: float | None = None,
+        reflect: bool = False,
+        reflect_n: float | None = None,
+        reflect_gain: float | None = None,
+        fake_leader: bool = False,
+        transport: object = None,
+    ) -> dict[str, Any]:
+        """Lead ("master") or follow ("slave") until `teleop_stop`; return the first status.
+
+        A master's jaws go slack and are moved by hand. A slave needs the master's `host`; its jaws
+        go where the master's are, as a share of its own travel: calibration and mount may differ.
+        Both ends share `port` (17448) and `grip_id` ("gripA"). `link` is "zenoh" (the default)
+        or "udp", which only a trusted network is for, and with which the master needs the slave's
+        `host`. `rate_hz` is how often a master publishes, the control rate by default.
+
+        After `watchdog_s` (0.2) without a frame a slave holds its last target. At or over
+        `torque_limit_nm` (0: off) for 60 ms it lets go, until the master has reopened by 0.05.
+        With `force_limit_n` it pushes by no more. `kp` and `kd` are the calibration's by default;
+        `dq_max` (10 rad/s) bounds the velocity that is fed forward. `fake_leader` follows a
+        synthetic sweep instead of a master.
+
+        With `reflect` a slave sends its force, and a master with `reflect_n` (0, off, to 10 N)
+        pushes back with the share `reflect_gain` (0.5) of it: the hand feels what is gripped. Over
+        udp a master's `host` may name several slaves, separated by commas.
+
+        `transport` is refused: the link is the daemon's, and there is no `TeleopTransport` here.
+
+        It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
+        enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
+        recorded or replayed) and what `GripperActions` says.
+        """
+        return wait(
+            self._core.teleop_start(
+                mode,
+                host,
+                port=port,
+                grip_id=grip_id,
+                link=link,
+                rate_hz=rate_hz,
+                watchdog_s=watchdog_s,
+                torque_limit_nm=torque_limit_nm,
+                force_limit_n=force_limit_n,
+                kp=kp,
+                kd=kd,
+                dq_max=dq_max,
+                reflect=reflect,
+                reflect_n=reflect_n,
+                reflect_gain=reflect_gain,
+                fake_leader=fake_leader,
+                transport=transport,
+            )
+        )
+
+    def teleop_stop(self) -> dict[str, Any]:
+        """End it, if it runs: the jaws hold where they are. Returns the status at the end.
+
+        Jaws that the torque guard has released stay loose: holding would press what it freed.
+        """
+        return wait(self._core.teleop_stop())
+
+    def teleop_status(self) -> dict[str, Any]:
+        """Return the status of teleoperation, or of the last one.
+
+        A dictionary with `active`, `mode`, `topic`, `frames`, `last_frame_age_ms`, `stale`,
+        `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
+        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
+        make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
+        and `round_trip_ms`.
+        """
+        return wait(self._core.teleop_status())
+
+    @property
+    def config(self) -> GripperConfig:
+        """Return limits, gains and ids as the daemon has them now; not to be changed from here."""
+        return wait(self._core.config())
+
+    def load_calibration(
+        self, path: str | os.PathLike[str] | None = None, template: str | None = None
+    ) -> bool:
+        """Have the daemon use a calibration, for all its clients; false if none was found.
+
+        `path` is a file of this program's; one of `CALIB_TEMPLATES` is that template. `template`
+        is "normal" or "reverse". Without either: the file that LITEGRIP_CALIB of this program's
+        environment names; else what the daemon finds for the channel (its own file, or the user's
+        whom it runs as); else ~/.litegrip/<channel>_calibration.json and
+        ~/.litegrip/litegrip_calibration.json of this program's user; else, for can0, the
+        factory's. While any client's motion runs, only the calibration already in use is accepted.
+
+        Raises `CommandError` when a named calibration cannot be used; never takes another file.
+        The daemon logs the closing direction; `mount` returns it, too.
+        """
+        return wait(self._core.load_calibration(path, template))
+
+    def load_template(self, name: str) -> bool:
+        """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
+
+        The daemon logs the closing direction; `mount` returns it, too. Raises `CommandError` for
+        another name, and when the daemon cannot use it.
+        """
+        return wait(self._core.load_template(name))
+
+    def save_calibration(self, path: str | os.PathLike[str] | None = None) -> str:
+        """Save the calibration in use; return the path.
+
+        With `path`, or LITEGRIP_CALIB, to that file of this program's; else the daemon saves it
+        where it finds it at its next start. Raises `CommandError` when there is none, or when
+        the file cannot be written.
+        """
+        return wait(self._core.save_calibration(path))
+
+    def zero(
+        self, *, mount: str | None = None, progress: ProgressCallback | None = None
+    ) -> CalibrationData:
+        """Measure the travel by probing both stops, use it and save it.
+
+        Keep hands and objects out of the jaws. The calibration in use, or `mount`,
+        determines which stop is the closed one. The probe uses `motion_config.calib_*`. The
+        daemon saves the result; this program saves it too if LITEGRIP_CALIB names a file. Prints
+        its progress, unless `progress` is given. Raises `HardwareError` when no plausible travel
+        was found, `CommandError` when it was not saved, and the errors of `GripperActions`.
+        """
+        return wait(self._core.zero(mount=mount, progress=progress))
+
+    def calibrate(
+        self,
+        kp: float | None = None,
+        kd: float | None = None,
+        step_rad: float | None = None,
+        tau_limit: float | None = None,
+        *,
+        stall_delta: float | None = None,
+        stall_cycles: int | None = None,
+        max_iter: int | None = None,
+        mount: str | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> CalibrationData:
+        """Measure the travel as `zero` does and use it, but do not save it.
+
+        The probe uses the arguments (N·m/rad, N·m·s/rad, rad, N·m), not `motion_config`. The
+        daemon's defaults replace arguments that are left out.
+        """
+        return wait(
+            self._core.calibrate(
+                kp,
+                kd,
+                step_rad,
+                tau_limit,
+                stall_delta=stall_delta,
+                stall_cycles=stall_cycles,
+                max_iter=max_iter,
+                mount=mount,
+                progress=progress,
+            )
+        )
+
+    def manual_calibration(self) -> ManualCalibration:
+        """Calibrate by hand, for `with`: the jaws are loose until its end.
+
+        Move them to each stop and mark it: see `ManualCalibration`.
+        """
+        return ManualCalibration(self._core.manual_calibration())
+
+
+class BlockingGripper(GripperActions):
+    """The actions, the connection, the lease, the stop, and what can be asked."""
+
+    _core: core_gripper.Gripper
+
+    def connect(self) -> None:
+        """Connect to the daemon, unless connected, and load the constructor's `mount`, if any.
+
+        Raises `ConnectError` when no daemon answers (its hint says how to start one). Raises
+        `CommandError` when the daemon has another channel or CAN id, or cannot load the mount.
+        """
+        wait(self._core.connect())
+
+    def disconnect(self) -> None:
+        """Disconnect; first disable the motor if this object enabled it.
+
+        The motor stays enabled if `disable_on_disconnect` is false. Raises the error of
+        disabling, but closes the connection in any case.
+        """
+        wait(self._core.disconnect())
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        wait(self._core.__aexit__(kind, error, trace))
+
+    @property
+    def is_connected(self) -> bool:
+        """True if calls can be made."""
+        return self._core.is_connected
+
+    @property
+    def channel(self) -> str:
+        """The daemon's channel."""
+        return self._core.channel
+
+    @property
+    def disable_on_disconnect(self) -> bool:
+        """True if the end of the connection disables the motor that this object enabled.
+
+        `disconnect` uses the present value; after a crash the value at `enable` counts.
+        """
+        return self._core.disable_on_disconnect
+
+    @disable_on_disconnect.setter
+    def disable_on_disconnect(self, value: bool) -> None:
+        self._core.disable_on_disconnect = value
+
+    def lease(
+        self,
+        purpose: str | None = None,
+        *,
+        ttl_s: float | None = None,
+        wait_s: float = 0.0,
+        on_lost: str = "hold",
+    ) -> Lease:
+        """Take the lease, for exclusive control: `with gripper.lease("sorting", wait_s=10):`.
+
+        `enable` takes the lease automatically, until `disconnect`.
+        `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
+        call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when
+        the lease is lost: "hold", "relax" or "disable". In a take-over, the new owner decides.
+        Raises `LeaseError`, which names the owner. After a loss, `disable` and every motion raise
+        `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again.
+        """
+        return Lease(self._core.lease(purpose, ttl_s=ttl_s, wait_s=wait_s, on_lost=on_lost))
+
+    def take_lease(self, why: str, *, jaws: str = "hold") -> None:
+        """Take the lease from its present owner; the owner is notified of the reason `why`.
+
+        The owner's motion ends. The jaws then keep what they hold, or follow `jaws`: "relax" (no
+        torque) or "disable".
+
+        Raises `NotPermittedError` unless the owner is the same user, or this user is an admin in
+        the daemon's configuration.
+        """
+        wait(self._core.take_lease(why, jaws=jaws))
+
+    def stop(self, level: str = "hold", why: str | None = None) -> GripperState:
+        """Stop the gripper, whichever client moves it, until `clear_stop`.
+
+        `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal
+        handler while its thread waits for a motion. The stop uses the daemon's stop socket, which
+        other requests cannot delay; there a reason is cut to 80 characters. Without that socket it
+        is sent as a usual request. This is a software stop: it does not replace the switch that
+        cuts the power.
+        """
+        return wait(self._core.stop(level, why))
+
+    def clear_stop(self) -> GripperState:
+        """Clear a stop: the motor may then be enabled and moved again. Moves nothing.
+
+        Raises `StoppedError` (`sent_before_stop`) for a stop that this object did not know of:
+        look at the state, and clear again.
+        """
+        return wait(self._core.clear_stop())
+
+    def get_state(self) -> GripperState:
+        """Return the daemon's newest state; it never waits for the bus. Look at `stale`."""
+        return wait(self._core.get_state())
+
+    def health(self) -> dict[str, Any]:
+        """Return the daemon's health: its verdict, the bus, the ticks, the clients."""
+        return wait(self._core.health())
+
+    def info(self) -> dict[str, Any]:
+        """Return what does not change: versions, the motor's registers, ranges, calibration."""
+        return wait(self._core.info())
+
+    def jobs(self) -> list[dict[str, Any]]:
+        """Return the running jobs and the ended ones that are still kept, of all clients."""
+        return wait(self._core.jobs())
+
+    @property
+    def mount(self) -> str | None:
+        """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated."""
+        return wait(self._core.mount())

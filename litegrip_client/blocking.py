@@ -1,18 +1,22 @@
-"""Runs the core's coroutines for callers without an event loop: what they await blocks instead."""
+"""The core for callers without an event loop: what its coroutines await blocks instead."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Coroutine, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 
 from litegrip_client.connection import Connection
+from litegrip_client.core.session import DaemonSession
+from litegrip_client.discovery import reach
+from litegrip_client.exchange import DEFAULT_TIMEOUT_S
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
-    from litegrip_client.calls import Call
+    from litegrip_client.core.wire import Wire
     from litegrip_client.errors import LiteGripError
+    from litegrip_client.exchange import Call
 
     _Result = TypeVar("_Result")
 
@@ -96,3 +100,49 @@ class BlockingWire:
     async def close(self) -> None:
         """End the connection; in a forked child only the child's copy of it."""
         self.connection.close()
+
+
+def connect(
+    channel: str, path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
+) -> Connection:
+    """Connect to the daemon of `channel`; raises `ConnectError` that lists the attempts."""
+
+    async def attempt(candidate: str) -> Connection:
+        return Connection(candidate, timeout_s)
+
+    return wait(reach(channel, path, attempt))
+
+
+class BlockingSession(DaemonSession):
+    """A daemon, by channel, and the connection to it while there is one."""
+
+    async def _connect(self) -> Wire:
+        return BlockingWire(connect(self.channel, self.socket_path))
+
+    async def reach(self, path: str, timeout_s: float) -> Wire:
+        """Connect to another socket of the same daemon; raises `OSError`."""
+        return BlockingWire(Connection(path, timeout_s))
+
+    async def ask(self, method: str, params: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """Make a call, even from a signal handler whose thread waits for an answer."""
+        connection = self.connection
+        if not connection.is_waiting_here:
+            return connection.call(method, params)
+        with Connection(connection.path) as another:
+            return another.call(method, params)
+
+    async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Return what `function` does."""
+        return function(*arguments)
+
+    async def pause(self, seconds: float) -> None:
+        """Let the thread wait for a while."""
+        await pause(seconds)
+
+    @property
+    def connection(self) -> Connection:
+        """The connection; raises `ConnectError` when there is none."""
+        wire = self.wire
+        if not isinstance(wire, BlockingWire):
+            raise TypeError(f"{wire!r} does not block")
+        return wire.connection

@@ -1,27 +1,316 @@
 """Calls and subscriptions over one connection to the daemon, for any number of threads.
 
-This module handles JSON-RPC and what all requests have in common. It must not know what the
+From below: lines over a Unix stream socket (`LineStream`), many waiting threads on one stream
+(`Multiplexer`), requests and their answers (`Connection`). This module must not know what the
 methods do.
+
+Of the threads that wait, one reads for all (the leader); the others (followers) sleep and are
+woken when something came for them, or when the leader leaves. An interrupt (KeyboardInterrupt) can
+come between any two instructions. So what was read stays in the stream until the reader is done
+with it (`keep`): a line is forgotten only after it was routed, routing it twice does no harm, and
+nobody sleeps longer than a slice without looking around for itself.
 """
 
 from __future__ import annotations
 
+import math
+import os
+import select
+import socket
+import struct
+import threading
+import time
+from collections import deque
 from collections.abc import Mapping, Sequence
 from types import TracebackType
 
-from litegrip_client.calls import Call, Progress
-from litegrip_client.errors import LiteGripError
-from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Exchange
-from litegrip_client.multiplexer import Multiplexer
+from litegrip_client.errors import CommandError, ConnectError, LiteGripError
+from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, Progress, Router, no_answer
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # importing dataclasses is slow
+if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
     from litegrip_client.feeds import Feed
     from litegrip_client.subscription import EventSubscription, StateSample, Subscription
 
     _Item = TypeVar("_Item")
+
+SLICE_S = 0.5
+"""The longest that one `receive` waits."""
+
+_CREDENTIALS = struct.Struct("3i")
+_READ_BYTES = (32_768,)
+_BLOCKING = (0,)
+_NOT_BLOCKING = (socket.MSG_DONTWAIT,)
+
+
+class StreamEndedError(Exception):
+    """The other side closed the connection."""
+
+
+class LineStream:
+    """A connected socket. Sending is for any thread; one thread at a time may receive."""
+
+    __slots__ = ("_chunks", "_cut", "_send_lock", "_socket", "peer_pid")
+
+    def __init__(self, path: str, timeout_s: float) -> None:
+        """Connect to `path`; raises `OSError` when that fails or takes over `timeout_s`."""
+        self._socket = _connected(path, timeout_s)
+        self.peer_pid = peer_pid(self._socket)
+        self._chunks: list[bytes] = []
+        self._send_lock = threading.RLock()
+        self._cut = False
+
+    def send(self, line: bytes, timeout_s: float) -> None:
+        """Send one line with its newline.
+
+        Raises `OSError` when the connection is gone and `TimeoutError` when the daemon does not
+        take the line in time.
+        """
+        with self._send_lock:
+            if self._cut:
+                raise OSError("an earlier line was cut off half-way: connect anew")
+            try:
+                sent = self._socket.send(line, socket.MSG_DONTWAIT)
+            except BlockingIOError:
+                sent = 0
+            if sent < len(line):
+                self._send_rest(line[sent:], timeout_s, cut=sent > 0)
+
+    def _send_rest(self, line: bytes, timeout_s: float, *, cut: bool) -> None:
+        deadline_s = time.monotonic() + timeout_s
+        self._cut = cut
+        while line:
+            remaining_s = deadline_s - time.monotonic()
+            if remaining_s <= 0.0 or not self._ready(select.POLLOUT, remaining_s):
+                raise TimeoutError("the daemon does not read")
+            self._cut = True
+            line = line[self._socket.send(line, socket.MSG_DONTWAIT) :]
+        self._cut = False
+
+    def receive(self, wait_s: float) -> tuple[list[bytes], bytes]:
+        """Wait at most `wait_s` and `SLICE_S`; return the complete lines and the incomplete rest.
+
+        The same lines come again unless `keep(rest)` is called when they are handled. Raises
+        `StreamEndedError` at the end of the stream.
+        """
+        if not any(b"\n" in chunk for chunk in self._chunks):
+            self._fill(wait_s)
+        *lines, rest = b"".join(self._chunks).split(b"\n")
+        return lines, rest
+
+    def _fill(self, wait_s: float) -> None:
+        flags = _BLOCKING  # the socket's own time limit is SLICE_S: one system call does it
+        try:
+            if wait_s < SLICE_S:
+                if not self._ready(select.POLLIN, wait_s):
+                    return
+                flags = _NOT_BLOCKING
+            # In one C call, so that no interrupt can come between reading and storing.
+            self._chunks.extend(map(self._socket.recv, _READ_BYTES, flags))
+        except BlockingIOError:
+            return
+        except (OSError, ValueError) as error:  # ValueError: closed by another thread
+            raise StreamEndedError from error
+        if not self._chunks[-1]:
+            raise StreamEndedError
+
+    def keep(self, rest: bytes) -> None:
+        """Forget all that was received except `rest`."""
+        self._chunks[:] = [rest] if rest else []
+
+    @property
+    def hung_up(self) -> bool:
+        """True if the other side is gone, as far as the kernel knows."""
+        poller = select.poll()
+        poller.register(self._socket, select.POLLRDHUP)
+        return bool(poller.poll(0))
+
+    def _ready(self, event: int, wait_s: float) -> bool:
+        # A new object each time: one object must not be used twice at once, and a signal handler
+        # can run while this waits.
+        poller = select.poll()
+        poller.register(self._socket, event)
+        return bool(poller.poll(None if math.isinf(wait_s) else math.ceil(wait_s * 1000.0)))
+
+    def close(self, *, shared: bool = False) -> None:
+        """Close the socket; `shared`: another process uses it, too, and must not notice."""
+        if not shared:
+            try:
+                self._socket.shutdown(socket.SHUT_RDWR)  # wakes a thread that waits for it
+            except OSError:
+                self._chunks.clear()  # was closed already, by the daemon or by us
+        self._socket.close()
+
+
+def peer_pid(connected: socket.socket) -> int:
+    """Return the process that listens at the other end; 0 where the kernel hides it from here."""
+    credentials = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    pid: int = _CREDENTIALS.unpack(credentials)[0]
+    return pid
+
+
+def _connected(path: str, timeout_s: float) -> socket.socket:
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        # A non-blocking connect would fail at once when the daemon's queue is full for a moment.
+        _set_limit(connection, socket.SO_SNDTIMEO, timeout_s)
+        _set_limit(connection, socket.SO_RCVTIMEO, SLICE_S)
+        connection.connect(path)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
+
+
+def _set_limit(connection: socket.socket, option: int, limit_s: float) -> None:
+    seconds, fraction = divmod(limit_s, 1.0)
+    value = struct.pack("ll", int(seconds), int(fraction * 1e6))
+    connection.setsockopt(socket.SOL_SOCKET, option, value)
+
+
+class Multiplexer:
+    """Hands what comes on a stream to a router, and lets threads wait for their inboxes."""
+
+    def __init__(self, path: str, timeout_s: float, router: Router) -> None:
+        """Connect to `path`; raises `OSError`."""
+        self._stream = LineStream(path, timeout_s)
+        self._router = router
+        self._pid = os.getpid()
+        # Re-entrant, because a signal handler may make a call, too.
+        self._lock = threading.RLock()
+        self._woken = threading.Condition(self._lock)
+        self._leader: int | None = None
+        self._followers = 0
+
+    @property
+    def is_own(self) -> bool:
+        """True if this process made the connection, not the parent process before a fork."""
+        return os.getpid() == self._pid
+
+    @property
+    def daemon_pid(self) -> int:
+        """The process id of the other end, 0 if unknown."""
+        return self._stream.peer_pid
+
+    @property
+    def closed(self) -> bool:
+        """True if the connection has ended: every further call fails."""
+        return self._router.ending is not None or not self.is_own or self._stream.hung_up
+
+    @property
+    def is_waiting_here(self) -> bool:
+        """True in a signal handler that interrupts a call of its own thread."""
+        return self._leader == threading.get_ident()
+
+    def check_usable(self) -> None:
+        """Raise when this thread must not wait here, or cannot any more."""
+        if not self.is_own:
+            raise ConnectError(
+                f"this connection belongs to process {self._pid}; its forked child "
+                f"{os.getpid()} cannot use it",
+                reason="forked",
+                data={"hint": "connect anew in the child"},
+            )
+        if self.is_waiting_here:
+            raise CommandError(
+                "this thread waits for an answer on this connection already, so its signal "
+                "handler cannot use it",
+                reason="reentrant",
+                data={"hint": "use another connection in the handler, or raise an exception"},
+            )
+        self._router.check()
+
+    def send(self, line: bytes, timeout_s: float) -> None:
+        """Send one line. That the daemon is gone shows in `wait`, with what it said before."""
+        try:
+            self._stream.send(line, timeout_s)
+        except TimeoutError as error:
+            raise no_answer("the daemon does not read its requests", timeout_s) from error
+        except OSError as error:
+            if not self._stream.hung_up:
+                self._end(f"the connection cannot be used any more: {error}", "connection_lost")
+
+    def wait(self, inbox: deque[Any], timeout_s: float, what: str) -> None:
+        """Return when `inbox` holds something; raises `ConnectError` when that cannot come."""
+        me = threading.get_ident()
+        deadline_s = time.monotonic() + timeout_s
+        try:
+            while not inbox:
+                self._router.check()
+                if (remaining_s := deadline_s - time.monotonic()) <= 0.0:
+                    raise no_answer(f"the daemon did not answer {what}", timeout_s)
+                if self._may_lead(me):
+                    self._lead(inbox, deadline_s)
+                else:
+                    self._follow(inbox, min(remaining_s, SLICE_S))
+        finally:
+            if self._leader == me:
+                self._leader = None
+                self._wake_followers()
+
+    def poll(self) -> None:
+        """Route what has come already; raises `ConnectError` when the connection has ended."""
+        me = threading.get_ident()
+        try:
+            if self._router.ending is None and self._may_lead(me):
+                self._read(0.0)
+        finally:
+            if self._leader == me:
+                self._leader = None
+                self._wake_followers()
+        self._router.check()
+
+    def _may_lead(self, me: int) -> bool:
+        with self._lock:
+            if self._leader is None:
+                self._leader = me
+            return self._leader == me
+
+    def _lead(self, inbox: deque[Any], deadline_s: float) -> None:
+        while not inbox and self._router.ending is None:
+            if (remaining_s := deadline_s - time.monotonic()) <= 0.0:
+                return
+            self._read(min(remaining_s, SLICE_S))
+            self._wake_followers()
+
+    def _follow(self, inbox: deque[Any], wait_s: float) -> None:
+        with self._lock:
+            self._followers += 1
+            try:
+                if not inbox and self._leader is not None and self._router.ending is None:
+                    self._woken.wait(wait_s)
+            finally:
+                self._followers -= 1
+
+    def _wake_followers(self) -> None:
+        if self._followers:
+            with self._lock:
+                self._woken.notify_all()
+
+    def _read(self, wait_s: float) -> None:
+        try:
+            lines, rest = self._stream.receive(wait_s)
+        except StreamEndedError:
+            self._end("the daemon ended the connection", "connection_lost")
+            return
+        complaint = self._router.take(lines)
+        if complaint is None:
+            self._stream.keep(rest)
+        else:
+            self._end(complaint, "connection_lost")
+
+    def close(self) -> None:
+        """End the connection; in a forked child only the child's copy of it."""
+        if self.is_own:
+            self._end("this connection was closed", "closed")
+        self._stream.close(shared=not self.is_own)
+
+    def _end(self, message: str, reason: str) -> None:
+        with self._lock:
+            self._router.end(message, reason)
+            self._woken.notify_all()
 
 
 class Connection(Exchange):
@@ -101,7 +390,7 @@ class Connection(Exchange):
 
         Up to 50 samples may come as a `batch`; each is still a `StateSample`.
         """
-        from litegrip_client.samples import StateFeed  # noqa: PLC0415 - see above
+        from litegrip_client.feeds import StateFeed  # noqa: PLC0415 - see above
 
         return self.subscribe(StateFeed(hz, fields, lambda sample: sample, batch=batch))
 

@@ -7,10 +7,7 @@ import os
 import re
 from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.blocking import wait
-from litegrip_client.connection import Connection
 from litegrip_client.errors import CommandError, ConnectError
-from litegrip_client.exchange import DEFAULT_TIMEOUT_S
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -103,17 +100,6 @@ def _names(directory: str) -> list[str]:
 def _directories(environment: Mapping[str, str]) -> tuple[str, str]:
     own = environment.get("XDG_RUNTIME_DIR") or f"/run/user/{os.getuid()}"
     return SYSTEM_DIRECTORY, f"{own}/litegripd"
-
-
-def connect(
-    channel: str, path: str | None = None, timeout_s: float = DEFAULT_TIMEOUT_S
-) -> Connection:
-    """Connect to the daemon of `channel`; raises `ConnectError` that lists the attempts."""
-
-    async def attempt(candidate: str) -> Connection:
-        return Connection(candidate, timeout_s)
-
-    return wait(reach(channel, path, attempt))
 
 
 async def reach(

@@ -1,26 +1,269 @@
-"""What a connection to the daemon is apart from its socket: requests made, answers understood.
+"""Requests and answers as JSON-RPC: what is sent, and which request an answer belongs to.
 
-No I/O and no waiting: the connections of threads and of event loops add that. This module must
-not know what the methods do.
+No I/O and no waiting: the connections of threads and of event loops add that to `Exchange`. This
+module must not know what the methods do.
 """
 
 from __future__ import annotations
 
 import itertools
+import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Mapping
 
-from litegrip_client.calls import Call, Message, Progress, generation_of, guarded, request_line
-from litegrip_client.errors import LiteGripError, ProtocolError, StoppedError, from_error_object
-from litegrip_client.router import Key, Router, unsubscribing
+from litegrip_client.errors import (
+    CommandError,
+    ConnectError,
+    LiteGripError,
+    ProtocolError,
+    StoppedError,
+    from_error_object,
+)
 
 TYPE_CHECKING = False
-if TYPE_CHECKING:  # importing dataclasses is slow
-    from typing import Any, TypeAlias
+if TYPE_CHECKING:  # see the package: importing typing is slow
+    from typing import Any, Protocol, TypeAlias
+    from weakref import ref
+
+    class Listener(Protocol):
+        """What takes the notifications of a subscription."""
+
+        def deliver(self, message: Message) -> None:
+            """Take one notification's parameters, perhaps of one that came already."""
 
     from litegrip_client.feeds import Feed
     from litegrip_client.voices import Voice
+
+MAX_LINE_BYTES = 16_384
+"""A longer line makes the daemon close the connection."""
+
+Message: TypeAlias = "dict[str, Any]"
+Progress: TypeAlias = "Callable[[Message], None]"
+
+_encode = json.JSONEncoder(separators=(",", ":"), allow_nan=False).encode
+_quote = json.encoder.encode_basestring_ascii
+
+
+class Call:
+    """One request, to be given to `run` of a connection once.
+
+    `inbox` gets its progress notifications and then its answer. `job` is the number of the job
+    that it started, once a notification names it; `answered` whether the answer has come, and
+    `result` what it holds, if it is no error. `on_result` is called with the result where it is
+    read, before anything behind it is read.
+    `keep` makes that `answered` is still kept up to date after an interrupt, until
+    `forget`.
+    """
+
+    __slots__ = (
+        "answered",
+        "identity",
+        "inbox",
+        "job",
+        "keep",
+        "method",
+        "on_progress",
+        "on_result",
+        "params",
+        "result",
+    )
+
+    def __init__(
+        self,
+        identity: int,
+        method: str,
+        params: Mapping[str, Any] | None = None,
+        on_progress: Progress | None = None,
+    ) -> None:
+        self.identity = identity
+        self.method = method
+        self.params = params
+        self.on_progress = on_progress
+        self.on_result: Progress | None = None
+        self.inbox: deque[Message] = deque()
+        self.answered = False
+        self.keep = False
+        self.job: int | None = None
+        self.result: Message | None = None
+
+    def line(self) -> bytes:
+        """Return the request as it is sent; raises `CommandError` when it cannot be."""
+        return request_line(self.identity, self.method, self.params)
+
+
+def request_line(identity: int | None, method: str, params: Mapping[str, Any] | None) -> bytes:
+    """Return a request as it is sent; `identity` None makes it one that gets no answer.
+
+    Raises `CommandError` when it cannot be sent.
+    """
+    try:
+        tail = f',"params":{_encode(params)}' if params else ""
+    except (ValueError, TypeError, RecursionError) as error:
+        raise _unsendable(f"{method}: a parameter is not JSON: {error}") from error
+    number = "" if identity is None else f'"id":{identity},'
+    line = f'{{"jsonrpc":"2.0",{number}"method":{_quote(method)}{tail}}}\n'.encode()
+    if len(line) > MAX_LINE_BYTES:
+        text = f"{method}: the request is {len(line)} bytes long, {MAX_LINE_BYTES} at most"
+        raise _unsendable(text)
+    return line
+
+
+def guarded(
+    params: Mapping[str, Any], stop_generation: int | None, *, has_clock: bool
+) -> dict[str, Any]:
+    """Add to `params` when they were sent and of which stop their sender knew.
+
+    For what must never run after a stop that comes before the daemon reads it. The time says
+    something only where the daemon's clock can be read: `has_clock`.
+    """
+    guards: dict[str, Any] = {"sent_s": time.monotonic()} if has_clock else {}
+    if stop_generation is not None:
+        guards["stop_generation"] = stop_generation
+    return {**params, **guards}
+
+
+def generation_of(result: Mapping[str, Any]) -> int | None:
+    """Find the stop generation in whatever result or error data holds one."""
+    state = result.get("state")
+    for holder, key in (
+        (result, "stop_generation"),
+        (result, "generation"),
+        (state, "stop_generation"),
+    ):
+        if isinstance(holder, Mapping) and isinstance(generation := holder.get(key), int):
+            return generation
+    return None
+
+
+def _unsendable(message: str) -> CommandError:
+    return CommandError(message, reason="invalid_params")
+
+
+Key: TypeAlias = "tuple[str, int]"
+"""The notification's method and the subscription's number."""
+
+_UNSUBSCRIBING = {
+    "state.sample": "state.unsubscribe",
+    "state.batch": "state.unsubscribe",
+    "event": "events.unsubscribe",
+}
+"""The notifications of subscriptions, and what ends them."""
+
+_raw_decode = json.JSONDecoder().raw_decode
+
+
+class Router:
+    """Routes what comes. `calls` are those that wait, by number, `listeners` the subscriptions.
+
+    Listeners are held weakly, so that a subscription that nobody has any more can be ended:
+    `on_orphan` is called with the key of one for which something came. `refusal` is the newest
+    that a request without an answer got, until somebody takes it. `ending` says why nothing
+    more can come, once that is so.
+
+    Routing a line twice does no harm, so that a reader may be interrupted in between.
+    """
+
+    def __init__(self, on_orphan: Callable[[Key], None]) -> None:
+        self.calls: dict[int, Call] = {}
+        self.listeners: dict[Key, ref[Listener]] = {}
+        self.refusal: Message | None = None
+        self.ending: ConnectError | None = None
+        self._on_orphan = on_orphan
+        self._parting_error: Any = None
+
+    def take(self, lines: Iterable[bytes]) -> str | None:
+        """Route complete lines; return what is wrong, if that is not the protocol."""
+        try:
+            for line in lines:
+                self._route(_decode(line))
+        except (ValueError, KeyError, TypeError, AttributeError) as error:
+            return f"the daemon sent what is not the protocol: {error!r}"
+        return None
+
+    def end(self, message: str, reason: str) -> None:
+        """Return why nothing more comes: what the daemon said at last, else `message`."""
+        data: dict[str, Any] = {"retryable": True}
+        code = None
+        if self._parting_error is not None:
+            parting = from_error_object(self._parting_error)
+            message = f"{message}: {parting.message}"
+            reason, code, data = parting.reason or reason, parting.code, parting.data
+        if self.ending is None:
+            self.ending = ConnectError(message, reason=reason, code=code, data=data)
+
+    def check(self) -> None:
+        """Raise `ConnectError` when nothing more can come."""
+        if self.ending is not None:
+            # A new object for each raise: a traceback belongs to one thread or task.
+            raise ConnectError(
+                self.ending.message,
+                reason=self.ending.reason,
+                code=self.ending.code,
+                data=self.ending.data,
+            )
+
+    def _route(self, message: Message) -> None:
+        if "method" in message:
+            self._route_notification(message)
+        elif (identity := message["id"]) is None:
+            self._parting_error = message["error"]
+        elif (call := self.calls.get(identity)) is not None and not call.answered:
+            if isinstance(result := message.get("result"), dict):
+                call.result = result
+                if call.on_result is not None:
+                    call.on_result(result)
+            call.inbox.append(message)
+            call.answered = True
+            self.calls.pop(identity, None)
+
+    def _route_notification(self, message: Message) -> None:
+        method, params = message["method"], message["params"]
+        if method == "job.progress":
+            call = self.calls.get(params.get("request"))
+            if call is not None and not call.answered:
+                call.job = params["job"]
+                call.inbox.append(message)
+        elif method in _UNSUBSCRIBING:
+            self._deliver((method, params["subscription"]), params)
+        elif method == "stream.refused":
+            self.refusal = params
+
+    def _deliver(self, key: Key, params: Message) -> None:
+        held = self.listeners.get(key)
+        if held is None:
+            return
+        listener = held()
+        if listener is not None:
+            listener.deliver(params)
+        else:
+            del self.listeners[key]
+            self._on_orphan(key)
+
+
+def unsubscribing(notification: str, number: int) -> tuple[str, dict[str, Any]]:
+    """Return the method and the parameters that end a subscription."""
+    return _UNSUBSCRIBING[notification], {"subscription": number}
+
+
+def no_answer(message: str, timeout_s: float) -> ConnectError:
+    """Make the error for a daemon that does not do something in time."""
+    hint = "see whether it runs: systemctl status 'litegripd@*'"
+    return ConnectError(
+        f"{message} within {timeout_s:g} s",
+        reason="no_answer",
+        data={"retryable": True, "hint": hint},
+    )
+
+
+def _decode(line: bytes) -> Message:
+    text = line.decode()
+    message, end = _raw_decode(text)
+    if end != len(text) or not isinstance(message, dict):
+        raise ValueError(f"not one object in a line: {text:.80}")
+    return message
+
 
 PROTOCOL = 1
 DEFAULT_TIMEOUT_S = 5.0

@@ -1,19 +1,20 @@
-"""What subscriptions bring, and what events are. Values and inboxes, no I/O.
+"""What subscriptions bring: events and samples of the state, and their inboxes. No I/O.
 
-The samples of the state have a module of their own.
+Samples may travel in batches; the reader of the inbox does not notice.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from litegrip_client.calls import Message
+from litegrip_client.checks import integer, number
 from litegrip_client.errors import CommandError, ConnectError
-from litegrip_client.router import Key, unsubscribing
+from litegrip_client.exchange import Key, Message, unsubscribing
+from litegrip_client.results import STATE_FIELDS, GripperState
 from litegrip_client.voices import Voice, in_python
 
 _Item = TypeVar("_Item")
@@ -153,3 +154,117 @@ def names(what: str, given: Sequence[str]) -> list[str]:
             data={"parameter": what},
         )
     return list(given)
+
+
+_INBOX_SAMPLES = 256
+"""More than a second at 200 Hz. Only fills while others read the connection, and not this one."""
+
+
+@dataclass(frozen=True, slots=True)
+class StateSample:
+    """One sample: `state` holds the subscribed fields. `seq` is None for the first one.
+
+    `seq` and `monotonic_s` (CLOCK_MONOTONIC seconds) are as the daemon sent them; `dropped` counts
+    the samples that were lost since the begin, because this program read too slowly. Where some
+    were lost since the batch before, only the last of a batch has its `seq`.
+    """
+
+    seq: int | None
+    dropped: int
+    monotonic_s: float | None
+    state: dict[str, Any]
+
+
+class StateFeed(Feed[_Item]):
+    """The state `hz` times a second, made into something else by `convert`; the newest count.
+
+    Of what is not taken out of the inbox only the newest `keep_s` seconds are kept. With a `batch`
+    of more than one, so many samples come together, as late as the last of them.
+    """
+
+    notification = "state.sample"
+    method = "state.subscribe"
+    what = "state sample"
+
+    def __init__(
+        self,
+        hz: float,
+        fields: Sequence[str] | None,
+        convert: Callable[[StateSample], _Item],
+        keep_s: float = math.inf,
+        batch: int = 1,
+    ) -> None:
+        """Raise `CommandError` for what cannot be a rate, fields, or the size of a batch."""
+        hz, batch = number("hz", hz), integer("batch", batch)
+        params: dict[str, Any] = {"hz": hz}
+        self._fields = None if fields is None else names("fields", fields)
+        if self._fields is not None:
+            params["fields"] = self._fields
+        self._adds_stamp = False
+        if batch != 1:
+            self.notification = "state.batch"
+            asked = params.get("fields", list(STATE_FIELDS))
+            self._adds_stamp = "monotonic_s" not in asked  # each sample has one, rows do not
+            stamp = ["monotonic_s"] if self._adds_stamp else []
+            params |= {"batch": batch, "fields": asked + stamp}
+        period_s = 1.0 / hz if hz > 0.0 else 0.0  # what is no rate is refused by the daemon
+        most = max(2, int(min(max(2 * batch, keep_s * hz), _INBOX_SAMPLES)))
+        super().__init__(params, (1 + batch) * period_s, most)
+        self._convert = convert
+        self._newest_seq: int | None = None
+        self._dropped = 0
+        self._lost = 0
+
+    def begin(self, result: Message) -> None:
+        """Take the subscription's number and the present state, which is the first sample.
+
+        The answer holds all of the state: it has the stops, too, whatever fields are asked for.
+        """
+        if self.identity < 0:
+            state = result["state"]
+            stamp_s = state.get("monotonic_s")
+            if self._fields:  # none at all mean all of them
+                state = {name: state[name] for name in self._fields if name in state}
+            self.inbox.append(StateSample(None, 0, stamp_s, state))
+            self.identity = result["subscription"]
+
+    def deliver(self, message: Message) -> None:
+        """Take one sample, or a batch of them."""
+        seq, dropped = message["seq"], message.get("dropped", 0)
+        if self._newest_seq is not None and seq <= self._newest_seq:
+            return
+        count = len(message["rows"]) if "rows" in message else 1
+        lost = self._lost + max(0, len(self.inbox) + count - (self.inbox.maxlen or 0))
+        self.inbox.extend(self._samples(message, dropped + lost))
+        self._newest_seq, self._dropped, self._lost = seq, dropped, lost
+
+    def _samples(self, message: Message, dropped: int) -> list[StateSample]:
+        """Unpack a notification; where rows are missing in between, only the last has a `seq`."""
+        seq = message["seq"]
+        if "rows" not in message:
+            return [StateSample(seq, dropped, message.get("monotonic_s"), message["state"])]
+        states = [dict(zip(message["fields"], row, strict=True)) for row in message["rows"]]
+        stamps = [state["monotonic_s"] for state in states]
+        if self._adds_stamp:
+            for state in states:
+                del state["monotonic_s"]
+        numbers: list[int | None] = list(range(seq - len(states) + 1, seq + 1))
+        if message.get("dropped", 0) != self._dropped:
+            numbers[:-1] = [None] * (len(states) - 1)
+        one_by_one = zip(numbers, stamps, states, strict=True)
+        return [StateSample(count, dropped, at_s, state) for count, at_s, state in one_by_one]
+
+    def take(self) -> _Item | None:
+        """Take the oldest sample, converted; raises what `convert` does."""
+        sample: StateSample | None = self.inbox.popleft()
+        return None if sample is None else self._convert(sample)
+
+
+def whole_state(sample: StateSample) -> GripperState:
+    """Make a sample of all fields into a state; raises `ProtocolError`."""
+    return GripperState.from_wire(sample.state)
+
+
+def some_fields(sample: StateSample) -> dict[str, Any]:
+    """Take only the fields out of a sample."""
+    return sample.state

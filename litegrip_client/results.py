@@ -1,14 +1,100 @@
-"""What the gripper's methods return: values, with the vendor SDK's names and truth.
+"""The state of the gripper, and the results of its actions, as values.
 
-Additional fields of a newer daemon are ignored. A missing field is a `ProtocolError`.
+A newer daemon may say more than they hold, which is ignored; what they need and the daemon does
+not say is a `ProtocolError`, but for `NEWER_FIELDS`, which are None for an older daemon.
 """
 
+from __future__ import annotations
+
+import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from litegrip_client.checks import pick
-from litegrip_client.state import GripperState
+
+USABLE_BUS = ("up", "motor_silent")
+"""States of a bus on which frames can be exchanged."""
+
+
+NEWER_FIELDS = ("clamp_n", "loss_detection", "loss_detection_from_n")
+"""Fields that an older daemon does not send."""
+
+
+@dataclass(frozen=True, slots=True)
+class GripperState:
+    """The daemon's newest state. None stands where something is not known.
+
+    Times are CLOCK_MONOTONIC seconds: `monotonic_s` of this state, `feedback_s` of the motor's
+    last feedback. `age_s` is the feedback's age when the state was made; `stale` is true if the
+    figures are old ones. `error_code` is the motor's status nibble and `status` its name. `enabled`
+    is None while nobody knows: take only False for a motor that is off.
+
+    `command_rad` and `command_torque_nm` are the motor's command, `requested_rad` and
+    `requested_torque_nm` the motion's request; `limited` says why they differ.
+    `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
+    when the motor is off; `is_grasped` whether an object is being held.
+
+    While one is, `clamp_n` is the least and the most force (N) that it may feel, for friction hides
+    the difference; the least is 0 while the jaws search for an object that gave way.
+    `loss_detection` is true if its loss would be noticed, `loss_detection_from_n` with which set
+    force it would. All three are None without an object, and of a daemon that does not know them.
+    """
+
+    seq: int
+    monotonic_s: float
+    feedback_s: float | None
+    age_s: float | None
+    stale: bool
+    bus: str
+    motor: str
+    error_code: int | None
+    status: str | None
+    enabled: bool | None
+    mode: str
+    position_rad: float | None
+    velocity_rad_s: float | None
+    torque_nm: float | None
+    force_n: float | None
+    opening_mm: float | None
+    openness: float | None
+    driver_temperature_c: float | None
+    coil_temperature_c: float | None
+    command_rad: float | None
+    requested_rad: float | None
+    command_torque_nm: float | None
+    requested_torque_nm: float | None
+    force_set_n: float | None
+    is_grasped: bool
+    clamp_n: tuple[float, float] | None
+    loss_detection: bool | None
+    loss_detection_from_n: float | None
+    limited: tuple[str, ...]
+    calibrated: bool
+    mount: str | None
+    job: dict[str, Any] | None
+    stop: dict[str, Any] | None
+    stop_generation: int
+
+    @classmethod
+    def from_wire(cls, data: Mapping[str, Any]) -> GripperState:
+        """Read the wire's form; raises `ProtocolError`."""
+        values = pick(data, _NEEDED_FIELDS, "state")
+        values |= {name: data.get(name) for name in NEWER_FIELDS}
+        values["limited"] = tuple(values["limited"] or ())
+        if values["clamp_n"] is not None:
+            values["clamp_n"] = tuple(values["clamp_n"])
+        return cls(**values)
+
+    @property
+    def age_now_s(self) -> float | None:
+        """How old the motor's feedback is by now, in seconds; None if there never was any."""
+        return None if self.feedback_s is None else time.monotonic() - self.feedback_s
+
+
+STATE_FIELDS = tuple(field.name for field in fields(GripperState))
+_NEEDED_FIELDS = tuple(name for name in STATE_FIELDS if name not in NEWER_FIELDS)
+
 
 __all__ = [
     "EnableResult",
@@ -38,7 +124,7 @@ class EnableResult:
         return self.ok
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> "EnableResult":
+    def from_wire(cls, data: Mapping[str, Any]) -> EnableResult:
         """Read the wire's form; raises `ProtocolError`."""
         values = _with_state(data, ("ok", "tries"), "enable result")
         message = data.get("message")
@@ -76,7 +162,7 @@ class MoveResult:
         return self.ok
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> "MoveResult":
+    def from_wire(cls, data: Mapping[str, Any]) -> MoveResult:
         """Read the wire's form; raises `ProtocolError`."""
         same = ("ok", "reached", "stalled", "target_rad", "limit_rad", "steps", "outcome")
         values = _with_state(data, (*same, "protected", "final_command_rad"), "move result")
@@ -108,7 +194,7 @@ class GraspResult:
         return self.ok
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> "GraspResult":
+    def from_wire(cls, data: Mapping[str, Any]) -> GraspResult:
         """Read the wire's form; raises `ProtocolError`."""
         figures = ("target_rad", "force_n", "cycles", "outcome", "width_mm", "held_s")
         return cls(**_with_state(data, ("ok", "reached", "stalled", *figures), "grasp result"))
@@ -143,7 +229,7 @@ class PlayResult:
         return self.ok
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> "PlayResult":
+    def from_wire(cls, data: Mapping[str, Any]) -> PlayResult:
         """Read the wire's form; raises `ProtocolError`."""
         same = ("ok", "outcome", "loops", "frames", "largest_lag_mm")
         values = _with_state(data, (*same, "final_command_rad"), "play result")
@@ -169,7 +255,7 @@ class SetZeroResult:
         return self.ok
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> "SetZeroResult":
+    def from_wire(cls, data: Mapping[str, Any]) -> SetZeroResult:
         """Read the wire's form; raises `ProtocolError`."""
         return cls(**_with_state(data, ("ok", "shift_rad", "position_rad"), "zero"))
 
@@ -189,7 +275,7 @@ class MoveProgress:
     torque_nm: float
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> "MoveProgress":
+    def from_wire(cls, data: Mapping[str, Any]) -> MoveProgress:
         """Read the wire's form; raises `ProtocolError`."""
         return cls(*pick(data, _PROGRESS_KEYS, "progress").values())
 

@@ -1,4 +1,4 @@
-"""The way of a stop that no flood of requests delays: the daemon's own socket for stops.
+"""Stops the gripper by the daemon's own socket for stops, which no flood of requests delays.
 
 It is a software stop all the same: no replacement for the switch that cuts the power.
 """
@@ -9,16 +9,22 @@ import json
 import socket
 from collections.abc import Mapping
 
-from litegrip_client.calls import request_line
-from litegrip_client.errors import ConnectError, ProtocolError, from_error_object
+from litegrip_client.errors import ConnectError, LiteGripError, ProtocolError, from_error_object
+from litegrip_client.exchange import request_line
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
+    from litegrip_client.core.session import DaemonSession
+    from litegrip_client.core.wire import Wire
+
 _LEVELS = ("hold", "relax", "disable")
 _MAX_ANSWER_BYTES = 65_536
 _MAX_REQUEST_BYTES = 1024
+
+STOP_WITHIN_S = 1.0
+"""Stops are served in every tick. Who has no answer by then is stopped by a request as well."""
 
 
 def stop_path(path: str) -> str:
@@ -69,3 +75,52 @@ def _result(received: bytes) -> dict[str, Any]:
         text = f"the daemon answered the stop with {received[:80]!r}"
         raise ProtocolError(text) from error
     return result
+
+
+async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
+    """Stop; return the latched level, the generation and the state after it.
+
+    What the session sends next knows of the stop, whichever way it went. Raises `LiteGripError`
+    when both ways fail, or when the stop is in force and the state cannot be had.
+    """
+    wire = session.wire
+    result: dict[str, Any] = {}
+
+    async def give() -> None:
+        result.update(
+            await _by_stop_socket(session, wire, params) or await session.ask("stop", params)
+        )
+        wire.note_stops(result)
+
+    await wire.finish(give())  # who cancels a stop on its way has stopped all the same
+    if "state" not in result:
+        try:
+            result["state"] = await session.ask("state.get")
+        except LiteGripError as error:
+            error.message = f"stopped ({result.get('level')}), but no state came: {error.message}"
+            raise
+    return result
+
+
+async def _by_stop_socket(
+    session: DaemonSession, wire: Wire, params: dict[str, str]
+) -> dict[str, Any] | None:
+    """Stop by the socket that the daemon named; None where that did not work for sure.
+
+    The path is the daemon's. Here, behind a forwarded socket or in a container, it may lead to
+    the daemon of another gripper: so only to the very process that the session is connected to.
+    """
+    if wire.stop_socket is None or not is_taken_as_meant(params):
+        return None
+    try:
+        stops = await session.reach(wire.stop_socket, STOP_WITHIN_S)
+    except OSError:
+        return None
+    try:
+        if stops.daemon_pid == 0 or stops.daemon_pid != wire.daemon_pid:
+            return None
+        return await stops.call("stop", params)
+    except LiteGripError:
+        return None
+    finally:
+        await stops.close()

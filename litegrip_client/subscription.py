@@ -7,8 +7,7 @@ read the connection by itself.
 from types import TracebackType
 from typing import Any, Generic, Protocol, TypeVar
 
-from litegrip_client.feeds import Event, EventFeed, Feed
-from litegrip_client.samples import StateSample
+from litegrip_client.feeds import Event, EventFeed, Feed, StateSample
 
 __all__ = ["Event", "EventSubscription", "StateSample", "Subscription"]
 

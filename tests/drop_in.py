@@ -16,8 +16,8 @@ from types import SimpleNamespace
 import pytest
 
 from litegrip_client import LiteGrip
+from litegrip_client.connection import SLICE_S, StreamEndedError
 from litegrip_client.discovery import SYSTEM_DIRECTORY
-from litegrip_client.stream import SLICE_S, StreamEndedError
 from litegripd.app.build import load_at_start
 from litegripd.app.config import Config
 from litegripd.app.features import build_service
@@ -35,14 +35,7 @@ from litegripd.sim.parameters import SimulatorParameters
 from litegripd.teleop.link import Links
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
-_CLOCKED = (
-    "blocking",
-    "calls",
-    "core.setpoints",
-    "core.trajectory_actions",
-    "multiplexer",
-    "state",
-)
+_CLOCKED = ("blocking", "connection", "core.setpoints", "core.trajectories", "exchange", "results")
 """The client's modules that read a clock, or wait by it."""
 
 
@@ -236,7 +229,7 @@ class Site:
 
     def kill(self, gripper: LiteGrip) -> None:
         """Let the script of this object die, without any more code of its own."""
-        stream = gripper._link.connection._multiplexer._stream
+        stream = gripper._session.connection._multiplexer._stream
         assert isinstance(stream, VirtualStream)
         stream.close()
 
@@ -293,5 +286,5 @@ def a_site(home: Path, environment: Mapping[str, str] | None = None) -> Iterator
             patch.setenv(name, value)
         for module in _CLOCKED:
             patch.setattr(f"litegrip_client.{module}.time", clock)
-        patch.setattr("litegrip_client.multiplexer.LineStream", site.open_stream)
+        patch.setattr("litegrip_client.connection.LineStream", site.open_stream)
         yield site

@@ -22,7 +22,7 @@ from tests.world import Client, World
 
 ROOT = Path(__file__).parent.parent
 PRODUCT = ("litegripd", "litegrip_client")
-GENERATED = ("litegrip_client/_error_table.py",)
+GENERATED = ("litegrip_client/_error_table.py", "litegrip_client/actions.py")
 
 
 def entered(act: Callable[[], Any]) -> list[str]:

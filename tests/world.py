@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 from litegripd.app.features import build_service
-from litegripd.app.flight import Flight
 from litegripd.app.machine import Machine
 from litegripd.handover.methods import OnRestart, OnRestarted, no_restart
 from litegripd.io.helper.atomic_file import FileSystem
@@ -33,7 +32,7 @@ from litegripd.model.state import GripperState
 from litegripd.motor import codec
 from litegripd.recorder.causes import Dumps
 from litegripd.recorder.reader import Recording, read
-from litegripd.recorder.recorder import memory_bytes, tick_slots
+from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
 from litegripd.rpc.facts import Hello, Info, MotionFields
 from litegripd.rpc.sessions import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
@@ -276,7 +275,7 @@ class World:
         self.lose_from_motor: Callable[[CanFrame], bool] = lambda _frame: False
         self._in_flight: list[CanFrame] = []
         self.disk = Disk(period_s)
-        self.flight = self.make_flight()
+        self.recorder = self.make_recorder()
         self._finished: list[tuple[HelperTask, TaskResult]] = []
         self._last_pid = 100
         if calibrated:
@@ -300,18 +299,32 @@ class World:
         self.advance()
         self.exchange()
         self.service.after_tick(self.now_s)
-        bus_is_up = self.controller.bus.is_usable
-        self.flight.tick(self.now_s, late_s=0.0, lost_ticks=0, failed=False, bus_is_up=bus_is_up)
+        self.record()
         self._run_errands()
         while self.service.pending:
             self.service.send_one()
 
-    def make_flight(self) -> Flight:
+    def make_recorder(self) -> Recorder:
         """Make the flight recorder of the present machine."""
-        memory, dumps = memoryview(self.disk.memory), self.dumps
-        flight = Flight(memory, self.machine, dumps, {"channel": "virtual"})
-        self.service.on_event = flight.note_event
-        return flight
+        slots = tick_slots(self.period_s)
+        recorder = Recorder(memoryview(self.disk.memory), slots, {"channel": "virtual"})
+        self.service.on_event = recorder.event
+        return recorder
+
+    def record(self) -> None:
+        """Record the present tick."""
+        bus_is_up = self.controller.bus.is_usable
+        self.recorder.tick(
+            self.now_s,
+            self.controller,
+            self.machine.motor,
+            self.machine.take_sent(),
+            late_s=0.0,
+            lost_ticks=0,
+            failed=False,
+            bus_is_up=bus_is_up,
+        )
+        self.dumps.step(self.now_s, failed=False, bus_is_up=bus_is_up)
 
     def make_gripper(self, parameters: SimulatorParameters) -> SimulatedGripper:
         """Make the gripper that is on the bus."""

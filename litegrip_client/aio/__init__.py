@@ -21,11 +21,10 @@ Any number of tasks may share one object, but only of one event loop. A task tha
 it waits for a motion, also by a timeout, cancels the motion before it ends.
 """
 
-from litegrip_client.aio.gripper import LiteGrip
-from litegrip_client.aio.subscription import EventSubscription, Subscription
-from litegrip_client.core.gripper import GripperActions
-from litegrip_client.core.lease import Lease
-from litegrip_client.core.manual import ManualCalibration
+from litegrip_client.aio.gripper import EventSubscription, LiteGrip, Subscription
+from litegrip_client.core.actions import GripperActions
+from litegrip_client.core.calibrations import ManualCalibration
+from litegrip_client.core.session import Lease
 from litegrip_client.core.setpoints import SetpointStream
 
 __all__ = [

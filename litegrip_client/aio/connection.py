@@ -1,22 +1,152 @@
 """Calls and subscriptions over one connection to the daemon, for any number of tasks.
 
-This module adds waiting on asyncio to what `Exchange` is; it must not know what the methods do.
+This module adds a stream and waiting, both on asyncio, to what `Exchange` is. It must not know what
+the methods do.
 """
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import errno
+import math
 import os
-from collections.abc import Coroutine, Mapping
+import socket
+from collections.abc import Callable, Coroutine, Mapping
 from typing import Any
 
-from litegrip_client.aio.stream import LineStream
-from litegrip_client.aio.waiting import Waiting
-from litegrip_client.calls import Call
+from litegrip_client.connection import peer_pid
 from litegrip_client.errors import CommandError, LiteGripError
-from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Exchange
+from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, no_answer
 from litegrip_client.feeds import Feed
-from litegrip_client.router import no_answer
+
+
+class Waiting:
+    """The tasks that wait for one connection; every change wakes them."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[asyncio.Future[None], Callable[[], bool]] = {}
+
+    async def until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait for `ready` for at most `timeout_s` seconds; return True if it is so."""
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + timeout_s
+        while not ready():
+            remaining_s = deadline_s - loop.time()
+            if remaining_s <= 0.0:
+                return False
+            # `asyncio.wait_for` may lose a cancelling that comes together with what it waits for.
+            waiter: asyncio.Future[None] = loop.create_future()
+            timer = None
+            if not math.isinf(remaining_s):
+                timer = loop.call_later(remaining_s, _wake, waiter)
+            self._waiting[waiter] = ready
+            try:
+                await waiter
+            finally:
+                del self._waiting[waiter]
+                if timer is not None:
+                    timer.cancel()
+        return True
+
+    def wake(self) -> None:
+        """Let those go on for whom it is so by now."""
+        for waiter, ready in self._waiting.items():
+            if ready():
+                _wake(waiter)
+
+
+def _wake(waiter: asyncio.Future[None]) -> None:
+    if not waiter.done():
+        waiter.set_result(None)
+
+
+_RETRY_S = 0.01
+_READ_BYTES = 65_536
+
+
+class LineStream(asyncio.Protocol):
+    """A connected socket. `on_lines` is called with the complete lines that came together.
+
+    `on_change` is called when `ended` or `is_full` (of what the daemon does not read) changes.
+    `peer_pid` is the process at the other end, once connected.
+    """
+
+    def __init__(
+        self, on_lines: Callable[[list[bytes]], None], on_change: Callable[[], None]
+    ) -> None:
+        """Nothing is connected yet."""
+        self.ended = False
+        self.is_full = False
+        self.peer_pid = 0
+        self._on_lines = on_lines
+        self._on_change = on_change
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._transport: asyncio.WriteTransport | None = None
+        self._rest = b""
+
+    async def connect(self, path: str, timeout_s: float) -> None:
+        """Connect to `path`; raises `OSError` when that fails or takes over `timeout_s`."""
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + timeout_s
+        try:
+            self._socket.setblocking(False)
+            # asyncio would take a full queue of the daemon for a success.
+            while (number := self._socket.connect_ex(path)) == errno.EAGAIN:
+                if loop.time() >= deadline_s:
+                    break
+                await asyncio.sleep(_RETRY_S)
+            if number != 0:
+                raise OSError(number, os.strerror(number))
+            self.peer_pid = peer_pid(self._socket)
+            await loop.create_unix_connection(lambda: self, sock=self._socket)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def send(self, line: bytes) -> None:
+        """Send a line with its newline, or keep it to be sent; nothing when it has ended."""
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write(line)
+
+    def abort(self) -> None:
+        """End the connection soon; `ended` reports its end. What waits to be sent is dropped."""
+        if self._transport is not None:
+            self._transport.abort()
+
+    def close_here(self) -> None:
+        """Close the socket without the event loop, which is gone, or a parent process's."""
+        self._socket.close()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Note what sends."""
+        if isinstance(transport, asyncio.WriteTransport):
+            self._transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        """Hand on the lines that are complete."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if lines:
+            self._on_lines(lines)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Note the end, after what the daemon said before a sending failed."""
+        if exc is not None:
+            with contextlib.suppress(OSError):
+                while data := self._socket.recv(_READ_BYTES):
+                    self.data_received(data)
+        self.ended = True
+        self._on_change()
+
+    def pause_writing(self) -> None:
+        """Note that the daemon does not read."""
+        self.is_full = True
+        self._on_change()
+
+    def resume_writing(self) -> None:
+        """Note that it reads again."""
+        self.is_full = False
+        self._on_change()
 
 
 class Connection(Exchange):

@@ -5,17 +5,96 @@ from __future__ import annotations
 import asyncio
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, TypeVar, overload
+from types import TracebackType
+from typing import Any, Generic, TypeVar, overload
 
 from litegrip_client.aio.connection import Connection
-from litegrip_client.aio.subscription import EventSubscription, Subscription
-from litegrip_client.core import link as core
-from litegrip_client.core.gripper import Gripper, GripperActions
+from litegrip_client.core.actions import GripperActions
+from litegrip_client.core.gripper import Gripper
+from litegrip_client.core.session import DaemonSession
 from litegrip_client.discovery import reach
-from litegrip_client.feeds import EventFeed
+from litegrip_client.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
 from litegrip_client.motion_config import MotionConfig
 from litegrip_client.results import GripperState
-from litegrip_client.samples import StateFeed, some_fields, whole_state
+from litegrip_client.warn import leave
+
+_Item = TypeVar("_Item")
+
+
+class Subscription(Generic[_Item]):
+    """Iterate to get each item as it comes: `async for state in gripper.states(hz=50):`.
+
+    It begins with the iteration, or with `async with`, whose end ends it. One that nobody has any
+    more, because its iteration was left, is ended when the next item comes for it.
+    """
+
+    def __init__(self, connection: Connection, feed: Feed[_Item]) -> None:
+        self._connection = connection
+        self._feed = feed
+        self._begun = False
+        self._closed = False
+
+    async def _begin(self) -> None:
+        if self._begun:
+            return
+        self._begun = True
+        try:
+            await self._connection.subscribe(self._feed)
+        except BaseException:
+            self._begun = False
+            raise
+
+    def __aiter__(self) -> Subscription[_Item]:
+        return self
+
+    async def __anext__(self) -> _Item:
+        """Wait for the next item; raises `ConnectError` when the daemon is gone or silent."""
+        if self._closed:
+            raise StopAsyncIteration
+        await self._begin()
+        limit_s = self._connection.timeout_s + self._feed.silence_s
+        await self._connection.wait_for(self._feed, limit_s)
+        item = self._feed.take()
+        if item is None:
+            raise StopAsyncIteration
+        return item
+
+    async def close(self) -> None:
+        """End the subscription, also for a task that waits for an item. Again does nothing."""
+        if not self._closed:
+            self._closed = True
+            self._feed.end()
+            await self._connection.unsubscribe(self._feed)
+
+    async def __aenter__(self) -> Subscription[_Item]:
+        await self._begin()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        await leave(self.close, error)
+
+
+class EventSubscription(Subscription[Event]):
+    """A subscription to events: what happens from its begin on."""
+
+    def __init__(self, connection: Connection, feed: EventFeed) -> None:
+        super().__init__(connection, feed)
+        self._events = feed
+
+    @property
+    def recent(self) -> tuple[Event, ...]:
+        """The last events before the begin, the oldest first; the daemon keeps 32."""
+        return self._events.recent
+
+    async def __aenter__(self) -> EventSubscription:
+        await self._begin()
+        return self
+
 
 _Result = TypeVar("_Result")
 
@@ -23,7 +102,7 @@ _KEPT_S = 0.5
 """What a slow task finds of the states that came meanwhile: it shall get new ones."""
 
 
-class Link(core.Link):
+class AsyncSession(DaemonSession):
     """A daemon, by channel, and the connection to it while there is one."""
 
     async def _connect(self) -> Connection:
@@ -58,7 +137,7 @@ class LiteGrip(Gripper):
     is called in the event loop, and must not block it. The constructor connects to nothing.
     """
 
-    _link: Link
+    _session: AsyncSession
 
     def __init__(
         self,
@@ -71,8 +150,10 @@ class LiteGrip(Gripper):
         motion_config: MotionConfig | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
-        link = Link(channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect)
-        super().__init__(link, mount, motion_config)
+        session = AsyncSession(
+            channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect
+        )
+        super().__init__(session, mount, motion_config)
 
     async def __aenter__(self) -> LiteGrip:
         await self.connect()
@@ -100,11 +181,11 @@ class LiteGrip(Gripper):
         gets is new. A `batch` of up to 50 spares both sides the work of single messages: the
         states come one by one all the same, but as late as the last of a batch.
         """
-        connection = self._link.connection
+        connection = self._session.connection
         if fields is None:
             return Subscription(connection, StateFeed(hz, None, whole_state, _KEPT_S, batch))
         return Subscription(connection, StateFeed(hz, fields, some_fields, _KEPT_S, batch))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Iterate over what happens from the begin of the iteration on, or only some `kinds`."""
-        return EventSubscription(self._link.connection, EventFeed(kinds))
+        return EventSubscription(self._session.connection, EventFeed(kinds))

@@ -1,50 +1,35 @@
-"""A gripper that a daemon drives for this program: everything but how to wait for the daemon.
+"""A gripper at its daemon: the actions, and the connection, the lease, the stop, and what is read.
 
-It only sends requests; the daemon decides and moves.
+How to wait for the daemon is the session's. `litegrip_client/gripper.py`, for threads, is partly
+generated from this file: its docstrings are written for both.
 """
 
 from __future__ import annotations
 
 from types import TracebackType
 
-from litegrip_client.core.base import state_of
-from litegrip_client.core.calibration_actions import CalibrationActions
-from litegrip_client.core.link import ACTION_TIMEOUT_S, Link
-from litegrip_client.core.motion_actions import MotionActions
-from litegrip_client.core.motor_actions import MotorActions
-from litegrip_client.core.setpoints import SetpointActions
-from litegrip_client.core.stopping import stop
-from litegrip_client.core.teleop import TeleopActions
-from litegrip_client.core.trajectory_actions import TrajectoryActions
+from litegrip_client.core.actions import GripperActions, state_of
+from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
 from litegrip_client.results import GripperState
+from litegrip_client.stopping import stop
 from litegrip_client.warn import leave
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
     from typing import Any
 
-    from litegrip_client.core.lease import Lease
     from litegrip_client.core.wire import Wire
     from litegrip_client.motion_config import MotionConfig
-
-
-class GripperActions(
-    MotorActions,
-    MotionActions,
-    SetpointActions,
-    TrajectoryActions,
-    TeleopActions,
-    CalibrationActions,
-):
-    """All actions of the gripper at the other end of a link."""
 
 
 class Gripper(GripperActions):
     """The actions, the connection, the lease, the stop, and what can be asked."""
 
-    def __init__(self, link: Link, mount: str | None, motion_config: MotionConfig | None) -> None:
+    def __init__(
+        self, session: DaemonSession, mount: str | None, motion_config: MotionConfig | None
+    ) -> None:
         """Raise `CommandError` for what cannot be a mount or a `MotionConfig`."""
-        super().__init__(link, motion_config)
+        super().__init__(session, motion_config)
         self._template: str | None = None
         if mount is not None:
             from litegrip_client.calibration_files import check_template  # noqa: PLC0415 - see above
@@ -54,8 +39,12 @@ class Gripper(GripperActions):
     # Connection
 
     async def connect(self) -> None:
-        """Connect to the daemon, unless connected, and load the constructor's `mount`, if any."""
-        await self._link.open(self._begin)
+        """Connect to the daemon, unless connected, and load the constructor's `mount`, if any.
+
+        Raises `ConnectError` when no daemon answers (its hint says how to start one). Raises
+        `CommandError` when the daemon has another channel or CAN id, or cannot load the mount.
+        """
+        await self._session.open(self._begin)
 
     async def _begin(self, wire: Wire) -> None:
         if self._template is not None:
@@ -63,12 +52,12 @@ class Gripper(GripperActions):
             await wire.run(call, ACTION_TIMEOUT_S)
 
     async def disconnect(self) -> None:
-        """Disconnect; first disable the motor if this object enabled it and should disable it."""
-        await self._link.close()
+        """Disconnect; first disable the motor if this object enabled it.
 
-    async def __aenter__(self) -> Any:
-        await self.connect()
-        return self
+        The motor stays enabled if `disable_on_disconnect` is false. Raises the error of
+        disabling, but closes the connection in any case.
+        """
+        await self._session.close()
 
     async def __aexit__(
         self,
@@ -81,21 +70,24 @@ class Gripper(GripperActions):
     @property
     def is_connected(self) -> bool:
         """True if calls can be made."""
-        return self._link.is_open
+        return self._session.is_open
 
     @property
     def channel(self) -> str:
         """The daemon's channel."""
-        return self._link.channel
+        return self._session.channel
 
     @property
     def disable_on_disconnect(self) -> bool:
-        """True if the end of the connection disables the motor that this object enabled."""
-        return self._link.disable_on_disconnect
+        """True if the end of the connection disables the motor that this object enabled.
+
+        `disconnect` uses the present value; after a crash the value at `enable` counts.
+        """
+        return self._session.disable_on_disconnect
 
     @disable_on_disconnect.setter
     def disable_on_disconnect(self, value: bool) -> None:
-        self._link.disable_on_disconnect = bool(value)
+        self._session.disable_on_disconnect = bool(value)
 
     # The lease
 
@@ -107,26 +99,42 @@ class Gripper(GripperActions):
         wait_s: float = 0.0,
         on_lost: str = "hold",
     ) -> Lease:
-        """Take the lease: `async with gripper.lease("sorting", wait_s=10):`."""
-        from litegrip_client.core.lease import Lease  # noqa: PLC0415 - see above
+        """Take the lease, for exclusive control: `async with gripper.lease("sorting", wait_s=10):`.
 
-        wish = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}
-        return Lease(self._link, wish)
+        `enable` takes the lease automatically, until `disconnect`.
+        `wait_s` is how long to wait for another owner. With `ttl_s` the lease is lost when no
+        call is made for that time; a longer motion is ended. `on_lost` is what the jaws do when
+        the lease is lost: "hold", "relax" or "disable". In a take-over, the new owner decides.
+        Raises `LeaseError`, which names the owner. After a loss, `disable` and every motion raise
+        `LeaseError` (`lease_lost`) until `lease` or `enable` takes the lease again.
+        """
+        options = {"purpose": purpose, "ttl_s": ttl_s, "wait_s": wait_s, "on_lost": on_lost}
+        return Lease(self._session, options)
 
     async def take_lease(self, why: str, *, jaws: str = "hold") -> None:
         """Take the lease from its present owner; the owner is notified of the reason `why`.
 
         The owner's motion ends. The jaws then keep what they hold, or follow `jaws`: "relax" (no
         torque) or "disable".
+
+        Raises `NotPermittedError` unless the owner is the same user, or this user is an admin in
+        the daemon's configuration.
         """
-        await self._link.take(why, jaws)
+        await self._session.take(why, jaws)
 
     # Stop
 
     async def stop(self, level: str = "hold", why: str | None = None) -> GripperState:
-        """Stop the gripper for all clients until `clear_stop`: "hold", "relax" or "disable"."""
+        """Stop the gripper, whichever client moves it, until `clear_stop`.
+
+        `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal
+        handler while its thread waits for a motion. The stop uses the daemon's stop socket, which
+        other requests cannot delay; there a reason is cut to 80 characters. Without that socket it
+        is sent as a usual request. This is a software stop: it does not replace the switch that
+        cuts the power.
+        """
         params = {"level": level} if why is None else {"level": level, "why": why}
-        return state_of(await stop(self._link, params))
+        return state_of(await stop(self._session, params))
 
     async def clear_stop(self) -> GripperState:
         """Clear a stop: the motor may then be enabled and moved again. Moves nothing.
@@ -134,30 +142,29 @@ class Gripper(GripperActions):
         Raises `StoppedError` (`sent_before_stop`) for a stop that this object did not know of:
         look at the state, and clear again.
         """
-        wire = self._link.wire
-        return state_of(await wire.run(wire.prepare_guarded("stop.clear", {})))
+        return state_of(await self._session.command("stop.clear", {}))
 
     # Reading
 
     async def get_state(self) -> GripperState:
         """Return the daemon's newest state; it never waits for the bus. Look at `stale`."""
-        return GripperState.from_wire(await self._link.wire.call("state.get"))
+        return GripperState.from_wire(await self._session.wire.call("state.get"))
 
     async def health(self) -> dict[str, Any]:
         """Return the daemon's health: its verdict, the bus, the ticks, the clients."""
         from litegrip_client.voices import in_python  # noqa: PLC0415 - see above
 
-        figures = await self._link.wire.call("health")
+        figures = await self._session.wire.call("health")
         reasons = figures.get("reasons", ())
         return {**figures, "reasons": [in_python(str(reason)) for reason in reasons]}
 
     async def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""
-        return await self._link.wire.call("info.get")
+        return await self._session.wire.call("info.get")
 
     async def jobs(self) -> list[dict[str, Any]]:
         """Return the running jobs and the ended ones that are still kept, of all clients."""
-        jobs: list[dict[str, Any]] = (await self._link.wire.call("job.list"))["jobs"]
+        jobs: list[dict[str, Any]] = (await self._session.wire.call("job.list"))["jobs"]
         return jobs
 
     async def mount(self) -> str | None:

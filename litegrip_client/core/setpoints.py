@@ -11,8 +11,7 @@ from collections.abc import Awaitable, Callable
 from types import TracebackType
 
 from litegrip_client.checks import given_numbers, number
-from litegrip_client.core.base import ActionBase
-from litegrip_client.core.link import Link
+from litegrip_client.core.session import DaemonSession
 from litegrip_client.errors import CommandError
 from litegrip_client.warn import leave
 
@@ -22,7 +21,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
     from litegrip_client.core.wire import Wire
 
-_FRAME_VALID_S = 0.2
 _EXPIRED = "set_point_expired"
 """A target that came too late, on a busy machine say: the next one takes its place."""
 _CONTACT_TORQUE_NM = 1.0
@@ -33,7 +31,7 @@ class SetpointStream:
     """A stream of targets for the jaws: `async with gripper.stream() as stream:`.
 
     The latest target wins. When none comes for `valid_s`, and at the end of the block, the jaws
-    hold where they are. Each object is for one task.
+    hold where they are. Each object is for one thread or task.
 
     The first target, and one after a pause, waits for the daemon's answer; the others are sent
     without. What the daemon refuses of those is raised by one of the next calls, but for one that
@@ -42,13 +40,13 @@ class SetpointStream:
 
     def __init__(
         self,
-        link: Link,
+        session: DaemonSession,
         valid_s: float,
         limits: dict[str, Any],
         before: Callable[[], Awaitable[None]] | None = None,
     ) -> None:
         """`before` is awaited once, before the first target is sent."""
-        self._link = link
+        self._session = session
         self._valid_s = number("valid_s", valid_s)
         self._limits = limits
         self._before = before
@@ -66,7 +64,8 @@ class SetpointStream:
     ) -> None:
         """Send the jaws to exactly one of `opening_mm`, `position_rad` and `openness` (0 to 1).
 
-        `torque_nm` is for this target what it is for the whole stream.
+        `torque_nm` is for this target what it is for the whole stream. Raises `CommandError` (a
+        target outside the travel, another motion runs, ...) and all that motions raise.
         """
         target = given_numbers(opening_mm=opening_mm, position_rad=position_rad, openness=openness)
         if len(target) != 1:
@@ -81,7 +80,7 @@ class SetpointStream:
         await self._send({**target, "valid_s": self._valid_s, **self._limits, **own})
 
     async def _send(self, params: dict[str, Any]) -> None:
-        wire = self._link.wire
+        wire = self._session.wire
         paused_s = time.monotonic() - self._sent_s
         if wire is self._wire and paused_s < self._valid_s / 2.0:
             refusal = await wire.take_refusal()
@@ -119,45 +118,19 @@ class SetpointStream:
         await leave(self.close, error)
 
 
-class SetpointActions(ActionBase):
-    """What makes the jaws follow a program's targets."""
-
-    def stream(
-        self,
-        valid_s: float = 0.2,
-        *,
-        speed_mm_s: float | None = None,
-        torque_nm: float | None = None,
-    ) -> SetpointStream:
-        """Begin a stream of targets; the jaws do not move before the first `set_target`.
-
-        `valid_s`: 0.02 to 2 s. `speed_mm_s` and `torque_nm` (0.1 to 3 N·m) are how fast they
-        follow, and what they press with on what stands in their way, at most.
-        """
-        limits = self._speed_limit() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
-        return SetpointStream(self._link, valid_s, limits, self._end_frames)
-
-    def _speed_limit(self) -> dict[str, float]:
-        """Return the speed of the tunables, if it was set; nothing else of them is for streams."""
-        config = self._motion_config.to_wire()
-        return {name: config[name] for name in ("speed_mm_s",) if name in config}
-
-    async def send_mit_frame(
-        self, position: float, velocity: float, kp: float, kd: float, torque: float
-    ) -> bool:
-        """Send a set-point for `position`, in rad, valid for 0.2 s; not a frame on the bus."""
-        given = {"position": position, "velocity": velocity, "kp": kp, "kd": kd, "torque": torque}
-        values = {name: number(name, value) for name, value in given.items()}
-        if values["kp"] <= 0.0 or values["kd"] < 0.0:
-            raise _no_position(values)
-        if self._frames is None:
-            self._frames = SetpointStream(self._link, _FRAME_VALID_S, self._speed_limit())
-        press_nm = abs(values["torque"])
-        await self._frames.set_target(
-            position_rad=values["position"],
-            torque_nm=press_nm if press_nm > _CONTACT_TORQUE_NM else None,
-        )
-        return True
+def frame_target(
+    position: float, velocity: float, kp: float, kd: float, torque: float
+) -> dict[str, float]:
+    """Return the target that stands for an MIT frame; raises `CommandError` if none can."""
+    given = {"position": position, "velocity": velocity, "kp": kp, "kd": kd, "torque": torque}
+    values = {name: number(name, value) for name, value in given.items()}
+    if values["kp"] <= 0.0 or values["kd"] < 0.0:
+        raise _no_position(values)
+    target = {"position_rad": values["position"]}
+    press_nm = abs(values["torque"])
+    if press_nm > _CONTACT_TORQUE_NM:
+        target["torque_nm"] = press_nm
+    return target
 
 
 def _no_position(values: dict[str, float]) -> CommandError:

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Coroutine, Mapping
 from typing import Any, Protocol
 
-from litegrip_client.calls import Call, Progress
 from litegrip_client.errors import LiteGripError
-from litegrip_client.exchange import Undo
+from litegrip_client.exchange import Call, Progress, Undo
 
 
 class Wire(Protocol):

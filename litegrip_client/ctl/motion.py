@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from litegrip_client.blocking import BlockingWire, wait
+from litegrip_client.core.motion import Motion
 from litegrip_client.ctl.render_results import progress
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, NOT_OK, OK, Run
 from litegrip_client.errors import CancelledError
-from litegrip_client.motions import Motion
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -38,9 +39,9 @@ def finish(
         if run.output.live:
             run.output.line(progress(data))
 
-    motion = Motion(run.connection, method, {**params, "detach": True}, show)
+    motion = Motion(BlockingWire(run.connection), method, {**params, "detach": True}, show)
     try:
-        data = motion.run()
+        data = wait(motion.run())
     except KeyboardInterrupt:
         run.output.erase_line()
         _report_cancelled(motion, run)

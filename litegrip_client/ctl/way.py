@@ -8,8 +8,9 @@ from __future__ import annotations
 from argparse import Namespace
 from pathlib import Path
 
+from litegrip_client.blocking import connect
 from litegrip_client.connection import Connection
-from litegrip_client.discovery import connect, socket_paths
+from litegrip_client.discovery import socket_paths
 from litegrip_client.errors import CommandError
 from litegrip_client.voices import in_shell
 

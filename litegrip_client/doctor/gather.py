@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import litegrip_client
+from litegrip_client.blocking import connect
 from litegrip_client.discovery import (
     GROUP,
-    connect,
     is_enabled,
     is_socket_given,
     is_unit_installed,

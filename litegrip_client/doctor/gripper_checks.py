@@ -10,7 +10,7 @@ from typing import Any
 
 from litegrip_client.doctor.facts import Daemon, Facts
 from litegrip_client.doctor.findings import Finding, error, ok, warning
-from litegrip_client.state import USABLE_BUS
+from litegrip_client.results import USABLE_BUS
 
 MIT_MODE = 1
 CAN_BR_1_MBIT_S = 4

@@ -10,7 +10,7 @@ from typing import Any
 
 from litegrip_client.doctor.facts import SIMULATED, Facts, Link
 from litegrip_client.doctor.findings import Finding, error, ok, warning
-from litegrip_client.state import USABLE_BUS
+from litegrip_client.results import USABLE_BUS
 
 BITRATE = 1_000_000
 """bit/s; the motor's."""

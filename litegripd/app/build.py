@@ -1,12 +1,13 @@
-"""What a daemon is built of, as its configuration says: its sockets, its bus, its parts.
+"""The parts of a daemon, built as its configuration says: sockets, bus, processes, figures.
 
-`load_at_start` reads the calibration and the kept configuration; without either the daemon runs
-all the same, and reports what is missing.
+`load_at_start` reads the calibration and the kept configuration. Without either the daemon runs,
+and reports what is missing.
 """
 
 import dataclasses
 import logging
 import math
+import os
 import resource
 import time
 from collections.abc import Callable
@@ -25,11 +26,13 @@ from litegripd.io.log import LogHandler
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
+from litegripd.io.shared_memory import SharedMemory
 from litegripd.io.sockets import Places, occupy, runtime_directory
 from litegripd.model.calibration import from_plain
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfigError
+from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
 from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
 from litegripd.rpc.service import RpcService
 from litegripd.teleop.links import TeleopLinks
@@ -38,20 +41,20 @@ _log = logging.getLogger(__name__)
 
 
 def socket_path(config: Config) -> Path:
-    """Return where clients find the daemon; raises `InUseError` where no place can be used."""
+    """Return the path of the daemon's socket; raises `InUseError` if no folder can be used."""
     if config.rpc.socket is not None:
         return Path(config.rpc.socket)
     return runtime_directory() / f"{config.channel}.sock"
 
 
 def occupy_places(config: Config) -> Places:
-    """Claim the channel and listen; raises `InUseError` where another process has a place."""
+    """Claim the channel and listen; raises `InUseError` if another process has one of them."""
     bus = config.bus
     return occupy(bus.interface, bus.channel, socket_path(config), config.rpc.group)
 
 
 def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:
-    """Choose how the adapter is driven: in the control thread, or by a process of its own."""
+    """Return the bus: an adapter is driven in the control thread, or by a process of its own."""
     if config.bus.interface in DIRECT_INTERFACES:
         from litegripd.io.can.direct import DirectBus  # noqa: PLC0415 - imports python-can
 
@@ -59,9 +62,24 @@ def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:
     return PumpedBus(config.bus, period_s, spawner.start)
 
 
+def make_recorder(config: Config, period_s: float, version: str) -> tuple[Recorder, SharedMemory]:
+    """Return the flight recorder, and the memory that the helper process reads."""
+    slots = tick_slots(period_s)
+    memory = SharedMemory(memory_bytes(slots))
+    about = {
+        "channel": config.channel,
+        "version": version,
+        "daemon_pid": os.getpid(),
+        "rate_hz": config.control.rate_hz,
+        "interface": config.bus.interface,
+        "can_id": config.motor.can_id,
+    }
+    return Recorder(memory.view, slots, about), memory
+
+
 @dataclass(frozen=True, slots=True)
 class Legacy:
-    """What a daemon has from the one before it: its sockets, and what tells its start."""
+    """What a daemon inherits from its predecessor: the sockets, and the epoch of the start."""
 
     places: Places
     epoch: str
@@ -107,7 +125,7 @@ class Parts:
         self.bus_load = 0.0
 
     def tick(self, now_s: float) -> None:
-        """Once a second, take the shares of the second that has passed."""
+        """Once a second, note the shares of the last second."""
         elapsed_s = now_s - self._window_began_s
         if elapsed_s < 1.0:
             return
@@ -117,7 +135,7 @@ class Parts:
         self._window_began_s, self._window_cpu_s, self._window_bits = now_s, cpu_s, bits
 
     def figures(self, uptime_s: float, machine: Machine) -> Figures:
-        """Return all figures by their rooms."""
+        """Return all figures, by room."""
         reactor, counters = self.reactor, self.bus.counters
         return {
             "uptime_s": round(uptime_s, 3),
@@ -183,14 +201,14 @@ class Parts:
 
 
 def motor_figures(machine: Machine) -> MotorFigures:
-    """Tell the motor's counters, and whether somebody else commands it just now."""
+    """Return the motor's counters, and whether another program commands it now."""
     is_active = machine.controller.second_master.is_active
     own: ForeignActive = {"foreign_active": is_active}
     return MotorFigures({**dataclasses.asdict(machine.motor.counters), **own})
 
 
 def _heat(heat: HeatGuard) -> HeatFigures:
-    """Tell the coil's temperature as the model has it, and how long the present load may last."""
+    """Return the coil's modelled temperature, and how long the present load may last."""
     coil_c, limit_s = heat.model.coil_c, heat.model.time_to_limit_s()
     return {
         "coil_c": None if coil_c is None else round(coil_c, 1),
@@ -201,7 +219,7 @@ def _heat(heat: HeatGuard) -> HeatFigures:
 
 
 def load_at_start(controller: Controller, on_calibration: Callable[[], None]) -> None:
-    """Ask for both; `on_calibration` is called when it is known what there is of them."""
+    """Ask the helper for calibration and configuration; `on_calibration` follows the first."""
     gripper_id = controller.gripper_id
     controller.calibrated.expect()
 

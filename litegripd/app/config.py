@@ -1,8 +1,8 @@
 """The daemon's configuration: TOML to frozen values, rejected as a whole if anything is wrong.
 
-`KEYS` is the one definition of what there is and what each key may be: the check, the page
-docs/configuration.md and the commented etc/litegripd.toml follow from it. A key that is not there
-is unknown. Users and groups of `[access]` are looked up once, at the start.
+`KEYS` is the only definition of the keys and their values: the check, the page
+docs/configuration.md and the commented etc/litegripd.toml follow from it. Any other key is
+unknown. Users and groups of `[access]` are looked up once, at the start.
 """
 
 import dataclasses
@@ -19,6 +19,7 @@ from typing import Any, TypeAlias
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import TEMPLATES
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES
+from litegripd.model.plain import plain_of
 from litegripd.rpc.facts import Configuration
 from litegripd.rpc.sessions import ROLES, Peer, Role
 from litegripd.trajectories.owners import MB, Limits
@@ -31,8 +32,9 @@ MAX_CPUS = 1024
 class Key:
     """One key of one table.
 
-    `kind` is the type that TOML must give; `list` means CPUs, `tuple` users. `shown` is the default
-    as one writes it, or, where leaving the key out means something that no value does, an example.
+    `kind` is the type of the value in TOML; `list` means CPUs, `tuple` users. `shown` is the
+    default as written in a file. It is an example if no value means the same as leaving the key
+    out.
     """
 
     table: str
@@ -61,7 +63,7 @@ TABLES = {
     " counts for nobody, until it is replaced.",
     "teleop": "Teleoperation.",
 }
-"""The tables, in the order in which they are shown, and what each is about."""
+"""The tables in the order of the documentation, and the subject of each."""
 
 KEYS = (
     Key(
@@ -228,19 +230,19 @@ Entry: TypeAlias = str | int
 
 
 class UnknownEntryError(ValueError):
-    """An entry that names nobody; the message says which, of which list."""
+    """An entry that names no user or group; the message names the entry and its list."""
 
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """The roles by uid and by gid; `default` for whoever may connect and is in neither."""
+    """The roles by uid and by gid; `default` is for every other user who may connect."""
 
     default: Role = "operator"
     users: Mapping[int, Role] = field(default_factory=dict)
     groups: Mapping[int, Role] = field(default_factory=dict)
 
     def role_of(self, peer: Peer) -> Role:
-        """Return the highest role that an entry gives; root and the daemon's user are admins."""
+        """Return the highest role of a client; root and the daemon's user are admins."""
         if peer.uid in (_ROOT, os.geteuid()):
             return "admin"
         given = [self.groups.get(gid) for gid in (peer.gid, *peer.groups)]
@@ -251,11 +253,11 @@ class Access:
 def access_of(default: Role, lists: Mapping[str, Sequence[Entry]]) -> Access:
     """Look up the entries of "observers", "operators" and "admins".
 
-    Raises `UnknownEntryError` for an entry that names nobody.
+    Raises `UnknownEntryError` for an entry that names no user or group.
     """
     users: dict[int, Role] = {}
     groups: dict[int, Role] = {}
-    for role in ROLES:  # a higher one later, so that it counts
+    for role in ROLES:  # the highest role last: it overwrites lower ones
         key = f"{role}s"
         for entry in lists.get(key, ()):
             if isinstance(entry, str) and entry.startswith("@"):
@@ -268,7 +270,7 @@ def access_of(default: Role, lists: Mapping[str, Sequence[Entry]]) -> Access:
 def _gid(key: str, name: str) -> int:
     try:
         return grp.getgrnam(name).gr_gid
-    except (KeyError, ValueError):  # the latter: with a NUL inside, or not encodable
+    except (KeyError, ValueError):  # ValueError: a NUL inside, or not encodable
         raise UnknownEntryError(f"{key}: there is no group {name!r}") from None
 
 
@@ -292,15 +294,15 @@ DIRECTORY = Path("/etc/litegripd")
 
 
 class ConfigError(ValueError):
-    """A configuration that cannot be used; the message names file, key and what is allowed."""
+    """A configuration that cannot be used; the message names file, key and allowed values."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotorConfig:
-    """The motor on the bus; `master_id` None is found by register MST_ID.
+    """The motor on the bus; with `master_id` None, register MST_ID gives the id.
 
-    `second_master` says what another sender of commands leads to: motions are refused, or only
-    told of.
+    `second_master` says what follows when another program commands the motor: motions are
+    rejected, or it is only reported.
     """
 
     type: str = DM4310.name
@@ -311,7 +313,7 @@ class MotorConfig:
 
 @dataclass(frozen=True, slots=True)
 class GripperConfig:
-    """What the motor moves; `mount` a template's name or a calibration file's path."""
+    """The gripper; `mount` is a template's name or the path of a calibration file."""
 
     mount: str | None = None
     stroke_mm: float = 120.0
@@ -319,7 +321,7 @@ class GripperConfig:
 
 @dataclass(frozen=True, slots=True)
 class ControlConfig:
-    """The control thread: its rate, its priority (0: ordinary) and its CPUs (empty: all)."""
+    """The control thread: rate, priority (0: ordinary) and CPUs (empty: all)."""
 
     rate_hz: int = 200
     priority: int = 50
@@ -328,7 +330,7 @@ class ControlConfig:
 
 @dataclass(frozen=True, slots=True)
 class RpcConfig:
-    """The socket; `path` None is chosen by the channel's name, `group` may use it."""
+    """The socket; `path` None follows from the channel's name, and `group` may connect."""
 
     socket: str | None = None
     group: str = "litegrip"
@@ -336,27 +338,27 @@ class RpcConfig:
 
 @dataclass(frozen=True, slots=True)
 class TeleopConfig:
-    """Teleoperation links; `zenoh_config` is a file of zenoh's own, for TLS and access lists."""
+    """Teleoperation links; `zenoh_config` is a zenoh file, for TLS and access lists."""
 
     zenoh_config: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryConfig:
-    """How many named trajectories, and how many megabytes of them, are kept for each user."""
+    """The most named trajectories, and the most megabytes of them, that each user may keep."""
 
     most_per_user: int = 500
     most_mb_per_user: int = 500
 
     @property
     def limits(self) -> Limits:
-        """The same as the store counts it."""
+        """The same in the store's units."""
         return Limits(self.most_per_user, self.most_mb_per_user * MB)
 
 
 @dataclass(frozen=True, slots=True)
 class Config:
-    """The whole configuration of one channel, and the file that it came from, if any."""
+    """The whole configuration of one channel, and the path of its file, if there is one."""
 
     channel: str
     bus: BusSettings
@@ -370,7 +372,7 @@ class Config:
     source: Path | None = None
 
     def as_info(self) -> Configuration:
-        """Tell what a client may want to know of it, for `info.get` and `litegripd --check`."""
+        """Return the part that clients may read, for `info.get` and `litegripd --check`."""
         bus = self.bus
         return {
             "file": None if self.source is None else str(self.source),
@@ -382,6 +384,15 @@ class Config:
                 "most_mb_per_user": self.trajectories.most_mb_per_user,
             },
         }
+
+
+SAME_TABLES = ("bus", "motor", "gripper", "rpc")
+"""Tables that must not change at a restart that holds: the hold depends on them."""
+
+
+def same_settings(config: Config) -> dict[str, Any]:
+    """Return the tables that must be the same for a successor, as plain values."""
+    return {table: plain_of(getattr(config, table)) for table in SAME_TABLES}
 
 
 _KEYS = {(key.table, key.name): key for key in KEYS}
@@ -404,7 +415,7 @@ def find(channel: str, directory: Path = DIRECTORY) -> Path | None:
 
 
 def load(channel: str, path: Path | None) -> Config:
-    """Read the configuration of `channel`; without a file, the defaults.
+    """Return the configuration of `channel`; without a file, the defaults.
 
     Raises `ConfigError` for a file that cannot be read, is not TOML, or has an unknown key, a
     wrong type or an impossible value.
@@ -470,9 +481,9 @@ def _access(where: str, table: Mapping[str, Any]) -> Access:
 
 
 def _check(where: str, table: str, key: str, value: Any) -> None:
-    """Refuse an unknown key, a wrong type or an impossible value.
+    """Reject an unknown key, a wrong type or an impossible value.
 
-    Further keys of [bus] are python-can's: only it knows which its interface takes.
+    Any other key of [bus] is passed to python-can, which checks it.
     """
     known = _KEYS.get((table, key))
     name = f"{where}: [{table}] {key}"
@@ -494,7 +505,7 @@ def _check(where: str, table: str, key: str, value: Any) -> None:
 
 
 def _check_paths(where: str, gripper: GripperConfig, socket: str | None, zenoh: str | None) -> None:
-    """Refuse what would depend on the directory that the daemon happens to start in."""
+    """Reject relative paths: they would depend on the directory in which the daemon starts."""
     mount = gripper.mount
     if mount is not None and mount not in TEMPLATES:
         allowed = f"one of {_listed(TEMPLATES)}, or the absolute path of a calibration file"
@@ -533,10 +544,10 @@ def _listed(names: Any) -> str:
 def override(
     config: Config, *, socket: str | None, interface: str | None, simulate: bool
 ) -> Config:
-    """Apply the command line, which wins over the file.
+    """Return the configuration with the command line applied, which wins over the file.
 
-    `simulate` takes the simulated gripper in place of the bus: interface `litegrip_sim`, with the
-    configured type of motor, and, where none is configured, the mount that it has.
+    `simulate` replaces the bus by a simulated gripper: interface `litegrip_sim`, with the
+    configured type of motor. If no mount is configured, it is the simulated gripper's.
     """
     if socket is not None:
         config = dataclasses.replace(config, rpc=dataclasses.replace(config.rpc, socket=socket))

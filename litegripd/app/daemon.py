@@ -1,4 +1,4 @@
-"""The daemon: builds the objects, runs the control thread, and ends it without moving the jaws."""
+"""The daemon: builds the objects, runs the control thread, and ends without moving the jaws."""
 
 import logging
 import os
@@ -6,22 +6,27 @@ import signal
 import time
 from collections.abc import Sequence
 
-from litegripd.app.build import Legacy, Parts, load_at_start, make_bus, occupy_places
-from litegripd.app.config import Config
+from litegripd.app.build import (
+    Legacy,
+    Parts,
+    load_at_start,
+    make_bus,
+    make_recorder,
+    occupy_places,
+)
+from litegripd.app.config import Config, same_settings
 from litegripd.app.features import build_service
-from litegripd.app.flight import make_flight
 from litegripd.app.machine import Ending, Machine
 from litegripd.app.status import (
     DaemonFacts,
     MotorGreeting,
+    daemon_version,
     log_event,
     make_log_handler,
     warn_of_untried,
 )
-from litegripd.app.succession import Succession
 from litegripd.app.systemd import Supervision
-from litegripd.control.controller import Controller
-from litegripd.handover.link import Link
+from litegripd.handover.predecessor import Retirement, Succession
 from litegripd.io.helper.child import Child
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
@@ -38,75 +43,18 @@ from litegripd.teleop.links import TeleopLinks
 
 _log = logging.getLogger(__name__)
 
-DRAIN_WITHIN_S = 0.05
-"""So long a daemon that has handed over serves what its clients have sent before."""
-
-
-class Retirement:
-    """What a daemon still does for the successor at the other end of `link`."""
-
-    def __init__(
-        self,
-        link: Link,
-        succession: Succession,
-        controller: Controller,
-        urgent: Urgent,
-        ending: Ending,
-    ) -> None:
-        self._link = link
-        self._succession = succession
-        self._controller = controller
-        self._urgent = urgent
-        self._ending = ending
-        self._passed_on = controller.stop_latch.generation
-        self._end_is_passed_on = False
-
-    def part_with_clients(self, server: Server, stops: StopListener) -> None:
-        """Answer what clients have sent before, and close: whoever comes now is the successor's."""
-        self._controller.shut_down()  # it has no motor any more: it only refuses
-        server.let_in(False)
-        stops.let_in_no_more()
-        self.pass_on()
-        server.drain(time.monotonic() + DRAIN_WITHIN_S)
-        server.flush()
-        self.pass_on()
-        server.close()
-        stops.close()
-
-    def pass_on(self) -> None:
-        """Take the stops and signals that have come, and pass them on."""
-        self._urgent.serve()
-        latch = self._controller.stop_latch
-        if latch.generation != self._passed_on and latch.latched is not None:
-            self._passed_on = latch.generation
-            self._succession.tell_stop(self._link, latch.latched, latch.generation)
-        if self._ending.has_begun and not self._end_is_passed_on:
-            self._end_is_passed_on = True
-            self._succession.tell_end(self._link)
-
-    def goes_on(self) -> bool:
-        """Pass on what has come; return whether the successor is still there."""
-        self.pass_on()
-        return not self._link.is_left()
-
-    def close(self) -> None:
-        """Pass on what has come at the last moment, and close the line."""
-        self.pass_on()
-        self._link.close()
-
-
 OPEN_WITHIN_S = 0.5
-"""So long the first clients wait for the motor to be found; then they hear that it is silent."""
+"""How long the first clients wait until the motor is found; then it is reported as silent."""
 
 READ_WITHIN_S = 5.0
-"""So long they wait for the calibration to be read; then they hear that it is still coming."""
+"""How long they wait until the calibration is read; then it is reported as still loading."""
 
 
 class Daemon:
     """One channel's daemon; `run` returns after SIGTERM or SIGINT, SIGUSR1 stops the gripper.
 
-    Raises `InUseError` when the channel or the socket belongs to another process, and
-    `TooFewDescriptorsError` where it may not open enough files to hear stops in any case.
+    Raises `InUseError` if the channel or the socket belongs to another process. Raises
+    `TooFewDescriptorsError` if it may not open enough files to hear stops in any case.
     """
 
     def __init__(
@@ -157,7 +105,8 @@ class Daemon:
             lambda: self._service.reporter.state().mode,
             follows=legacy is not None,
         )
-        self._flight, self._memory = make_flight(config, self._machine, self._service, self._dumps)
+        self._recorder, self._memory = make_recorder(config, period_s, daemon_version())
+        self._service.on_event = self._recorder.event
         self._helper = Helper(
             self._watch,
             self._unwatch,
@@ -170,9 +119,11 @@ class Daemon:
             config.channel, lambda text: self._helper.post("log", {"text": text})
         )
         self._succession = Succession(
-            config,
+            same_settings(config),
             arguments,
             self._facts.epoch,
+            interface=config.bus.interface,
+            channel=config.bus.channel,
             machine=self._machine,
             service=self._service,
             helper=self._helper,
@@ -196,7 +147,7 @@ class Daemon:
         self._retirement: Retirement | None = None
 
     def run(self) -> bool:
-        """Run until told to end, and disable the motor; False if it may be energised still."""
+        """Run until the end, and disable the motor; return False if it may still be energised."""
         load_at_start(self._machine.controller, self._note_calibration)
         self._begin()
         warn_of_untried(self._machine.controller.gripper_id.motor_type)
@@ -204,7 +155,7 @@ class Daemon:
         return self._loop()
 
     def _begin(self) -> None:
-        """Get all that a loop needs: processes, rights, descriptors."""
+        """Get what the loop needs: processes, rights, descriptors."""
         self._urgent.add(self._signals.fileno(), self._signals)
         self._reactor.add(self._urgent.fileno(), self._urgent)
         self._reactor.add(self._places.claim.fileno(), self._places.claim)
@@ -230,7 +181,7 @@ class Daemon:
         self._facts.attach(self._parts)
 
     def _open_bus(self) -> None:
-        """Open the adapter, which may take many periods."""
+        """Open the adapter; that may take many periods."""
         self._bus.receive(time.monotonic())
 
     def _loop(self, first_tick_s: float | None = None) -> bool:
@@ -245,7 +196,7 @@ class Daemon:
         return self._ending.tell()
 
     def _tick(self, now_s: float) -> None:
-        """Do one period's work, stops first; whatever fails in it, the end stays possible."""
+        """Do the work of one period, stops first; whatever fails, the daemon can still be ended."""
         if self._retirement is not None:  # not even a defect in `_retire` may command again
             self._reactor.stop()
             return
@@ -263,7 +214,7 @@ class Daemon:
             self._record(now_s, failed)
 
     def _work(self, now_s: float) -> None:
-        """Bus in, machine, bus out, and then what clients are owed."""
+        """Receive, step the machine, send, and then answer clients."""
         received = self._bus.receive(now_s)
         frames = self._machine.tick(now_s, received, self._bus.condition)
         self._bus.send(frames, now_s)
@@ -278,29 +229,35 @@ class Daemon:
             self._open_when_ready(now_s - self._began_s)
         successor = self._succession.step(now_s, self._reactor.next_tick_s)
         if successor is not None:
+            controller = self._machine.controller
             self._retirement = Retirement(
-                successor, self._succession, self._machine.controller, self._urgent, self._ending
+                successor, controller, self._urgent, lambda: self._ending.has_begun
             )
             self._reactor.stop()
             self._retire(self._retirement)
 
     def _record(self, now_s: float, failed: bool) -> None:
-        """Record the tick; tasks and events leave even where it failed."""
-        self._flight.tick(
+        """Record the tick; pass on tasks and events even if it failed."""
+        machine, bus_is_up = self._machine, self._bus.condition.is_usable
+        self._recorder.tick(
             now_s,
+            machine.controller,
+            machine.motor,
+            machine.take_sent(),
             late_s=self._reactor.late_s,
             lost_ticks=self._reactor.lost_ticks,
             failed=failed,
-            bus_is_up=self._bus.condition.is_usable,
+            bus_is_up=bus_is_up,
             send_failures=self._bus.counters.send_failures,
         )
+        self._dumps.step(now_s, failed=failed, bus_is_up=bus_is_up)
         self._run_errands()
         for event in self._service.take_events():
             log_event(event)
         self._supervision.tick(now_s, failed=failed)
 
     def _open_when_ready(self, waited_s: float) -> None:
-        """Let clients in once motor and calibration are found, or have not been for a while."""
+        """Let clients in once motor and calibration are found, or have been awaited long enough."""
         is_read = self._calibration_is_known or waited_s >= READ_WITHIN_S
         if is_read and (waited_s >= OPEN_WITHIN_S or not self._machine.is_out_of_reach):
             self._began_s = None
@@ -313,14 +270,14 @@ class Daemon:
         _log.info("channel %s: listening on %s and %s", channel, places.path, places.stop_path)
 
     def _retire(self, retirement: Retirement) -> None:
-        """End after a successor has taken over: the bus is its own, and so is whoever comes now."""
+        """End after a successor has taken over the bus and all new clients."""
         give_up_priority()
         self._succession.tell_outcome()
         retirement.part_with_clients(self._server, self._stop_listener)
         self._supervision.followed_by(self._succession.pid, retirement.goes_on)
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
-        """Stop, in force with the next command; return the level that is latched, and the count."""
+        """Stop from the next command on; return the latched level, and the generation."""
         controller = self._machine.controller
         controller.stop(level, by, why, time.monotonic())
         self._service.reporter.refresh()
@@ -361,7 +318,7 @@ class Daemon:
         self._memory.close()
 
     def _run_errands(self) -> None:
-        """Hand the slow work that the pure rooms want done to the helper process."""
+        """Send the tasks of the pure rooms to the helper process."""
         tasks = self._machine.controller.tasks
         while tasks:
             task = tasks.pop(0)

@@ -1,6 +1,6 @@
-"""The features of the daemon: one line for each slice, and all methods that there are.
+"""The features of the daemon: one line for each slice, and the list of all methods.
 
-Without its lines here, a slice and its methods are not there.
+A slice without its lines here does not exist for clients.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -33,7 +33,7 @@ GROUPS: tuple[type, ...] = (
     TrajectoryFileMethods,
     TeleopMethods,
 )
-"""In the order in which documents list their methods."""
+"""In the order of their methods in documents."""
 
 METHODS: tuple[Method, ...] = tuple(row for group in GROUPS for row in methods_of(group))
 
@@ -42,7 +42,7 @@ BY_NAME: Mapping[str, Method] = {row.name: row for row in METHODS}
 
 @lru_cache(maxsize=8)
 def encoded_document(motor_type: MotorType) -> bytes:
-    """Return the OpenRPC document as JSON; the first time that takes longer than a tick."""
+    """Return the OpenRPC document as JSON; the first call takes longer than a tick."""
     return encode(document([row.with_motor(motor_type) for row in METHODS]))
 
 
@@ -60,8 +60,8 @@ def build_service(
 ) -> RpcService:
     """Build the service with all features.
 
-    Teleoperation goes over `links`; without any, it stays inside the process. `new_token` makes
-    the secrets by which leases are shown; nobody may be able to guess one.
+    Teleoperation uses `links`; without them it stays inside the process. `new_token` returns a
+    secret that nobody can guess; it proves that a client holds the lease.
     """
 
     def features(reporter: Reporter) -> Sequence[Feature]:

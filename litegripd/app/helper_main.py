@@ -1,7 +1,7 @@
-"""The helper process: does, one after the other, what the control thread must never wait for.
+"""The helper process: does, one task after the other, what the control thread must not wait for.
 
-Run by the daemon. It ends at end-of-file on its socket, that is, with the daemon; where that has
-not said goodbye, the flight recorder is written before.
+The daemon runs it. It ends at end-of-file on its socket, that is, with the daemon. If the daemon
+has sent no goodbye, the helper first writes the flight recorder.
 """
 
 import contextlib
@@ -43,7 +43,7 @@ from litegripd.trajectories.store import TrajectoryStore
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]
-"""Takes the parameters and returns what JSON can hold; an iterator of bytes is sent in pieces."""
+"""Takes the parameters and returns a value for JSON, or an iterator of bytes, sent in pieces."""
 
 PIECE_BYTES = 8192
 _HEADER_BYTES = 4
@@ -59,25 +59,25 @@ _LOG_WITHIN_S = 0.4  # at the end; less than a daemon waits for its helper
 
 
 def write_log(parameters: Parameters) -> None:
-    """Have `text` written to standard error; whether somebody reads that, nobody here waits for."""
+    """Write `text` to standard error, without waiting for a reader."""
     _LOG.write(str(parameters["text"]))
 
 
 def dump_recorder(parameters: Parameters) -> Dumped:
-    """Write the flight recorder, as the operation `recorder.dump`."""
-    # What a dump needs takes longer to import than all the rest of the helper.
+    """Write the flight recorder to a file: the operation `recorder.dump`."""
+    # This import takes longer than all others of the helper.
     from litegripd.recorder.files import dump  # noqa: PLC0415
 
     return dump(str(parameters["cause"]), str(parameters["note"]))
 
 
 def start_successor(parameters: Parameters) -> dict[str, int]:
-    """Run a daemon with the one descriptor of `descriptors`; return its pid.
+    """Run a daemon that inherits the one descriptor of `descriptors`; return its pid.
 
-    The `program`, where there is one: it may be another version by now. Else the module that the
-    `arguments` begin with, of this version.
+    It runs the `program`, if there is one, which may be another version by now. Else it runs the
+    module at the begin of the `arguments`, of this version.
 
-    Here and not in the control thread, which has to wait until a new process runs its program.
+    The control thread must not do this: it would wait until the new process runs its program.
     """
     (inherited,) = cast("list[int]", parameters["descriptors"])
     module, *arguments = cast("list[str]", parameters["arguments"])
@@ -91,7 +91,7 @@ def start_successor(parameters: Parameters) -> dict[str, int]:
             (os.POSIX_SPAWN_DUP2, inherited, CHILD_FD),
             (os.POSIX_SPAWN_CLOSE, MEMORY_FD),  # it records its own ticks
         ],
-        setpgroup=0,  # as a daemon's own; a Ctrl-C was for the predecessor
+        setpgroup=0,  # a group of its own: a Ctrl-C was meant for the predecessor
         setsigmask=(),
         setsigdef=(
             signal.SIGCHLD,
@@ -105,7 +105,7 @@ def start_successor(parameters: Parameters) -> dict[str, int]:
 
 
 def start_spawner(parameters: Parameters) -> dict[str, int]:
-    """Run a spawner with the one socket of `descriptors`, in place of one that has died."""
+    """Run a spawner that inherits the one socket of `descriptors`, to replace one that died."""
     (inherited,) = cast("list[int]", parameters["descriptors"])
     return {"pid": spawn(SPAWNER, (), inherited)}
 
@@ -125,9 +125,9 @@ OPERATIONS: dict[str, Operation] = {
 
 
 def serve(operations: Mapping[str, Operation]) -> bool:
-    """Answer requests until the daemon is gone; tell whether it said goodbye.
+    """Answer requests until the daemon is gone; return whether it has sent a goodbye.
 
-    One that has gone does not read any more, but its goodbye may lie behind its last request.
+    A daemon that is gone reads no answer, but its goodbye may follow its last request.
     """
     with inherited_socket() as peer:
         intake = _Intake(peer)
@@ -159,10 +159,10 @@ class _Request:
 
 
 class _Intake:
-    """The daemon's requests in their order; its log lines are written as they come.
+    """The daemon's requests in their order; its log lines are written at once.
 
-    Behind what takes long they would fill the socket, and get lost. Reports to the daemon what
-    becomes of them, whenever that changes.
+    Log lines behind a long task would fill the socket, and be lost. How many are lost, and
+    whether the log is stuck, is reported to the daemon at each change.
     """
 
     def __init__(self, peer: socket.socket) -> None:
@@ -180,12 +180,12 @@ class _Intake:
                 return self._waiting.popleft()
             if self._is_over:
                 return None
-            # While log lines are on their way it looks at them now and then.
+            # While log lines are being written, it checks them now and then.
             within_s = _LOOK_AT_LOG_EVERY_S if _LOG.is_busy or self._reported[1] else None
             select.select((self._peer,), (), (), within_s)
 
     def _take(self) -> None:
-        """Take what has come, a bounded number at a time."""
+        """Take the packets that have come, a bounded number at a time."""
         for _ in range(_PACKETS_AT_ONCE):
             if self._is_over or not select.select((self._peer,), (), (), 0)[0]:
                 return
@@ -207,7 +207,7 @@ class _Intake:
         state = (_LOG.lost, _LOG.is_stuck)
         if state != self._reported:
             self._reported = state
-            with contextlib.suppress(ConnectionError):  # its end is seen with the next packet
+            with contextlib.suppress(ConnectionError):  # the next packet shows the end
                 self._peer.send(bytes(_HEADER_BYTES) + LOG_STATE + json.dumps(state).encode())
 
 
@@ -224,12 +224,12 @@ def _answers(
         if len(packed) > _MAX_ANSWER_BYTES:
             raise ValueError(f"the answer has {len(packed)} bytes, too many for one packet")
         yield b"r" + packed
-    except Exception as error:  # noqa: BLE001 - the requester gets it, whatever it is
+    except Exception as error:  # noqa: BLE001 - the requester gets any error
         yield b"e" + json.dumps(f"{type(error).__name__}: {error}"[:_LONGEST_ERROR]).encode()
 
 
 def main() -> None:
-    """Run the helper with the daemon's operations; its arguments are the limits of a user."""
+    """Run the helper with the daemon's operations; the arguments are the limits of a user."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # a successor that fails is reaped at once
     use_all_cpus()
     with contextlib.suppress(OSError):  # there may be none

@@ -1,8 +1,8 @@
 """The gripper as one pure machine: frames in, frames out, time as an argument.
 
-Controller and motor know nothing of each other; this is where they meet, in real time and in tests.
+Controller and motor do not know each other; this file connects them, for real time and for tests.
 
-`Ending` is the end of a daemon: it waits until the motor is disabled, but not for ever.
+`Ending` is the end of a daemon: it waits, for a limited time, until the motor is disabled.
 """
 
 import logging
@@ -32,17 +32,17 @@ class Machine:
         self.motor = Motor(gripper_id.can_id, master_id, period_s, gripper_id.motor_type)
         self.controller = Controller(config, period_s, gripper_id)
         self.may_be_energised: bool | None = None
-        """True if the motor was being enabled, or said that it is, and has not confirmed since that
-        it is off; None until it has said either."""
+        """True if the motor was being enabled, or reported that it is, and has not confirmed since
+        that it is off; None until either has happened."""
         self._sent: list[CanFrame] = []
 
     def tick(
         self, now_s: float, received: Sequence[CanFrame], bus: BusCondition = UP
     ) -> list[CanFrame]:
-        """Take what the bus brought since the last tick; return what it is to be given.
+        """Take the frames received since the last tick; return the frames to send.
 
-        A bus that cannot be used explains why the motor cannot be. What raises by a defect ends the
-        running job, so that the next tick holds.
+        If the bus cannot be used, that is the reason why the motor cannot be used. A defect that
+        raises ends the running job, so that the next tick holds.
         """
         self.motor.receive(now_s, received)
         self.motor.note_bus(is_usable=bus.is_usable)
@@ -65,18 +65,18 @@ class Machine:
             self._sent = self.motor.step(now_s, wanted)
         except Exception as error:
             self.controller.break_off(error)
-            self.controller.must_disable |= must_disable  # it may not have got that far
+            self.controller.must_disable |= must_disable  # the step may have failed before
             raise
         return self._sent
 
     def take_sent(self) -> list[CanFrame]:
-        """Return once what the latest tick gave to the bus; nothing, where it failed before."""
+        """Return, once, the frames that the latest tick sent; none if it failed before."""
         sent, self._sent = self._sent, []
         return sent
 
     @property
     def needs_commands(self) -> bool:
-        """True while a motor may be energised that can be reached: it lets go without commands."""
+        """True while a motor that can be reached may be energised: without commands it lets go."""
         return self.may_be_energised is True and self.controller.bus.is_usable
 
     @property
@@ -86,19 +86,19 @@ class Machine:
 
     @property
     def is_out_of_reach(self) -> bool:
-        """True if the motor does not answer, or has not told yet what it is."""
+        """True if the motor does not answer, or is not identified yet."""
         return self.motor.view().phase in (MotorPhase.SILENT, MotorPhase.UNKNOWN)
 
 
 END_WITHIN_S = 1.5
-"""So long the end waits for the motor to confirm that it is disabled."""
+"""How long the end waits until the motor confirms that it is disabled."""
 
 FIND_WITHIN_S = 0.3
-"""So long the end waits for a motor that does not answer: it might be found, and be enabled."""
+"""How long the end waits for a motor that does not answer: it may be found, and be enabled."""
 
 
 class Ending:
-    """The end of a daemon: disables the motor, and waits for that, but not for ever."""
+    """The end of a daemon: disables the motor, and waits for that for a limited time."""
 
     def __init__(self, machine: Machine) -> None:
         self._machine = machine
@@ -106,18 +106,18 @@ class Ending:
 
     @property
     def has_begun(self) -> bool:
-        """True if the daemon has been told to end."""
+        """True if the end has begun."""
         return self._since_s is not None
 
     def begin(self, now_s: float) -> None:
-        """Begin the end: the motor is disabled in the next tick."""
+        """Begin the end: the next tick disables the motor."""
         if self._since_s is None:
             _log.info("ending: the motor is being disabled")
             self._since_s = now_s
             self._machine.controller.shut_down()
 
     def is_over(self, now_s: float) -> bool:
-        """Return whether the end has begun and nothing is to be waited for any more."""
+        """Return whether the end has begun and there is nothing more to wait for."""
         if self._since_s is None:
             return False
         waited_s = now_s - self._since_s
@@ -126,9 +126,9 @@ class Ending:
         return self._machine.is_disabled or waited_s >= END_WITHIN_S
 
     def tell(self) -> bool:
-        """Log how it has ended; return False if the motor may be energised still.
+        """Log the outcome; return False if the motor may still be energised.
 
-        One that has never told anything mostly has no power: that is no failure, but is told.
+        A motor that has never answered mostly has no power: that is logged, but is no failure.
         """
         may_be_energised = self._machine.may_be_energised
         phase = self._machine.motor.view().phase.value

@@ -11,8 +11,8 @@ from pathlib import Path
 from litegripd.app.config import Config, ConfigError, find, load, override
 from litegripd.app.daemon import Daemon
 from litegripd.app.status import daemon_version
-from litegripd.app.succession import SUCCESSOR_OPTION
 from litegripd.app.successor import succeed
+from litegripd.handover.predecessor import SUCCESSOR_OPTION
 from litegripd.io.log import BoundedHandler, PriorityFormatter, goes_to_journal
 from litegripd.io.sockets import InUseError
 
@@ -22,9 +22,9 @@ EXIT_NOT_OFF = 1
 EXIT_USAGE = 2
 EXIT_IN_USE = 3
 EXIT_NOT_TAKEN = 4
-"""Only of a successor that has not taken over; the daemon before tells why."""
+"""Only for a successor that has not taken over; its predecessor reports why."""
 EXIT_NO_PACKAGES = 5
-"""Of the program `litegripd` beside this file, which has no package to take the number from."""
+"""For the program `litegripd` beside this file, which cannot import the number."""
 
 EXIT_CODES = (
     (0, "ended by SIGTERM or SIGINT, the motor off or never heard of, or followed by a successor"),
@@ -36,7 +36,7 @@ EXIT_CODES = (
     ),
     (EXIT_NO_PACKAGES, "a package is missing, as after a release upgrade of the system"),
 )
-"""What they mean, for the help and the manual page."""
+"""The meaning of each, for the help and the manual page."""
 
 _CHANNEL_CHARACTERS = frozenset("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_.-")
 _MAX_CHANNEL = 64
@@ -47,8 +47,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     given = sys.argv[1:] if argv is None else list(argv)
     arguments = make_parser().parse_args(given)
     _log_to_standard_error()
-    faulthandler.enable()  # a watchdog's SIGABRT leaves in the log where the thread was
-    logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs, and we tell it
+    faulthandler.enable()  # after a watchdog's SIGABRT the log shows where the thread was
+    logging.getLogger("can").setLevel(logging.CRITICAL)  # it raises what it logs; we report that
     if arguments.successor:
         given.remove(SUCCESSOR_OPTION)
         is_off = succeed(lambda: _config(arguments), given)
@@ -69,16 +69,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _log_to_standard_error() -> None:
-    """Tell of the start there, until the daemon runs and has a log that never waits."""
+    """Log to standard error until the daemon runs and has a log that never waits."""
     handler = BoundedHandler()
-    # In the journal each line has the program's name already.
+    # The journal adds the program's name to each line.
     plain = logging.Formatter("litegripd: %(message)s")
     handler.setFormatter(PriorityFormatter() if goes_to_journal() else plain)
     logging.basicConfig(level=logging.INFO, handlers=[handler])
 
 
 def _config(arguments: argparse.Namespace) -> Config:
-    """Read the configuration; raises `ConfigError`."""
+    """Return the configuration; raises `ConfigError`."""
     path = arguments.config or find(arguments.channel)
     return override(
         load(arguments.channel, path),
@@ -92,7 +92,7 @@ def make_parser() -> argparse.ArgumentParser:
     """Return the parser of the command line."""
     parser = argparse.ArgumentParser(
         prog="litegripd",
-        allow_abbrev=False,  # a typo must not start another daemon than was meant
+        allow_abbrev=False,  # a typo must not start a daemon that was not meant
         description="Own one CAN channel with a LiteGrip gripper and let many processes use it.",
         epilog=f"Exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}.",
     )

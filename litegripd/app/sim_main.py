@@ -1,7 +1,7 @@
-"""The command `litegrip-sim`: a simulated gripper as a process of its own.
+"""The command `litegrip-sim`: a simulated gripper in a process of its own.
 
 It reads the command line, opens the terminal or the bus, and ends cleanly on SIGTERM and SIGINT.
-The serving itself is in `litegripd.sim.server`.
+`litegripd.sim.server` serves the gripper.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ EXIT_CODES = (
     (EXIT_BUS, "the bus or the terminal cannot be opened, or fails"),
     (EXIT_USAGE, "wrong usage"),
 )
-"""What they mean, for the help and the manual page."""
+"""The meaning of each, for the help and the manual page."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the simulator until a signal ends it; return the process's exit code.
+    """Run the simulator until a signal ends it; return the exit code.
 
     0 after a signal, 1 when the bus or the terminal cannot be opened or fails, 2 for bad usage.
     """
@@ -118,7 +118,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 def _identifier(text: str) -> int:
-    """Read an identifier such as 8 or 0x08."""
+    """Return the number of an identifier, for example 8 or 0x08."""
     return int(text, 0)
 
 
@@ -148,7 +148,7 @@ def _run_bus(wire: MotorWire, arguments: argparse.Namespace, stop: StopSignal) -
 
 
 def _console(simulator: Simulator) -> Console:
-    """Take commands from the standard input, unless the process was started without one."""
+    """Return a console; it reads the standard input, if the process has one."""
     fd = None if sys.__stdin__ is None else sys.__stdin__.fileno()
     return Console(fd, simulator, _say)
 
@@ -159,7 +159,7 @@ def _say(text: str) -> None:
 
 @contextlib.contextmanager
 def _stop_on_signals() -> Iterator[StopSignal]:
-    """Turn SIGTERM and SIGINT into a request to end, and put the old handlers back after."""
+    """Turn SIGTERM and SIGINT into a request to end; afterwards restore the old handlers."""
     stop = StopSignal()
     before = {
         number: signal.signal(number, lambda *_: stop.set())

@@ -1,4 +1,4 @@
-"""What the daemon reports about itself: in the log, and to its clients."""
+"""The daemon's reports about itself: in the log, and to clients."""
 
 import logging
 import math
@@ -43,13 +43,13 @@ _FIELDS = {
     "pid": "LITEGRIP_CLIENT_PID",
     "reason": "LITEGRIP_REASON",
 }
-"""What of an event's data the journal can be searched for."""
+"""The members of an event's data by which the journal can be searched."""
 
 _WARNINGS = frozenset({"stop", "refused", "object_lost", "heat", "second_master", "implausible"})
 
 
 def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
-    """Return a handler that never waits: to the journal, or by `post`, which takes a text."""
+    """Return a log handler that never waits: it writes to the journal, or passes text to `post`."""
     if goes_to_journal():
         return LogHandler(JournalSink(channel))
     handler = LogHandler(lambda _record, text: post(text + "\n"))
@@ -59,7 +59,7 @@ def make_log_handler(channel: str, post: Callable[[str], bool]) -> LogHandler:
 
 
 def log_event(event: Event) -> None:
-    """Tell of one event."""
+    """Log one event."""
     is_bad = event.kind in _WARNINGS or bool(event.data.get("error"))
     level = logging.WARNING if is_bad else logging.INFO
     fields = {name: event.data[key] for key, name in _FIELDS.items() if event.data.get(key)}
@@ -67,7 +67,7 @@ def log_event(event: Event) -> None:
 
 
 def warn_of_untried(motor_type: MotorType) -> None:
-    """Log once, at the start, that nobody has tried the configured type of motor."""
+    """Warn once, at the start, if the configured type of motor was never tried."""
     if motor_type.is_untried:
         _log.warning(
             "[motor] type %s has NEVER BEEN TRIED ON HARDWARE: its figures are the maker's data and"
@@ -77,7 +77,7 @@ def warn_of_untried(motor_type: MotorType) -> None:
 
 
 class MotorGreeting:
-    """Tells once what a motor that was found has told about itself, and what is unusual anew."""
+    """Logs a found motor's identity once, and each new warning about it."""
 
     def __init__(self, motor_type: MotorType) -> None:
         self._motor_type = motor_type
@@ -86,7 +86,7 @@ class MotorGreeting:
         self._warnings: list[str] = []
 
     def look(self, identity: MotorIdentity | None) -> None:
-        """Tell, if it has just become known."""
+        """Log the identity if it is new."""
         if identity is not None and not self._was_known:
             _log_motor(identity)
             self._warnings = []
@@ -108,13 +108,13 @@ def _log_motor(identity: MotorIdentity) -> None:
 
 
 _LATE_SHARE = 0.4
-"""When one tick in a hundred starts later than this share of a period, health says so."""
+"""If one tick in a hundred starts later than this share of a period, health reports it."""
 _STANDSTILL_S = 0.1
-"""A single tick that is so late is named, too: the motor has disarmed itself by then."""
+"""A single tick as late as this is reported, too: by then the motor has disarmed itself."""
 
 
 def daemon_version() -> str:
-    """Return the installed version; a source tree that was never installed has none."""
+    """Return the version; a source tree that was never installed has none."""
     try:
         return version("litegripd")
     except PackageNotFoundError:
@@ -142,11 +142,11 @@ class DaemonFacts:
 
     @property
     def epoch(self) -> str:
-        """Tells this start from every other; a successor has that of the first."""
+        """A name that no other start has; a successor keeps that of its predecessor."""
         return self._epoch
 
     def attach(self, parts: Parts) -> None:
-        """Take the parts whose figures `health` tells."""
+        """Take the parts whose figures `health` reports."""
         self._parts = parts
 
     def hello(self) -> Hello:
@@ -171,7 +171,7 @@ class DaemonFacts:
         }
 
     def info(self) -> Info:
-        """Tell what does not change."""
+        """Return the facts that do not change."""
         config, identity = self._config, self._machine.motor.view().identity
         controller = self._machine.controller
         return {
@@ -187,20 +187,20 @@ class DaemonFacts:
         }
 
     def health(self, now_s: float) -> Mapping[str, object]:
-        """Tell the verdict and the figures."""
+        """Return the verdict and the figures."""
         verdict, reasons = self.verdict()
         parts, uptime_s = self._parts, now_s - self._began_s
         judged: Judged = {"verdict": verdict, "reasons": reasons}
         return judged if parts is None else {**judged, **parts.figures(uptime_s, self._machine)}
 
     def verdict(self) -> tuple[Verdict, list[str]]:
-        """Return ok, degraded or down, and why."""
+        """Return ok, degraded or down, and the reasons."""
         starting, parts = ["the daemon is still starting"], self._parts
         down, degraded = (starting, []) if parts is None else self._complaints(parts)
         return "down" if down else "degraded" if degraded else "ok", down + degraded
 
     def _complaints(self, parts: Parts) -> tuple[list[str], list[str]]:
-        """Return what keeps the gripper from being used, and what is merely not as it should."""
+        """Return what makes the gripper unusable, and what only degrades it."""
         view = self._machine.motor.view()
         down: list[str] = []
         refusal = parts.bus.condition.refusal(self._config.bus.channel)
@@ -217,7 +217,7 @@ class DaemonFacts:
         return down, degraded + _process_complaints(parts)
 
     def _gripper_complaints(self, *, is_usable: bool) -> list[str]:
-        """Return what is not as it should be of a gripper that can be used, or could be."""
+        """Return what degrades a gripper that can be used, or could be."""
         controller = self._machine.controller
         found, other, geometry = [], controller.second_master, controller.geometry
         if other.is_active and other.is_tolerated:
@@ -240,7 +240,7 @@ class DaemonFacts:
         return found
 
     def _teleop_complaints(self, parts: Parts) -> list[str]:
-        """Return what is not as it should be between leader and follower."""
+        """Return what degrades the link between leader and follower."""
         found: list[str] = []
         link, action = parts.links.status, self._machine.controller.action
         if link is not None and link.state == "failed":
@@ -275,7 +275,7 @@ class DaemonFacts:
 
 
 def _process_complaints(parts: Parts) -> list[str]:
-    """Return what is not as it should be of the daemon's own processes, rights and ticks."""
+    """Return what degrades the daemon's own processes, rights and ticks."""
     found = [f"not granted: {refused}" for refused in parts.rights.refused]
     if not parts.helper.is_running:
         found.append("the helper process is not running; it is being started again")
@@ -298,7 +298,7 @@ def _process_complaints(parts: Parts) -> list[str]:
 
 
 def _calibration(in_use: CalibrationInUse) -> CalibrationFacts:
-    """Return where the calibration came from; `saved_s` is the file's date, in Unix time."""
+    """Return the origin of the calibration; `saved_s` is the file's date, in Unix time."""
     calibration = in_use.calibration
     return {
         "file": in_use.file,

@@ -1,7 +1,8 @@
-"""The new daemon's side of a restart that holds: prepares all, then takes over between two ticks.
+"""The new daemon's side of a restart that holds: prepares, then takes over between two ticks.
 
-Until the state has come it sends nothing to the motor and serves nobody. Whatever fails until then
-is told to the predecessor, which goes on unharmed; so it does when this process dies.
+Until it has the state, it sends nothing to the motor and serves no client. A failure before that
+is reported to the predecessor, which then continues. The predecessor also continues if this
+process dies.
 """
 
 import logging
@@ -10,13 +11,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from litegripd.app import handover
 from litegripd.app.build import Legacy, socket_path
-from litegripd.app.config import Config, ConfigError
+from litegripd.app.config import Config, ConfigError, same_settings
 from litegripd.app.daemon import Daemon
 from litegripd.app.features import build_service
 from litegripd.app.machine import Machine
-from litegripd.app.succession import same_settings
+from litegripd.handover import state as handover
 from litegripd.handover.link import Link, Packet, read_document
 from litegripd.io.can.bus import DIRECT_INTERFACES
 from litegripd.io.sockets import take_over
@@ -37,9 +37,9 @@ class NotTakenError(RuntimeError):
 
 
 class Successor(Daemon):
-    """A daemon that goes on where the one before it was.
+    """A daemon that continues the work of its predecessor.
 
-    Raises `NotTakenError` and `PlainError` where it cannot; then the predecessor keeps the bus.
+    Raises `NotTakenError` or `PlainError` if it cannot; then the predecessor keeps the bus.
     """
 
     def __init__(self, config: Config, arguments: Sequence[str], link: Link) -> None:
@@ -56,7 +56,7 @@ class Successor(Daemon):
         self._prepare(will["state"])
 
     def await_state(self) -> Packet:
-        """Say that all is ready, and wait until the predecessor hands over."""
+        """Report that this process is ready; return the packet with the state when it comes."""
         pidfd = os.pidfd_open(os.getpid())
         try:
             self._link.send("ready", (pidfd,), pid=os.getpid())
@@ -73,9 +73,9 @@ class Successor(Daemon):
             self._bus.stand_by(time.monotonic())
 
     def take_over(self, packet: Packet) -> float:
-        """Adopt the state and send the first command, when the predecessor's was due.
+        """Adopt the state, and send the first command when the predecessor's was due.
 
-        Returns when the next one is due.
+        Return the time at which the next one is due.
         """
         state, self._history, *adapter = packet.descriptors
         handover.adopt(self._machine, self._service, read_document(state))
@@ -84,7 +84,7 @@ class Successor(Daemon):
         time.sleep(max(due_s - time.monotonic(), 0.0))
         now_s = time.monotonic()
         received = self._bus.receive(now_s)
-        # A socket of our own hears the predecessor's commands; they are no stranger's.
+        # Our own socket has received the predecessor's commands: no other program sent them.
         own_id = self._machine.controller.gripper_id.can_id
         received = [frame for frame in received if frame.can_id != own_id]
         frames = self._machine.tick(now_s, received, self._bus.condition)
@@ -94,16 +94,16 @@ class Successor(Daemon):
         _log.info("took over %.1f ms after the last command of the daemon before", gap_s * 1e3)
         try:
             self._link.send("running", gap_s=gap_s)
-        except OSError as error:  # it has died since: what it sent is ours all the same
+        except OSError as error:  # it has died since; its state is ours
             _log.warning("the predecessor is gone already: %s", error)
         return due_s + self._reactor.period_s
 
     def go_on(self, next_tick_s: float) -> bool:
-        """Serve as any daemon, to the end; False if the motor may be energised still."""
+        """Run as any daemon, to the end; return False if the motor may still be energised."""
         try:
             history = read_document(self._history)
             handover.adopt_history(self._machine, self._service, history)
-        except Exception as error:  # noqa: BLE001 - the jaws are held, whatever becomes of it
+        except Exception as error:  # noqa: BLE001 - the jaws are held, with or without it
             _log.error("the jobs of the daemon before are not known any more: %s", error)
         self._calibration_is_known = True
         self._urgent.add(self._link.fileno(), self)
@@ -112,7 +112,7 @@ class Successor(Daemon):
         return self._loop(next_tick_s)
 
     def on_event(self, _mask: int) -> None:
-        """Take what came to the predecessor after it had handed over: a stop, or the end."""
+        """Take what the predecessor passes on after the handover: a stop, or the end."""
         packet = self._link.receive()
         if packet is not None and packet.kind == "stop":
             stop = value_of(packet.body["stop"], Stop, "stop")
@@ -120,7 +120,7 @@ class Successor(Daemon):
             controller.stop(stop.level, stop.by, stop.why, time.monotonic())
             latch = (
                 controller.stop_latch
-            )  # whoever was told of a generation is to find no older one
+            )  # clients know the predecessor's generation: it must not go back
             latch.generation = max(latch.generation, int(packet.body["generation"]))
             self._service.reporter.refresh()
         elif packet is not None and packet.kind == "end":
@@ -130,11 +130,11 @@ class Successor(Daemon):
             self._link.close()
 
     def _open_bus(self) -> None:
-        """Open a bus of our own where there may be two."""
+        """Open an own socket on the bus if the bus allows two."""
         self._bus.stand_by(time.monotonic())
 
     def _prepare(self, state: Any) -> None:
-        """Warm all up, at ordinary priority: the adapter's pump needs the processor, too."""
+        """Warm up, at ordinary priority: the adapter's pump needs the processor, too."""
         for _ in range(_REHEARSALS):
             self._rehearse(state)
         self._reactor.freeze()
@@ -148,7 +148,7 @@ class Successor(Daemon):
             raise NotTakenError(f"the successor: {refusal.message}")
 
     def _rehearse(self, state: Any) -> None:
-        """Take a copy of the state over in vain, so that the real first tick finds all warm."""
+        """Adopt a copy of the state on trial, so that the real first tick is fast."""
         controller, now_s = self._machine.controller, time.monotonic()
         machine = Machine(
             controller.gripper_id, self._config.motor.master_id, MotionConfig(), controller.period_s
@@ -157,7 +157,7 @@ class Successor(Daemon):
         handover.adopt(machine, service, state)
         peer = Peer(os.getpid(), os.getuid(), os.getgid(), "rehearsal")
         session = service.opened(peer, now_s)
-        for number in range(2):  # with more of them unanswered, the motor would count as lost
+        for number in range(2):  # after more unanswered requests the motor would count as lost
             machine.tick(now_s + number * controller.period_s, ())
             service.after_tick(now_s)
             service.handle(session, b'{"jsonrpc":"2.0","id":1,"method":"state.get"}', now_s)
@@ -166,7 +166,7 @@ class Successor(Daemon):
 def succeed(load: Callable[[], Config], arguments: Sequence[str]) -> bool | None:
     """Take over from the daemon that has started this process, and run to the end.
 
-    Returns False if the motor may be energised still, None where nothing was taken over.
+    Return False if the motor may still be energised, None if it did not take over.
     """
     try:
         link = Link.inherited()
@@ -176,7 +176,7 @@ def succeed(load: Callable[[], Config], arguments: Sequence[str]) -> bool | None
     try:
         successor = Successor(load(), arguments, link)
         next_tick_s = successor.take_over(successor.await_state())
-    except Exception as error:  # noqa: BLE001 - whatever it is, the predecessor is told
+    except Exception as error:  # noqa: BLE001 - the predecessor gets any error
         is_told = isinstance(error, NotTakenError | ConfigError | PlainError | OSError)
         why = str(error) if is_told else f"a defect of the successor: {error!r}"
         _log.error("no restart: %s", why)
@@ -186,7 +186,7 @@ def succeed(load: Callable[[], Config], arguments: Sequence[str]) -> bool | None
 
 
 def _check_same(config: Config, will: Any) -> None:
-    """Refuse a configuration that does not fit what is held."""
+    """Reject a configuration that does not fit the hold."""
     before, now = will["settings"], same_settings(config)
     differing = [f"[{table}]" for table, values in now.items() if values != before.get(table)]
     if differing:

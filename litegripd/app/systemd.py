@@ -1,7 +1,7 @@
-"""What the service manager is told: that the daemon is ready, how it fares, and that it works.
+"""Notifications to the service manager: that the daemon is ready, its status, and that it works.
 
-A control thread that hangs tells nothing, and is started anew for that. What is looked at here is
-a loop that goes round and does not do what it is there for. Nothing here waits.
+A control thread that hangs sends nothing, and the manager restarts it. This file checks a loop
+that still runs: whether it does its work. Nothing here waits.
 """
 
 import logging
@@ -17,13 +17,13 @@ _log = logging.getLogger(__name__)
 
 STATUS_EVERY_S = 1.0
 BEATS_PER_WATCHDOG = 4
-"""So often in the manager's time a beat is due: what a single one finds wrong ends nothing."""
+"""The beats in the manager's watchdog time: one failed check alone does not end the daemon."""
 
 FEEDBACK_WITHIN_S = 1.0
-"""Far longer than it takes to notice that the motor is silent."""
+"""Far longer than the time in which a silent motor is noticed."""
 
 MANAGER_WITHIN_S = 1.0
-"""So long a daemon waits for the manager to know its successor as the main process."""
+"""How long a daemon waits until the manager knows its successor as the main process."""
 
 _LONGEST_STATUS = 300  # characters
 _READY = "READY=1"
@@ -31,10 +31,10 @@ _ANSWERS = (MotorPhase.ENABLED, MotorPhase.DISABLED)
 
 
 class Supervision:
-    """Call `tick` at the end of every tick; now and then it sends a datagram, in between nothing.
+    """Sends a datagram to the manager now and then; call `tick` at the end of every tick.
 
-    `follows` tells that this daemon takes the place of another: the manager hears it only once it
-    has been told so, and until then its predecessor has just been heard.
+    `follows` is True for a successor: the manager accepts its messages only after the predecessor
+    has named it, and the predecessor has just fed the watchdog.
     """
 
     def __init__(
@@ -64,19 +64,19 @@ class Supervision:
         self._notifier = Notifier()
 
     def ready(self) -> None:
-        """Tell that clients are let in; once more with each tick while there is no room for it."""
+        """Notify the manager that clients are let in; repeat in each tick until there is room."""
         is_told = self._notifier.send(_READY)
         self._owed = _READY if not is_told and self._notifier.is_full else ""
 
     def ends(self) -> None:
-        """Tell that the end has begun."""
+        """Notify the manager that the end has begun."""
         self._notifier.send("STOPPING=1")
 
     def followed_by(self, pid: int, goes_on: Callable[[], bool]) -> None:
-        """Tell that another process is the daemon now, and wait until the manager knows it.
+        """Notify the manager that another process is the daemon, and wait until the manager knows.
 
-        One that does not know it would take the end of this process for the daemon's, and end the
-        other; so this one waits for room as long as `goes_on` returns True, however long that is.
+        Otherwise the manager would take the end of this process for the daemon's, and end the
+        successor. So this process waits for room as long as `goes_on` returns True.
         """
         told = f"MAINPID={pid}\n{self._owed}".rstrip()
         if self._notifier.insist(told, goes_on):
@@ -103,7 +103,7 @@ class Supervision:
         self._notifier.close()
 
     def _feed(self, now_s: float) -> None:
-        """Tell the manager that the daemon works, or the log why it is not told."""
+        """Notify the manager that the daemon works, or log why not."""
         complaint = self._idle(now_s)
         if complaint is None:
             self._notifier.send("WATCHDOG=1")
@@ -112,7 +112,7 @@ class Supervision:
         self._complaint = complaint
 
     def _idle(self, now_s: float) -> str | None:
-        """Say what has not been done since the last beat, if anything."""
+        """Return what has not been done since the last beat, or None."""
         worked, self._worked = self._worked, False
         waited, self._waited = self._waited, self._server.lines_wait
         requests, self._requests = self._requests, self._server.requests

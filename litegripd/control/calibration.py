@@ -14,18 +14,18 @@ from litegripd.model.gripper_id import GripperId
 from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import damping_conflict
 from litegripd.model.motor import MotorView, ZeroView
+from litegripd.model.plain import Carried
 from litegripd.model.results import ZeroOutcome, ZeroResult
 
 
 class CalibrationInUse:
     """Knows the travel and the gains of the hold; `file` is None for a calibration in no file."""
 
-    def __init__(self) -> None:
-        self.calibration: Calibration | None = None
-        self.file: str | None = None
-        self.gains = DEFAULT_GAINS
-        self.problem = NOT_CALIBRATED
-        self._zero = ZeroView()
+    calibration: Carried[Calibration | None] = None
+    file: Carried[str | None] = None
+    gains: Carried[Gains] = DEFAULT_GAINS
+    problem: Carried[Refusal] = NOT_CALIBRATED
+    _zero: Carried[ZeroView] = ZeroView()
 
     @property
     def geometry(self) -> Geometry | None:

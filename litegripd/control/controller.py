@@ -46,6 +46,7 @@ from litegripd.model.motor import (
     MotorView,
     ZeroView,
 )
+from litegripd.model.plain import Carried
 from litegripd.model.results import Progress, Result
 from litegripd.model.state import Event
 
@@ -82,16 +83,42 @@ class Controller:
     two ticks reach the motor only by the next `step`.
     """
 
+    config: Carried[MotionConfig]
+    config_is_kept: Carried[bool] = False
+    now_s: Carried[float] = 0.0
+    ticks: Carried[int] = 0
+    bus: Carried[BusCondition] = NOT_OPENED
+    calibrated: Carried[CalibrationInUse]
+    second_master: Carried[SecondMaster]
+    jobs: Carried[JobBook]
+    lease: Carried[Lease]
+    stop_latch: Carried[StopLatch]
+    output: Carried[Output]
+    recordings: Carried[int] = 0
+    NOT_CARRIED = (
+        "action",
+        "capture",  # `why_not_restartable` if it would be lost
+        "events",
+        "gripper_id",
+        "has_stepped",
+        "register_reads",
+        "motor",  # only its phase, beside this
+        "must_disable",
+        "period_s",
+        "idle",  # beside this
+        "tasks",
+        "_is_ending",
+        "_owed",
+        "_replaced",
+        "_starting",
+    )
+
     def __init__(
         self, config: MotionConfig, period_s: float, gripper_id: GripperId | None = None
     ) -> None:
         self.config = config
-        self.config_is_kept = False
         self.period_s = period_s
         self.gripper_id = gripper_id or GripperId()
-        self.now_s = 0.0
-        self.ticks = 0
-        self.bus = NOT_OPENED
         self.motor = MotorView(MotorPhase.UNKNOWN)
         self.calibrated = CalibrationInUse()
         self.second_master = SecondMaster()
@@ -105,7 +132,6 @@ class Controller:
         self.output = Output(self.gripper_id.motor_type)
         self.register_reads = RegisterReads()
         self.capture: Recording | None = None
-        self.recordings = 0
         self.events: list[Event] = []
         self.tasks: list[HelperTask] = []
         self.must_disable = False

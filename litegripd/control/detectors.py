@@ -14,14 +14,17 @@ the gripper).
 from collections import deque
 
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.plain import Carried
 
 
 class Lasting:
     """Detects that a condition has held for `duration_s` at every time at which it was asked."""
 
+    _since_s: Carried[float | None] = None
+    NOT_CARRIED = ("_duration_s",)
+
     def __init__(self, duration_s: float) -> None:
         self._duration_s = duration_s * 0.999  # ticks may be a rounding error too short
-        self._since_s: float | None = None
 
     def step(self, is_so: bool, at_s: float) -> bool:
         """Take the condition at `at_s`; return True once it has held for long enough."""
@@ -49,9 +52,12 @@ to detect within two periods of 5 ms that the jaws have stopped or run away."""
 class SpeedWindow:
     """Keeps the positions of the last `window_s` and a little more."""
 
+    _samples: Carried[deque[tuple[float, float]]]
+    NOT_CARRIED = ("_window_s",)
+
     def __init__(self, window_s: float = WINDOW_S) -> None:
         self._window_s = window_s * 0.999
-        self._samples: deque[tuple[float, float]] = deque()
+        self._samples = deque()
 
     def add(self, at_s: float, position_rad: float) -> float | None:
         """Take a measurement; return the mean speed (rad/s), None before the window is full."""

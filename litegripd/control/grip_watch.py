@@ -14,6 +14,7 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import Lasting, SpeedWindow
 from litegripd.model.motor import Feedback
+from litegripd.model.plain import Carried
 
 WatchState: TypeAlias = Literal["held", "searching", "recovering"]
 """`held`: the jaws press. `searching`: they close, and have met nothing yet. `recovering`: they
@@ -73,19 +74,27 @@ class WatchLimits:
 class GripWatch:
     """Watches one grip; `moved_rad` is how far the object has moved, once that is certain."""
 
+    limits: Carried[WatchLimits]
+    state: Carried[WatchState] = "held"
+    is_lost: Carried[bool] = False
+    moved_rad: Carried[float | None] = None
+    contact_rad: Carried[float | None] = None
+    """The most closed position at which the jaws have pressed lately."""
+    _pressed_rad: Carried[float | None] = None
+    takes_nothing: Carried[bool] = False
+    """True while nothing resists the commanded torque, at any speed."""
+    speed_rad_s: Carried[float | None] = None
+    """The closing speed over the last few measurements, None while there are too few."""
+    _seen_s: Carried[float] = 0.0
+    _speed: Carried[SpeedWindow]
+    _free: Carried[Lasting]
+    _far: Carried[Lasting]
+    _closed: Carried[Lasting]
+    _touching: Carried[Lasting]
+    _settled: Carried[Lasting]
+
     def __init__(self, limits: WatchLimits) -> None:
         self.limits = limits
-        self.state: WatchState = "held"
-        self.is_lost = False
-        self.moved_rad: float | None = None
-        self.contact_rad: float | None = None
-        """The most closed position at which the jaws have pressed lately."""
-        self._pressed_rad: float | None = None
-        self.takes_nothing = False
-        """True while nothing resists the commanded torque, at any speed."""
-        self.speed_rad_s: float | None = None
-        """The closing speed over the last few measurements, None while there are too few."""
-        self._seen_s = 0.0
         self._speed = SpeedWindow()
         self._free = Lasting(AGREE_S)
         self._far = Lasting(AGREE_S)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from litegripd.model.motor import Feedback
 from litegripd.model.motor_types import DM4310, MotorType
+from litegripd.model.plain import Carried
 
 _WINDOW_S = 0.5  # the model advances by the mean loss of a window
 _RECENT_WINDOWS = 6  # "the last seconds"
@@ -86,10 +87,10 @@ class Course:
 class Readings:
     """Decides which readings of the coil to believe: those near the last, or those that persist."""
 
-    def __init__(self) -> None:
-        self.believed_c: int | None = None
-        self.doubtful_c: int | None = None  # unlike the believed one, and too recent to count
-        self._since_s, self._ticks = 0.0, 0
+    believed_c: Carried[int | None] = None
+    doubtful_c: Carried[int | None] = None  # unlike the believed one, and too recent to count
+    _since_s: Carried[float] = 0.0
+    _ticks: Carried[int] = 0
 
     def add(self, now_s: float, reading_c: int) -> bool:
         """Take a reading; return True if one far from the former ones is believed from now on."""
@@ -115,17 +116,24 @@ class HeatModel:
     nominal ones. A Kalman filter of these two, which forgets slowly, follows the readings.
     """
 
+    coil_c: Carried[float | None] = None
+    windows: Carried[int] = 0
+    _readings: Carried[Readings]
+    _last_s: Carried[float | None] = None
+    _square_nm2_s: Carried[float] = 0.0
+    _elapsed_s: Carried[float] = 0.0
+    _recent_w: Carried[deque[float]]
+    _winding_w: Carried[float] = 0.0  # the losses, smoothed by the lag of each
+    _housing_w: Carried[float] = 0.0
+    _base_c: Carried[float] = 0.0
+    _share: Carried[float] = 1.0
+    _variances: Carried[tuple[float, float, float]] = (_BASE_VARIANCE, 0.0, _SHARE_VARIANCE)
+    NOT_CARRIED = ("motor_type",)
+
     def __init__(self, motor_type: MotorType = DM4310) -> None:
         self.motor_type = motor_type
-        self.coil_c: float | None = None
-        self.windows = 0
         self._readings = Readings()
-        self._last_s: float | None = None
-        self._square_nm2_s = self._elapsed_s = 0.0
-        self._recent_w: deque[float] = deque(maxlen=_RECENT_WINDOWS)
-        self._winding_w = self._housing_w = 0.0  # the losses, smoothed by the lag of each
-        self._base_c, self._share = 0.0, 1.0
-        self._variances = (_BASE_VARIANCE, 0.0, _SHARE_VARIANCE)
+        self._recent_w = deque(maxlen=_RECENT_WINDOWS)
 
     def update(self, now_s: float, feedback: Feedback) -> None:
         """Take the measurement of this tick; an old one is ignored."""
@@ -223,14 +231,20 @@ class HeatGuard:
     change.
     """
 
+    model: Carried[HeatModel]
+    allowance_nm: Carried[float] = math.inf
+    _windows: Carried[int] = 0
+    _asked_nm: Carried[float] = 0.0
+    _changed_s: Carried[float] = -math.inf
+    _was_raised: Carried[bool] = False
+    _raise_every_s: Carried[float] = _RAISE_EVERY_S
+    _top_nm: Carried[float] = 0.0  # the applied torque when the limiting began
+    NOT_CARRIED = ("limit_c", "least_nm", "_raised_lasts_s")
+
     def __init__(self, motor_type: MotorType = DM4310) -> None:
         self.limit_c = motor_type.coil_limit_c
         self.least_nm = motor_type.least_useful_nm
         self.model = HeatModel(motor_type)
-        self.allowance_nm = math.inf
-        self._windows, self._asked_nm = 0, 0.0
-        self._changed_s, self._was_raised, self._raise_every_s = -math.inf, False, _RAISE_EVERY_S
-        self._top_nm = 0.0  # the applied torque when the limiting began
         self._raised_lasts_s = _RAISED_LASTS * motor_type.winding_s
 
     def update(self, now_s: float, feedback: Feedback, torque_bound_nm: float) -> HeatChange | None:

@@ -24,6 +24,7 @@ from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
 from litegripd.model.motor_types import DM4310, MotorType
+from litegripd.model.plain import Carried
 
 STEADY = (0.7, 1.3)
 """Jaws travel steadily between these shares of the commanded speed."""
@@ -213,6 +214,30 @@ class Grip:
     nothing until they have met something. After `stay`, it ends as soon as they close further.
     """
 
+    force_n: Carried[float]
+    watched: Carried[bool]
+    _settings: Carried[GripSettings]
+    _sign: Carried[int]
+    _applied_nm: Carried[float]
+    _return_nm: Carried[float]
+    """Up to this value the torque returns fast, because it was there before a search."""
+    _below_nm: Carried[float | None] = None
+    """The value to which a lowered force goes first, so that friction releases it."""
+    _below_s: Carried[float] = 0.0
+    _lowered_nm: Carried[float] = 0.0
+    """By how much the force was lowered; 0 once the object has followed."""
+    _eased: Carried[Lasting]
+    _sent_nm: Carried[float | None] = None
+    _ramped_at_s: Carried[float | None] = None
+    _watch: Carried[GripWatch]
+    _stays: Carried[bool] = False
+    _decides_next: Carried[bool] = False
+    _closes_on: Carried[Lasting]
+    _has_moved_on: Carried[bool] = False
+    _slice_began_s: Carried[float] = 0.0
+    _slice_rad: Carried[float | None] = None
+    NOT_CARRIED = ("_motor_type",)
+
     def __init__(
         self,
         settings: GripSettings,
@@ -229,22 +254,9 @@ class Grip:
         self._sign = settings.geometry.close_sign
         self._applied_nm = max(in_flight_nm, 0.0)
         self._return_nm = self._applied_nm
-        """Up to this value the torque returns fast, because it was there before a search."""
-        self._below_nm: float | None = None
-        """The value to which a lowered force goes first, so that friction releases it."""
-        self._below_s = 0.0
-        self._lowered_nm = 0.0
-        """By how much the force was lowered; 0 once the object has followed."""
         self._eased = Lasting(EASED_S)
-        self._sent_nm: float | None = None
-        self._ramped_at_s: float | None = None
         self._watch = GripWatch(settings.watch_limits(force_n, motor_type))
-        self._stays = False
-        self._decides_next = False
         self._closes_on = Lasting(CLOSES_ON_S)
-        self._has_moved_on = False
-        self._slice_began_s = 0.0
-        self._slice_rad: float | None = None
         self._aim(force_n)
 
     @property

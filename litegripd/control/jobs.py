@@ -4,13 +4,14 @@ Jobs that ended are kept for a while, for clients that come back.
 """
 
 from collections import OrderedDict, deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, JobState, Owner
 from litegripd.model.motor import RegisterReply, RegisterRequest
+from litegripd.model.plain import Carried
 from litegripd.model.results import Result
 
 KEPT_JOBS = 64
@@ -38,11 +39,13 @@ class JobBook:
     A queued job is known by its number, too; the controller starts it.
     """
 
+    _last: Carried[int] = 0
+    NOT_CARRIED = ("running", "queue", "_jobs", "_ended")  # `_jobs` follows later, by `keep`
+
     def __init__(self) -> None:
         self.running: Job | None = None
         self.queue: deque[QueuedJob] = deque()
         self._jobs: OrderedDict[int, Job] = OrderedDict()
-        self._last = 0
         self._ended: list[Job] = []
 
     def __iter__(self) -> Iterator[Job]:
@@ -62,6 +65,10 @@ class JobBook:
         """Return the kept job to which the same program has given this key."""
         jobs = (job for job in self if job.key == key and _is_same_program(job.owner, owner))
         return next(jobs, None)
+
+    def keep(self, jobs: Iterable[Job]) -> None:
+        """Keep ended jobs of a predecessor."""
+        self._jobs.update((job.number, job) for job in jobs)
 
     def add(self, kind: JobKind, owner: Owner, detached: bool, now_s: float) -> Job:
         """Return a new job, which waits for its turn."""

@@ -11,6 +11,7 @@ from typing import Literal, TypeAlias, TypedDict
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import OnLost, Owner
+from litegripd.model.plain import Carried
 
 LossCause: TypeAlias = Literal["connection", "process", "expired", "taken"]
 """Why a lease was lost: its connection ended, its process died, its time to live ran out without
@@ -122,12 +123,14 @@ class Lease:
     slept through its loss must not act as if it had it.
     """
 
+    _last: Carried[int] = 0
+    _lapsed: Carried[Grant | None] = None
+    NOT_CARRIED = ("holder", "_waiting", "_expires_s", "_losses")
+
     def __init__(self) -> None:
         self.holder: Grant | None = None
         self._waiting: deque[_Waiting] = deque()
-        self._last = 0
         self._expires_s: float | None = None
-        self._lapsed: Grant | None = None
         self._losses: dict[int, Loss] = {}
 
     @property

@@ -12,6 +12,7 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, Ranges
 from litegripd.model.motor_types import DM4310, MotorType
+from litegripd.model.plain import Carried
 
 VENDOR_KD_NM_S_RAD = 2.0
 """The damping of the vendor's SDK, for every command."""
@@ -61,13 +62,15 @@ class CommandLimiter:
     one way. If the sum is too large, these terms are lowered by the same share.
     """
 
+    _impulse_nm_s: Carried[float] = 0.0
+    _rated_only: Carried[bool] = False
+    _last_s: Carried[float | None] = None
+    _last_nm: Carried[float] = 0.0
+    _damping: Carried[float] = 1.0
+    NOT_CARRIED = ("_motor_type",)
+
     def __init__(self, motor_type: MotorType = DM4310) -> None:
         self._motor_type = motor_type
-        self._impulse_nm_s = 0.0
-        self._rated_only = False
-        self._last_s: float | None = None
-        self._last_nm = 0.0
-        self._damping = 1.0
 
     def apply(
         self,
@@ -243,10 +246,13 @@ def _clamp(value: float, limit: float) -> float:
 class Output:
     """Keeps the wanted command, the sent one, and why they differ."""
 
+    requested: Carried[MitCommand | None] = None
+    command: Carried[MitCommand | None] = None
+    limited: Carried[tuple[str, ...]] = ()
+    heat: Carried[HeatGuard]
+    _limiter: Carried[CommandLimiter]
+
     def __init__(self, motor_type: MotorType = DM4310) -> None:
-        self.requested: MitCommand | None = None
-        self.command: MitCommand | None = None
-        self.limited: tuple[str, ...] = ()
         self.heat = HeatGuard(motor_type)
         self._limiter = CommandLimiter(motor_type)
 

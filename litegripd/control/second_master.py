@@ -7,6 +7,7 @@ motor's registers changes what every frame means, and counts the same.
 
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import RegisterWrite
+from litegripd.model.plain import Carried
 from litegripd.model.state import Event
 
 QUIET_AFTER_S = 2.0
@@ -18,12 +19,14 @@ TOLD_EVERY_S = 10.0
 class SecondMaster:
     """Keeps when a frame that is not ours was last seen, and how many there were."""
 
+    is_active: Carried[bool] = False
+    _seen_s: Carried[float] = 0.0
+    _told_s: Carried[float] = 0.0
+    NOT_CARRIED = ("is_tolerated", "count", "_write", "_known_write")  # the motor counts from 0
+
     def __init__(self, *, is_tolerated: bool = False) -> None:
         self.is_tolerated = is_tolerated
         self.count = 0
-        self.is_active = False
-        self._seen_s = 0.0
-        self._told_s = 0.0
         self._write: RegisterWrite | None = None
         """The latest write of one that is active."""
         self._known_write: RegisterWrite | None = None

@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import STOP_LEVELS, Owner, Stop, StopLevel
+from litegripd.model.plain import Carried
 
 
 class StopLatch:
@@ -16,13 +17,15 @@ class StopLatch:
     the daemon itself) who have stopped since the present level was latched.
     """
 
+    latched: Carried[Stop | None] = None
+    generation: Carried[int] = 0
+    repeats: Carried[int] = 0
+    stopped_by: Carried[tuple[int | None, ...]] = ()
+    _latest_s: Carried[float] = float("-inf")
+    NOT_CARRIED = ("on_stop", "_latest_client", "_latest_of_others_s")  # connections end
+
     def __init__(self) -> None:
-        self.latched: Stop | None = None
-        self.generation = 0
-        self.repeats = 0
         self.on_stop: Callable[[float], None] = lambda _now_s: None
-        self.stopped_by: tuple[int | None, ...] = ()
-        self._latest_s = float("-inf")
         self._latest_client: int | None = None
         self._latest_of_others_s = float("-inf")
 

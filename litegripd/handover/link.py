@@ -1,7 +1,7 @@
-"""The line between a daemon and the successor that is to take its place.
+"""The line between a daemon and its successor.
 
-Packets are JSON with descriptors beside them; what may be large travels as a file in memory, whose
-descriptor goes along. Nothing here waits but `wait`.
+Packets are JSON with descriptors beside them. A large value travels as a file in memory, by its
+descriptor. Only `wait` waits.
 """
 
 import json
@@ -20,7 +20,7 @@ _FILE_NAME = "litegripd handover"
 
 @dataclass(frozen=True, slots=True)
 class Packet:
-    """What the other end sent: its kind, its members, and the descriptors, which are ours now."""
+    """A packet from the other end: kind, members, and descriptors, which this end now owns."""
 
     kind: str
     body: Mapping[str, Any]
@@ -28,7 +28,7 @@ class Packet:
 
 
 class Link:
-    """One end of the line; it does not block. `has_ended` once the other end is gone."""
+    """One end of the line; it does not block. `has_ended` is True once the other end is gone."""
 
     def __init__(self, connected: socket.socket) -> None:
         connected.setblocking(False)
@@ -43,21 +43,21 @@ class Link:
 
     @classmethod
     def inherited(cls) -> "Link":
-        """Return the successor's end. Raises `OSError` where this process has inherited none."""
+        """Return the successor's end. Raises `OSError` if this process has inherited none."""
         os.set_inheritable(CHILD_FD, False)
         return cls(socket.socket(fileno=CHILD_FD))
 
     def fileno(self) -> int:
-        """Return the descriptor that is readable when a packet has come, or the end."""
+        """Return the descriptor; it is readable when a packet has come, or the end."""
         return self._socket.fileno()
 
     def send(self, kind: str, descriptors: Sequence[int] = (), **body: object) -> None:
-        """Send a packet, as a whole or not at all; raises `OSError` where nobody takes it."""
+        """Send a packet, as a whole or not at all; raises `OSError` if that is not possible."""
         packet = json.dumps([kind, body]).encode()
         socket.send_fds(self._socket, [packet], descriptors)
 
     def receive(self) -> Packet | None:
-        """Return the next packet; None where there is none now, or no more."""
+        """Return the next packet, or None if there is none."""
         try:
             packet, descriptors = receive_descriptors(
                 self._socket, MAX_PACKET_BYTES, _MAX_DESCRIPTORS
@@ -71,12 +71,12 @@ class Link:
         return Packet(kind, body, descriptors)
 
     def wait(self, within_s: float) -> Packet | None:
-        """Wait for a packet or the end, at most so long."""
+        """Return the next packet, or None at the end of the line or of the time."""
         select.select((self._socket,), (), (), max(within_s, 0.0))
         return self.receive()
 
     def is_left(self) -> bool:
-        """Return whether the other end is gone, though packets of it may be left to be received."""
+        """Return whether the other end is gone; packets from it may still be unread."""
         poll = select.poll()
         poll.register(self._socket, 0)
         return bool(poll.poll(0))
@@ -96,7 +96,7 @@ def write_document(plain: Any) -> int:
 
 
 def read_document(descriptor: int) -> Any:
-    """Return what `write_document` was given, and close the descriptor."""
+    """Return the value that `write_document` has written, and close the descriptor."""
     os.lseek(descriptor, 0, os.SEEK_SET)
     with open(descriptor, "rb") as file:
         return json.loads(file.read())

@@ -1,4 +1,4 @@
-"""The method by which the daemon is restarted without letting go of what the jaws hold."""
+"""The method that restarts the daemon while the jaws hold."""
 
 from collections.abc import Callable
 from dataclasses import asdict
@@ -10,10 +10,10 @@ from litegripd.rpc.method import Answer, Call, Deferred, Method
 from litegripd.rpc.schema import Param
 
 OnRestarted: TypeAlias = Callable[[Restarted | Refusal], None]
-"""Is told which successor has taken over, or why none has."""
+"""Gets the successor that has taken over, or the reason why none has."""
 
 OnRestart: TypeAlias = Callable[[OnRestarted], Refusal | None]
-"""Begins a restart, or says at once why there is none."""
+"""Begins a restart, or returns a refusal."""
 
 _PLAIN = Refusal(
     "invalid_params",
@@ -24,12 +24,14 @@ _PLAIN = Refusal(
 
 
 def no_restart(_on_restarted: OnRestarted) -> Refusal | None:
-    """Refuse: there is no process to be followed by another."""
+    """Return the refusal of a daemon that cannot start a successor."""
     return Refusal("restart_failed", "this daemon cannot start a successor")
 
 
 class RestartMethods:
     """The method `daemon.restart`."""
+
+    NOT_CARRIED = ("_restart",)
 
     def __init__(self, restart: OnRestart) -> None:
         self._restart = restart

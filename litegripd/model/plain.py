@@ -1,24 +1,24 @@
 """Values in a form that JSON carries from one process of the daemon to its successor, and back.
 
 What arrives is checked against the declared type, down to the last field. A state that another
-version has written, or that is damaged, is rejected and never guessed.
+version has written, or that is damaged, is rejected; nothing is guessed.
 
-`Carried` is a table of the attributes of an object that a successor takes over. Every attribute is
-either carried or left. One that is in neither list is a defect; it is found before anything is
-handed over.
+A class with state that must survive a restart declares each attribute. `name: Carried[float]` in
+its body is taken over by a successor; `NOT_CARRIED` names the others. An attribute in neither is a
+defect. It is found before anything is handed over, and not by jaws that let go.
 """
 
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import cache
 from types import NoneType, UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 TYPE_KEY = "is"
-"""The key whose value names the dataclass of an object; no field has this name."""
+"""The key of an object's class name; no field has this name."""
 
 
 class PlainError(ValueError):
@@ -71,7 +71,7 @@ def _reader(kind: Any) -> Reader:
         return _tuple(arguments)
     if origin is deque:
         return _sequence(arguments[0], deque)
-    if origin in (Mapping, dict, OrderedDict) or (origin and issubclass(origin, Mapping)):
+    if origin in (Mapping, dict) or (origin and issubclass(origin, Mapping)):
         return _mapping(*arguments)
     if isinstance(kind, type) and issubclass(kind, Enum):
         return _enum(kind)
@@ -192,7 +192,7 @@ def _dataclass(kind: Any) -> Reader:
 
 
 def check_object(plain: Any, name: str, expected: set[str], where: str) -> None:
-    """Raise `PlainError` unless this is the object `name` with exactly the expected keys."""
+    """Reject what is not the object `name` with exactly the expected keys."""
     if not isinstance(plain, dict) or plain.get(TYPE_KEY) != name:
         raise PlainError(f"{where} is not a {name}")
     differing = expected ^ plain.keys()
@@ -200,46 +200,73 @@ def check_object(plain: Any, name: str, expected: set[str], where: str) -> None:
         raise PlainError(f"{where}: a {name} of another version, by {', '.join(sorted(differing))}")
 
 
-class Carried:
-    """The table of one class: the carried attributes with their types, and those that are left.
+_Type = TypeVar("_Type")
+_CARRIED = "carried"
 
-    A type may be another `Carried`: then the object in that attribute is filled, not replaced.
-    Keyed and bounded collections are filled, too, so that they keep their bounds.
+Carried = Annotated[_Type, _CARRIED]
+"""The type of an attribute that a successor takes over, declared in the body of its class."""
+
+
+@cache
+def carried_by(owner: type) -> Mapping[str, Any]:
+    """Return the carried attributes of a class, with their types."""
+    hints = get_type_hints(owner, include_extras=True)
+    return {
+        name: hint.__origin__
+        for name, hint in hints.items()
+        if _CARRIED in getattr(hint, "__metadata__", ())
+    }
+
+
+def undeclared(source: object) -> set[str]:
+    """Return the attributes of an object of which its class does not say whether they are carried.
+
+    Also those that it declares twice, and those that it declares and the object does not have.
     """
+    owner: type = type(source)
+    carried, left = carried_by(owner).keys(), set(getattr(owner, "NOT_CARRIED", ()))
+    missing = {name for name in carried | left if not hasattr(source, name)}
+    return (vars(source).keys() - carried - left) | (carried & left) | missing
 
-    def __init__(self, owner: type, *, left: tuple[str, ...] = (), **kinds: Any) -> None:
-        self._owner = owner
-        self._left = frozenset(left)
-        self._kinds = kinds
 
-    def memory(self, source: Any) -> dict[str, Any]:
-        """Return the carried attributes as JSON can hold them. Raises `PlainError` for a defect."""
-        unknown = vars(source).keys() ^ (self._kinds.keys() | self._left)
-        if unknown:
-            names = ", ".join(sorted(unknown))
-            raise PlainError(f"of {self._owner.__name__} it is not said who takes over: {names}")
-        plain = {name: _part(getattr(source, name), kind) for name, kind in self._kinds.items()}
-        return {TYPE_KEY: self._owner.__name__, **plain}
+def memory(source: object) -> dict[str, Any]:
+    """Return the carried attributes as JSON can hold them. Raises `PlainError` for a defect."""
+    owner: type = type(source)
+    unknown = undeclared(source)
+    if unknown:
+        names = ", ".join(sorted(unknown))
+        raise PlainError(f"of {owner.__name__} it is not said who takes over: {names}")
+    plain = {name: _part(getattr(source, name), kind) for name, kind in carried_by(owner).items()}
+    return {TYPE_KEY: owner.__name__, **plain}
 
-    def restore(self, target: Any, plain: Any, where: str = "") -> None:
-        """Fill `target` with what `memory` returned. Raises `PlainError` for anything else."""
-        where = where or self._owner.__name__
-        check_object(plain, self._owner.__name__, {TYPE_KEY, *self._kinds}, where)
-        for name, kind in self._kinds.items():
-            present, inner = getattr(target, name), f"{where}.{name}"
-            if isinstance(kind, Carried):
-                kind.restore(present, plain[name], inner)
-                continue
-            value = value_of(plain[name], kind, inner)
-            if isinstance(present, OrderedDict):
-                present.clear()
-                present.update(value)
-            elif isinstance(present, deque):
-                present.clear()
-                present.extend(value)
-            else:
-                setattr(target, name, value)
+
+def restore(target: object, plain: Any, where: str = "") -> None:
+    """Fill `target` with what `memory` returned. Raises `PlainError` for anything else.
+
+    An object that has carried attributes itself is filled, not replaced. Bounded rows are filled,
+    too, so that they keep their bounds.
+    """
+    owner: type = type(target)
+    where, kinds = where or owner.__name__, carried_by(owner)
+    check_object(plain, owner.__name__, {TYPE_KEY, *kinds}, where)
+    for name, kind in kinds.items():
+        present, inner = getattr(target, name), f"{where}.{name}"
+        if is_stateful(kind):
+            restore(present, plain[name], inner)
+            continue
+        value = value_of(plain[name], kind, inner)
+        if isinstance(present, deque):
+            present.clear()
+            present.extend(value)
+        else:
+            setattr(target, name, value)
 
 
 def _part(value: Any, kind: Any) -> Any:
-    return kind.memory(value) if isinstance(kind, Carried) else plain_of(value)
+    return memory(value) if is_stateful(kind) else plain_of(value)
+
+
+@cache
+def is_stateful(kind: Any) -> bool:
+    """Return whether a type is a class with carried attributes."""
+    return get_origin(kind) is None and isinstance(kind, type) and bool(carried_by(kind))

@@ -19,6 +19,7 @@ from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import MotorIdentity, Ranges
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
+from litegripd.model.plain import Carried
 from litegripd.motor.registers import (
     ANSWER_WITHIN_S,
     CAN_ID,
@@ -490,10 +491,20 @@ STILL_READ = Refusal("motor_silent", "the motor's registers are still being read
 class Identification:
     """The identity of the motor `can_id`, as far as it is known."""
 
+    identity: Carried[MotorIdentity | None] = None
+    NOT_CARRIED = (
+        "can_id",
+        "motor_type",
+        "verifier",
+        "_configured_master_id",
+        "_judged",
+        "_scan",
+        "_refusal",
+    )
+
     def __init__(
         self, can_id: int, configured_master_id: int | None, motor_type: MotorType = DM4310
     ) -> None:
-        self.identity: MotorIdentity | None = None
         self.verifier = Verifier(can_id)
         self.can_id = can_id
         self.motor_type = motor_type

@@ -25,6 +25,7 @@ from litegripd.model.motor import (
     is_fault,
 )
 from litegripd.model.motor_types import DM4310, MotorType
+from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.enabling import Arming, FaultClearing
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
@@ -60,6 +61,33 @@ DISABLE_CONFIRM_AFTER_S = 0.01  # earlier answers may still be on their way when
 class Motor:
     """The motor `can_id`; it answers on the id in its register MST_ID, or on `master_id`."""
 
+    _identification: Carried[Identification]
+    _phase: Carried[Phase] = Phase.LOOKING
+    _entered_s: Carried[float] = 0.0
+    _zeroing: Carried[Zeroing]
+    _plausibility: Carried[Plausibility]
+    _feedback: Carried[Feedback | None] = None
+    _asked_s: Carried[float] = 0.0
+    _silence: Carried[Silence]
+    _traffic: Carried[Traffic]
+    _standstill: Carried[Standstill]
+    _stood_still_s: Carried[float | None] = None
+    """How long the daemon sent nothing before the present fault, if it stood still."""
+    _tries: Carried[int] = 0
+    _failure: Carried[Refusal | None] = None
+    NOT_CARRIED = (
+        "counters",
+        "_arming",
+        "_can_id",
+        "_certain_s",
+        "_foreign_requests",
+        "_foreign_write",
+        "_fresh",
+        "_register_reader",
+        "_status",
+        "_fault_clearing",
+    )
+
     def __init__(
         self,
         can_id: int,
@@ -70,16 +98,12 @@ class Motor:
         self.counters = MotorCounters()
         self._can_id = can_id
         self._identification = Identification(can_id, master_id, motor_type)
-        self._phase = Phase.LOOKING
-        self._entered_s = 0.0
         self._arming: Arming | None = None
         self._zeroing = Zeroing(can_id, motor_type.ranges, 0.0)
         self._register_reader = RegisterReader(can_id)
         self._plausibility = Plausibility(period_s, motor_type)
         self._status = StatusJudge()
-        self._feedback: Feedback | None = None
         self._fresh = False
-        self._asked_s = 0.0
         self._silence = Silence(period_s)
         self._traffic = Traffic(can_id, self._silence, self.counters)
         self._foreign_write: RegisterWrite | None = None
@@ -88,11 +112,7 @@ class Motor:
         self._certain_s = 0.0
         """When the motor's ranges were last certain."""
         self._standstill = Standstill(period_s)
-        self._stood_still_s: float | None = None
-        """How long the daemon sent nothing before the present fault, if it stood still."""
         self._fault_clearing: FaultClearing | None = None
-        self._tries = 0
-        self._failure: Refusal | None = None
 
     def view(self) -> MotorView:
         """Return what is known now."""

@@ -14,6 +14,7 @@ alone proves nothing, and its other fields are as doubtful.
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, Status
 from litegripd.model.motor_types import DM4310, MotorType
+from litegripd.model.plain import Carried
 from litegripd.motor.faults import implausible_refusal
 from litegripd.motor.silence import USUAL_PERIOD_S
 
@@ -68,25 +69,27 @@ gap more could have happened, so two frames must agree."""
 class Plausibility:
     """Judges each feedback frame by the one before it."""
 
+    in_a_row: Carried[int] = 0
+    """How many doubtful frames have been left out since the last believed one."""
+    refusal: Carried[Refusal | None] = None
+    """Why the position is not believed; set by the last of `lasting_frames`, until `reset`."""
+    _last: Carried[Feedback | None] = None
+    _doubted: Carried[Feedback | None] = None
+    _told_s: Carried[float] = 0.0
+    _silent_s: Carried[float] = 0.0
+    """How long no frame had come before the latest; late ones may come together."""
+    _gap_s: Carried[float] = 0.0
+    """That time for the first doubtful frame: in it the jaws could have moved anywhere."""
+    _was_driven: Carried[bool] = False
+    NOT_CARRIED = ("lasting_frames", "_acceleration_rad_s2", "_brake_nm", "_before")
+
     def __init__(self, period_s: float = USUAL_PERIOD_S, motor_type: MotorType = DM4310) -> None:
         self._brake_nm = motor_type.peak_nm
         self._acceleration_rad_s2 = motor_type.largest_acceleration_rad_s2
         self.lasting_frames = max(round(IMPLAUSIBLE_FRAMES * USUAL_PERIOD_S / period_s), 2)
         """This many in a row are not a disturbed frame."""
-        self.in_a_row = 0
-        """How many doubtful frames have been left out since the last believed one."""
-        self.refusal: Refusal | None = None
-        """Why the position is not believed; set by the last of `lasting_frames`, until `reset`."""
-        self._last: Feedback | None = None
         self._before: Feedback | None = None
         """The one believed before the last, because the last may have been disturbed."""
-        self._doubted: Feedback | None = None
-        self._told_s = 0.0
-        self._silent_s = 0.0
-        """How long no frame had come before the latest; late ones may come together."""
-        self._gap_s = 0.0
-        """That time for the first doubtful frame: in it the jaws could have moved anywhere."""
-        self._was_driven = False
 
     @property
     def brake_kd_nm_s_rad(self) -> float:

@@ -4,6 +4,7 @@
 how long the daemon sent nothing before the motor's watchdog reported a fault.
 """
 
+from litegripd.model.plain import Carried
 from litegripd.motor.phases import Event, Phase
 
 USUAL_PERIOD_S = 0.005
@@ -29,8 +30,10 @@ class Silence:
     The number of ticks follows from `period_s`.
     """
 
+    unanswered: Carried[int] = 0
+    NOT_CARRIED = ("repeats", "_ticks_apart", "_bus_is_usable", "_was_total")
+
     def __init__(self, period_s: float) -> None:
-        self.unanswered = 0
         self.repeats = max(round(PATIENCE_S / period_s) - 1, 1)
         """How many unanswered commands are repeated before the motor counts as lost."""
         self._ticks_apart = max(round(REPEAT_INTERVAL_S / period_s), 1)
@@ -93,11 +96,13 @@ _TICKS_BESIDE = 2
 class Standstill:
     """Detects a tick so late that the motor's own watchdog ran out before it."""
 
+    _ticked_s: Carried[float | None] = None
+    _ended_s: Carried[float | None] = None
+    _lasted_s: Carried[float] = 0.0
+    NOT_CARRIED = ("_period_s",)
+
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
-        self._ticked_s: float | None = None
-        self._ended_s: float | None = None
-        self._lasted_s = 0.0
 
     def tick(self, now_s: float, watchdog_s: float) -> None:
         """Take the time of a tick; `watchdog_s` is the motor's timeout, 0 if it is off."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MitCommand, Ranges
+from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.registers import status_request
 from litegripd.motor.silence import POLL_INTERVAL_S, Silence
@@ -29,14 +30,16 @@ class MotorCounters:
 class Traffic:
     """The regular frames to the motor `can_id`."""
 
+    _polled_at_s: Carried[float] = float("-inf")
+    _last_command: Carried[MitCommand | None] = None
+    is_stored: Carried[bool] = False
+    """True if the motor may have stored a command."""
+    NOT_CARRIED = ("_can_id", "_silence", "_counters")
+
     def __init__(self, can_id: int, silence: Silence, counters: MotorCounters) -> None:
         self._can_id = can_id
         self._silence = silence
         self._counters = counters
-        self._polled_at_s = float("-inf")
-        self._last_command: MitCommand | None = None
-        self.is_stored = False
-        """True if the motor may have stored a command."""
 
     @property
     def is_driven(self) -> bool:

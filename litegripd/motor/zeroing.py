@@ -9,6 +9,7 @@ It sends nothing that energises.
 from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, Ranges, ZeroView
+from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.faults import SILENT
 from litegripd.motor.registers import status_request
@@ -40,6 +41,24 @@ _UNCERTAIN = "; it may or may not be set: find out where the jaws are before the
 
 class Zeroing:
     """One setting of the zero, from the request to its end; only a pending `view` acts."""
+
+    view: Carried[ZeroView]
+    NOT_CARRIED = (
+        "_answered_s",
+        "_before_rad",
+        "_began_s",
+        "_can_id",
+        "_first_try_s",
+        "_is_due",
+        "_is_unchanged",
+        "_last_try_s",
+        "_position_rad",
+        "_rest_rad",
+        "_rest_within_rad",
+        "_rests_since_s",
+        "_tries",
+        "_zero_within_rad",
+    )  # they count only while it is pending
 
     def __init__(self, can_id: int, ranges: Ranges, now_s: float, view: ZeroView = _IDLE) -> None:
         self.view = view

@@ -1,7 +1,7 @@
-"""When the flight recorder is written to disk: asked for by a client, or by itself for a `Cause`.
+"""When the flight recorder is written to disk: when a client asks, or by itself for a `Cause`.
 
-Only says so, by a task; the helper process does it. Nothing is asked for twice at a time, and
-by itself at most once in `APART_S`: what happens meanwhile is in the next dump.
+This file only makes the task; the helper process writes. There is one dump at a time, and by
+itself at most one in `APART_S`: the next dump shows what happens between.
 """
 
 from collections.abc import Callable
@@ -24,23 +24,37 @@ Cause: TypeAlias = Literal[
     "bus_lost",
     "tick_error",
 ]
-"""`motor_silent`: one that may be energised answers no more, though the bus works. `motor_reset`:
-an enabled one says that it is disabled, though nobody here asked for that; its supply was away for
-a moment, or another program did it. `implausible`: it is disabled because its position jumped.
+"""`motor_silent`: a motor that may be energised has stopped answering, though the bus works.
+`motor_reset`: an enabled motor reports that it is disabled, though the daemon did not ask for it;
+its supply failed for a moment, or another program did it. `implausible`: the daemon has disabled
+the motor because its position jumped.
 """
 
 AFTER_S = 1.0
-"""So long after its cause the dump is made, so that it shows what came of it."""
+"""The dump is made this long after its cause, so that it shows the effects."""
 
 APART_S = KEPT_S - 5.0
-"""Less than what is recorded: a fault right after a dump is still in the next one."""
+"""Less than the recorded time: the next dump still shows a fault right after this one."""
 
 _MOST_CAUSES = 10
 _POWERED = (MotorPhase.ENABLING, MotorPhase.ENABLED, MotorPhase.DISABLING)
 
 
 class Dumps:
-    """Asks for dumps; `step` is called once per tick with what could be a reason for one."""
+    """Asks for dumps; call `step` once per tick."""
+
+    NOT_CARRIED = (
+        "_bus_was_up",
+        "_causes",
+        "_controller",
+        "_due_s",
+        "_dumped_s",
+        "_has_worked",
+        "_is_busy",
+        "_is_powered",
+        "_phase",
+        "_seen_s",
+    )
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
@@ -55,7 +69,7 @@ class Dumps:
         self._seen_s: dict[Cause, float] = {}
 
     def ask(self, cause: Cause, note: str, then: Callable[[TaskResult], None]) -> Refusal | None:
-        """Have the recorder written; `then` is called with what became of it, unless refused."""
+        """Ask for a dump, or return a refusal; `then` gets the result."""
         if self._is_busy:
             text = "a dump of the recorder is being written already: ask again when it is done"
             return Refusal("too_many_requests", text, {"limit": 1})
@@ -71,7 +85,7 @@ class Dumps:
         return None
 
     def step(self, now_s: float, *, failed: bool, bus_is_up: bool) -> None:
-        """Look for a reason to dump; `failed` tells that this tick did, by a defect."""
+        """Look for a cause; `failed` is True if a defect broke this tick off."""
         before, phase = self._phase, self._controller.motor.phase
         if phase is not before:
             self._phase = phase
@@ -89,20 +103,20 @@ class Dumps:
             self._dump(now_s)
 
     def finish(self, now_s: float) -> None:
-        """Ask for the dump that is still due, before the daemon ends."""
+        """Before the daemon ends, ask for the dump that is still due."""
         if self._causes and not self._is_busy:
             self._dump(now_s)
 
     def _note_phase(
         self, before: MotorPhase, phase: MotorPhase, now_s: float, *, bus_is_up: bool
     ) -> None:
-        """Tell what begins from what was found, or what the motor cannot get rid of."""
+        """Note the cause that a change of the motor's phase shows, if any."""
         has_jumped = self._controller.motor.has_jumped
         if phase in _POWERED:
             self._is_powered = True
         elif phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
             self._is_powered = False
-            self._seen_s.pop("motor_silent", None)  # a client has to enable it before the next one
+            self._seen_s.pop("motor_silent", None)  # the next one needs a client that enables it
         if phase is MotorPhase.FAULT and self._has_worked:
             self._has_worked = False
             self._note("motor_fault", now_s)
@@ -116,7 +130,7 @@ class Dumps:
             self._note("implausible", now_s)
 
     def _note_once(self, cause: Cause, now_s: float) -> None:
-        """Note what stays, or comes again and again, when it begins: one dump shows it."""
+        """Note a cause that lasts, or repeats, only when it begins: one dump shows it."""
         if now_s - self._seen_s.get(cause, float("-inf")) > APART_S:
             self._note(cause, now_s)
         self._seen_s[cause] = now_s
@@ -133,7 +147,7 @@ class Dumps:
 
 
 def _told(cause: Cause, result: TaskResult) -> Event:
-    """Return where the dump is, or why there is none."""
+    """Return an event that says where the dump is, or why there is none."""
     if isinstance(result.value, dict):
         value = result.value
         text = f"the last {value['seconds']:.0f} s are recorded in {value['path']} ({cause})"

@@ -1,8 +1,8 @@
-"""The dumps of the flight recorder on the disk, written by the helper process.
+"""The flight recorder's dumps on the disk, written by the helper process.
 
-A bounded number is kept, those that somebody asked for apart from the others: nobody's curiosity
-may remove the record of a fault. A number in their names tells their order: the time of day in
-there may have been set back since, or forward, and is for people.
+A bounded amount is kept. Dumps that a client asked for are counted apart from the others: no
+request may remove the record of a fault. A number in the name gives the order. The time of day in
+the name is for people: the clock may have been set since.
 """
 
 import contextlib
@@ -21,17 +21,17 @@ from litegripd.recorder.reader import read
 
 KEPT_FILES = 10
 KEPT_BYTES = 64_000_000
-"""Of each sort: asked for, or written by the daemon itself."""
+"""For each sort: asked for by a client, or written by the daemon itself."""
 
 _ASKED_FOR = "demand"
 _NAME = re.compile(r"\.?(\d+)-\d{8}T.+\.mcap")
-"""Of a dump, or of one that is being written; what has another name is not the daemon's."""
+"""The name of a dump, or of one that is being written; files with other names are left alone."""
 
 
 def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> Dumped:
-    """Write what the recorder holds now to a new file; return its path, and what is in it.
+    """Write the recorder's content to a new file; return its path and a summary.
 
-    Raises `FileError` where it cannot be written, and where nothing has been recorded yet.
+    Raises `FileError` if it cannot be written, or if nothing is recorded yet.
     """
     now_ns, monotonic_ns = time.time_ns(), time.monotonic_ns()
     recording = read(copy_of(memory_fd))
@@ -55,7 +55,7 @@ def dump(cause: str, note: str, memory_fd: int = MEMORY_FD) -> Dumped:
 
 
 def prune(directory: Path, keep: Path) -> None:
-    """Remove the oldest dumps of the sort of `keep` beyond what is kept, but never that one."""
+    """Remove the oldest dumps of the sort of `keep` beyond `KEPT_BYTES`, but never `keep`."""
     asked_for = _is_asked_for(keep)
     dumps = [
         path for _n, path in _numbered(directory, "*.mcap") if _is_asked_for(path) == asked_for
@@ -65,15 +65,15 @@ def prune(directory: Path, keep: Path) -> None:
         total_bytes += path.stat().st_size
         if path != keep and (place >= KEPT_FILES or total_bytes > KEPT_BYTES):
             path.unlink()
-    for number, path in _numbered(directory, ".*.mcap.*.tmp"):  # of helpers killed while they wrote
-        # Another helper, of a daemon that is being followed by its successor, may write beside us.
+    for number, path in _numbered(directory, ".*.mcap.*.tmp"):  # of killed helpers
+        # During a restart another helper may write at the same time.
         if abs(number - _number(keep)) > 1:
             with contextlib.suppress(FileNotFoundError):
                 path.unlink()
 
 
 def _numbered(directory: Path, pattern: str) -> list[tuple[int, Path]]:
-    """Return the files of dumps that fit `pattern` with their numbers, the newest first."""
+    """Return the dumps that match `pattern`, with their numbers, the newest first."""
     ours = (path for path in directory.glob(pattern) if _NAME.match(path.name))
     return sorted(((_number(path), path) for path in ours), reverse=True)
 
@@ -87,7 +87,7 @@ def _is_asked_for(path: Path) -> bool:
 
 
 def _name(number: int, cause: str, now_ns: int) -> str:
-    """Return a name that sorts by `number`, which rises, and tells the time of day, UTC."""
+    """Return a name with the rising `number`, by which names sort, and the time of day, UTC."""
     seconds, rest_ns = divmod(now_ns, 1_000_000_000)
     stamp = time.strftime("%Y%m%dT%H%M%S", time.gmtime(seconds))
     return f"{number:06}-{stamp}.{rest_ns // 1_000_000:03}Z-{cause}.mcap"

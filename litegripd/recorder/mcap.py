@@ -1,7 +1,7 @@
 """A recording as an MCAP file: one message per tick and one per event, as JSON with its schema.
 
-The names of the fields are those of the state; what is unknown is left out. Events have the
-schema `foxglove.Log`, which viewers show as a log. Runs in the helper process only.
+The fields have the names of the state; unknown ones are left out. Events have the schema
+`foxglove.Log`, which viewers show as a log. Only the helper process runs this.
 """
 
 import io
@@ -55,7 +55,7 @@ EVENT_SCHEMA: Mapping[str, Any] = {
 }
 _INFO, _WARNING = 2, 3
 _WARNINGS = frozenset({"stop", "object_lost", "heat", "refused", "recorder", "lease_lost"})
-# Looking up an enumeration's names takes long, and a dump has tens of thousands of them.
+# Looking up a name in an enumeration is slow, and a dump has tens of thousands of them.
 _PHASE_NAMES = {
     **{phase.value: phase.name.lower() for phase in Phase},
     Phase.CLEARING_FAULT.value: "unfaulting",  # as in the dumps that users have
@@ -71,7 +71,7 @@ _SPECIAL = {
 
 
 def to_mcap(recording: Recording, cause: str, note: str, offset_ns: int) -> bytes:
-    """Return the file's content; `offset_ns` leads from CLOCK_MONOTONIC to the time of day."""
+    """Return the file's content; CLOCK_MONOTONIC plus `offset_ns` is the time of day."""
     file = io.BytesIO()
     writer = Writer(file, compression=CompressionType.ZSTD)
     writer.start(profile="", library="litegripd")
@@ -91,7 +91,7 @@ def to_mcap(recording: Recording, cause: str, note: str, offset_ns: int) -> byte
 
 
 def tick_fields(tick: Tick, programs: Mapping[int, str]) -> dict[str, Any]:
-    """Return a tick by the names of the schema."""
+    """Return a tick's values by the names of the schema."""
     motor = recorder.PHASES[tick.public_phase]
     flags = tick.flags
     fields: dict[str, Any] = {
@@ -144,7 +144,7 @@ def _feedback_fields(tick: Tick) -> dict[str, Any]:
 
 
 def _sent_fields(tick: Tick) -> dict[str, Any]:
-    """Decode what went out; a command in the ranges that the daemon coded it in."""
+    """Return the decoded frame that was sent; a command in the ranges that the daemon used."""
     special = _SPECIAL.get(tick.sent)
     fields: dict[str, Any] = {"sent": special or "command", "sent_hex": tick.sent.hex()}
     if special is not None:
@@ -158,13 +158,13 @@ def _sent_fields(tick: Tick) -> dict[str, Any]:
         "kp": command.kp_nm_rad,
         "kd": command.kd_nm_s_rad,
     }
-    if command.kp_nm_rad > 0.0:  # without stiffness the position means nothing
+    if command.kp_nm_rad > 0.0:  # without stiffness the position has no meaning
         decoded["command_mm"] = tick.opening_mm(command.position_rad)
     return fields | _finite(decoded)
 
 
 def _finite(fields: Mapping[str, float | None]) -> dict[str, float]:
-    """Leave out what is unknown or no number, and digits that mean nothing."""
+    """Return the known, finite fields, rounded to the digits that have a meaning."""
     return {
         name: round(value, 6)
         for name, value in fields.items()

@@ -1,4 +1,4 @@
-"""The method on the flight recorder: have it written to disk, and tell where it is."""
+"""The method that writes the flight recorder to disk, and returns the path."""
 
 from litegripd.model.calibration import Dumped
 from litegripd.model.errors import Refusal
@@ -9,7 +9,9 @@ from litegripd.rpc.schema import Param
 
 
 class RecorderMethods:
-    """Methods on the recorder."""
+    """The recorder's methods."""
+
+    NOT_CARRIED = ("_dumps",)
 
     def __init__(self, dumps: Dumps) -> None:
         self._dumps = dumps

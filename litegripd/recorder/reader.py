@@ -1,6 +1,6 @@
-"""What a flight recorder's memory holds, read back as values: the other side of `recorder`.
+"""Reads the values in a flight recorder's memory, which `recorder` has written.
 
-Takes a copy of the memory, made at any moment, even while a record was being written.
+The copy of the memory may be made at any moment, even while a record is being written.
 """
 
 import json
@@ -13,7 +13,7 @@ from litegripd.recorder.ring import records
 
 
 class Tick(NamedTuple):
-    """One tick as it was packed; `recorder.TICK` tells the order, `flags` are its bits."""
+    """One tick as it was packed, in the order of `recorder.TICK`; `flags` are bits."""
 
     number: int
     at_s: float
@@ -46,7 +46,7 @@ class Tick(NamedTuple):
     client: int
 
     def opening_mm(self, position_rad: float) -> float | None:
-        """Convert a position by the calibration of that tick; None where there was none."""
+        """Return the opening at a position, by that tick's calibration; None without one."""
         if not self.flags & recorder.CALIBRATED:
             return None
         return (position_rad - self.closed_rad) * self.mm_per_rad
@@ -54,7 +54,7 @@ class Tick(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class RecordedEvent:
-    """One event, or a change of the owner; `content` has kind, message and data."""
+    """One event, or a change of owner; `content` has kind, message and data."""
 
     number: int
     at_s: float
@@ -63,9 +63,9 @@ class RecordedEvent:
 
 @dataclass(frozen=True, slots=True)
 class Recording:
-    """All that a memory holds, each the oldest first.
+    """The content of a memory, the oldest records first.
 
-    `events` are those of the time of the ticks, `programs` the names of clients by their number.
+    `events` are from the time of the ticks; `programs` are clients' names by their numbers.
     """
 
     about: Mapping[str, Any]
@@ -75,12 +75,12 @@ class Recording:
 
     @property
     def duration_s(self) -> float:
-        """From the first tick to the last."""
+        """The time from the first tick to the last."""
         return self.ticks[-1].at_s - self.ticks[0].at_s if self.ticks else 0.0
 
 
 def read(memory: bytes) -> Recording:
-    """Read a copy of a recorder's memory; raises `ValueError` for what is none."""
+    """Return the content of a copy of a recorder's memory; raises `ValueError` for any other."""
     if len(memory) < recorder.HEADER.size:
         raise ValueError(f"{len(memory)} bytes are no recorder's memory")
     magic, slots = recorder.HEADER.unpack_from(memory)

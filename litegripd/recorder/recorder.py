@@ -1,33 +1,36 @@
-"""The flight recorder: every tick and every event of the last minute, in a memory of fixed size.
+"""The flight recorder: each tick and each event of the last minute, in a memory of fixed size.
 
-Writes only: what is in the memory is read by `recording`, mostly in another process, and it is for
-one version of the daemon only. Nothing here decides when a dump is made.
+It only writes. `reader` reads the memory, mostly in another process; writer and reader must be of
+the same version. `causes` decides when a dump is made.
 """
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import get_args
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Slack
+from litegripd.model.bus import CanFrame
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobKind, Owner
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase
 from litegripd.model.state import Event
+from litegripd.motor.motor import Motor
+from litegripd.motor.phases import Phase
 from litegripd.recorder.ring import OVERHEAD_BYTES, Ring
 
 KEPT_S = 60.0
 EVENTS = 1024
 REFUSALS = 256
-"""Refused requests have a ring of their own: a flood of them must not push out what happened."""
+"""Rejected requests have a ring of their own: a flood of them must not displace other events."""
 
 HEADER = struct.Struct("<8sI")
 MAGIC = b"LGREC\x00\x00\x01"
 TICK = struct.Struct("<QdfQBBBBB8s3f3B4f2d2fQQIII")
 """Number, time, lateness in µs, lost ticks, flags, two phases, frames, kind of the job, payload;
-ranges, feedback, what was wanted, geometry; unanswered requests, frames lost, job, its owner's pid
-and client.
+ranges, feedback, requested command, geometry; unanswered requests, lost frames, job, its owner's
+pid and client.
 """
 
 TEXT = struct.Struct("<QdH")
@@ -47,12 +50,12 @@ _KIND_NUMBERS: Mapping[JobKind, int] = {kind: n for n, kind in enumerate(KINDS)}
 
 
 def tick_slots(period_s: float) -> int:
-    """Return how many ticks are kept at this period."""
+    """Return how many ticks are kept at this control period."""
     return round(KEPT_S / period_s)
 
 
 def memory_bytes(slots: int) -> int:
-    """Return how much memory a recorder of so many ticks needs."""
+    """Return the bytes of memory for a recorder of `slots` ticks."""
     return sum(part_bytes(slots))
 
 
@@ -70,7 +73,7 @@ def part_bytes(slots: int) -> tuple[int, ...]:
 
 
 def parts(memory: memoryview, slots: int) -> list[memoryview]:
-    """Cut a memory into its parts; `ValueError` where it has another size."""
+    """Return the parts of a memory; raises `ValueError` if its size is wrong."""
     if len(memory) != memory_bytes(slots):
         raise ValueError(f"a recorder of {slots} ticks needs {memory_bytes(slots)} bytes")
     found, begin = [], 0
@@ -81,9 +84,9 @@ def parts(memory: memoryview, slots: int) -> list[memoryview]:
 
 
 class Recorder:
-    """Writes into `memory`, of `memory_bytes(slots)`; `about` describes the daemon to the reader.
+    """Writes into `memory`, of `memory_bytes(slots)` bytes; `about` describes the daemon.
 
-    `tick` is called once per tick, at its end, and costs a few microseconds.
+    Call `tick` at the end of each tick; it takes a few microseconds.
     """
 
     def __init__(self, memory: memoryview, slots: int, about: Mapping[str, object]) -> None:
@@ -95,6 +98,8 @@ class Recorder:
         self._named: tuple[int, str] | None = None
         self._phase = PHASES[0]
         self._phase_number = 0
+        self._inner_phase = Phase.LOOKING
+        self._inner_phase_number: int = Phase.LOOKING.value
         self._geometry: Geometry | None = None
         self._geometry_flag = 0
         self._closed_rad = 0.0
@@ -106,28 +111,28 @@ class Recorder:
         self,
         now_s: float,
         controller: Controller,
+        motor: Motor,
+        frames: Sequence[CanFrame],
         *,
         late_s: float,
         lost_ticks: int,
         failed: bool,
         bus_is_up: bool,
-        phase: int,
-        frames: int,
-        sent: bytes,
-        unanswered: int,
-        send_failures: int,
+        send_failures: int = 0,
     ) -> None:
-        """Record one tick.
+        """Record one tick, in which `frames` were sent; `failed` if a defect broke it off.
 
-        `sent` is the payload of the last frame to the motor's own id that the bus was given, empty
-        without one, `frames` how many it was given in all, `send_failures` how many it has lost
-        since the start; `phase` is the finer phase of the motor as a number.
+        `send_failures` counts the frames that the bus has lost since the start.
         """
-        motor = controller.motor
-        feedback, requested = motor.feedback or _NO_FEEDBACK, controller.output.requested
-        identity, job = motor.identity, controller.jobs.running
-        ranges = controller.gripper_id.motor_type.ranges if identity is None else identity.ranges
-        self._note_changes(now_s, controller)
+        view, gripper_id = controller.motor, controller.gripper_id
+        feedback, requested = view.feedback or _NO_FEEDBACK, controller.output.requested
+        identity, job = view.identity, controller.jobs.running
+        ranges = gripper_id.motor_type.ranges if identity is None else identity.ranges
+        self._note_changes(now_s, controller, motor.phase)
+        sent = b""
+        for frame in frames:
+            if frame.can_id == gripper_id.can_id:
+                sent = frame.data
         owner = self._owner
         flags = self._flags(controller)
         if bus_is_up:
@@ -145,8 +150,8 @@ class Recorder:
                 lost_ticks,
                 flags,
                 self._phase_number,
-                phase,
-                frames,
+                self._inner_phase_number,
+                len(frames),
                 0 if job is None else _KIND_NUMBERS[job.kind],
                 sent,
                 ranges.position_rad,
@@ -163,7 +168,7 @@ class Recorder:
                 wanted.torque_nm,
                 self._closed_rad,
                 self._mm_per_rad,
-                unanswered,
+                motor.unanswered,
                 send_failures,
                 0 if job is None else job.number,
                 owner.pid,
@@ -171,8 +176,8 @@ class Recorder:
             )
         )
 
-    def _note_changes(self, now_s: float, controller: Controller) -> None:
-        """Work out anew what follows from owner, calibration and phase, where they are others."""
+    def _note_changes(self, now_s: float, controller: Controller, inner_phase: Phase) -> None:
+        """Recompute what follows from owner, calibration and phases if one of them has changed."""
         job, holder, phase = (
             controller.jobs.running,
             controller.lease.holder,
@@ -189,9 +194,11 @@ class Recorder:
             self._note_geometry(controller.geometry)
         if phase is not self._phase:
             self._phase, self._phase_number = phase, _PHASE_NUMBERS[phase]
+        if inner_phase is not self._inner_phase:
+            self._inner_phase, self._inner_phase_number = inner_phase, inner_phase.value
 
     def event(self, event: Event, now_s: float) -> None:
-        """Record one event; what is too long for its slot is cut, and marked so."""
+        """Record one event; one that is too long for its slot is cut, and marked as cut."""
         ring = self._refusals if event.kind == "refused" else self._events
         head = {"kind": event.kind, "message": event.message}
         _put_text(ring, now_s, head, event.data)
@@ -209,7 +216,7 @@ class Recorder:
         return flags
 
     def _note_owner(self, now_s: float, owner: Owner) -> None:
-        """Record the name of who has the gripper now; each tick has only its number."""
+        """Record the owner's name; a tick has only its number."""
         self._owner = owner
         named = (owner.client, owner.program)
         if owner is _NOBODY or named == self._named:

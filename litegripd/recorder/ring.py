@@ -1,7 +1,7 @@
-"""Rings of slots in a memory of fixed size: the newest records, each whole or not at all.
+"""Rings of slots in a memory of fixed size: the newest records, each complete or not at all.
 
-Another process may read while this one writes, and this one may die at any byte. So every record
-carries its own checksum, and nothing else tells which records there are: no counter can be wrong.
+Another process may read while this one writes, and this one may die at any byte. So each record
+has its own checksum, and there is no other list of records: no counter can be wrong.
 """
 
 import struct
@@ -13,7 +13,7 @@ OVERHEAD_BYTES = _CHECKSUM.size
 
 
 class Ring:
-    """Writes records of `record_bytes` into `memory`, each in the place of the oldest.
+    """Writes records of `record_bytes` into `memory`; each replaces the oldest.
 
     A record begins with its number, 8 bytes, little-endian: `next_number` when it is written.
     """
@@ -26,7 +26,7 @@ class Ring:
         self._offset = 0
 
     def put(self, record: bytes) -> None:
-        """Write a record; `ValueError` for one of another length, before anything is written."""
+        """Write a record; raises `ValueError` for one of another length, before it writes."""
         begin = self._offset
         end = begin + self._slot_bytes
         self._memory[begin:end] = record + _CHECKSUM.pack(crc32(record))
@@ -35,9 +35,9 @@ class Ring:
 
 
 def records(memory: bytes | memoryview, record_bytes: int) -> list[bytes]:
-    """Return the whole records in a ring's memory, the oldest first.
+    """Return the complete records in a ring's memory, the oldest first.
 
-    What is torn, being written just now, or was never written, is left out.
+    Records that are torn, or being written, and empty slots are left out.
     """
     slot_bytes = record_bytes + OVERHEAD_BYTES
     found: list[tuple[int, bytes]] = []

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import get_args
 
+from litegripd.model.plain import Carried
 from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode, notification_line
 from litegripd.rpc.reports import NumberedEvent
@@ -99,8 +100,10 @@ class EventStream:
     So a flood costs a tick nothing except the transport's time.
     """
 
+    last_sequence: Carried[int] = 0
+    NOT_CARRIED = ("_all", "_kept", "_next_row", "_row", "_to_tell", "_wanted")
+
     def __init__(self) -> None:
-        self.last_sequence = 0
         self._kept: dict[str, deque[_Numbered]] = {
             kind: deque(maxlen=KEPT_EVENTS) for kind in EVENT_KINDS
         }

@@ -5,10 +5,11 @@ Pure: lines come in through `handle`, lines go out through the sessions, time is
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
+from litegripd.model.plain import Carried
 from litegripd.model.state import Event
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
@@ -36,20 +37,29 @@ from litegripd.rpc.sessions import Clients, Peer, Role, Session
 from litegripd.rpc.subscriptions import Subscriptions
 
 
-@dataclass(frozen=True, slots=True)
-class Numbers:
-    """The numbers that clients know, the latest of each; `token` is of the latest lease."""
-
-    session: int
-    event: int
-    token: tuple[int, str] | None
-
-
 class RpcService:
     """Implements `Service` on one controller, with the methods of the core and of `features`.
 
     `document` describes them, as JSON.
     """
+
+    _last_session: Carried[int] = 0
+    _subscriptions: Carried[Subscriptions]
+    _tokens: Carried[Tokens]
+    NOT_CARRIED = (
+        "on_event",
+        "refused",
+        "reporter",  # its ends of jobs follow later
+        "_clients",
+        "_controller",
+        "_event_log",
+        "_features",
+        "_methods",
+        "_now_s",
+        "_requests",
+        "_role_of",
+        "_waiters",
+    )
 
     def __init__(
         self,
@@ -93,7 +103,6 @@ class RpcService:
         )
         self._methods = {row.name: row for row in rows}
         self._requests = Requests(controller, self._tokens, self._methods, groups)
-        self._last_session = 0
         self._event_log = EventLog()
         self._now_s = 0.0
 
@@ -179,22 +188,6 @@ class RpcService:
         """
         self._collect_events(self._now_s)
         return self._event_log.take()
-
-    # A successor ----------------------------------------------------------------------------------
-
-    def memory(self) -> Numbers:
-        """Return the numbers that clients know, so that a successor gives none of them twice."""
-        return Numbers(
-            session=self._last_session,
-            event=self._subscriptions.events.last_sequence,
-            token=self._tokens.latest,
-        )
-
-    def restore(self, numbers: Numbers) -> None:
-        """Continue a predecessor's numbers."""
-        self._last_session = numbers.session
-        self._subscriptions.events.last_sequence = numbers.event
-        self._tokens.latest = numbers.token
 
     # Inside ---------------------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from itertools import chain
 from typing import TypedDict
 
 from litegripd.model.errors import Refusal
+from litegripd.model.plain import Carried
 from litegripd.model.state import GripperState
 from litegripd.rpc.events import EventStream
 from litegripd.rpc.jsonrpc import encode, notification_line
@@ -167,6 +168,9 @@ MAX_PER_SESSION = 8
 
 class Subscriptions:
     """Serves one subscription at a time; events and samples take turns, so that neither starves."""
+
+    events: Carried[EventStream]
+    NOT_CARRIED = ("_events_turn", "_last", "_open", "_samples")  # subscriptions end
 
     def __init__(self) -> None:
         self.events = EventStream()

@@ -45,6 +45,8 @@ class Links(Protocol):
 class InProcessLinks:
     """A bus inside the process: links leaders and followers of a topic, without a network."""
 
+    NOT_CARRIED = ("_ends",)
+
     def __init__(self) -> None:
         self._ends: list[InProcessLink] = []
 

@@ -144,6 +144,8 @@ _HOW = (
 class TeleopMethods:
     """Methods on the controller's teleoperation."""
 
+    NOT_CARRIED = ("_controller", "_reporter", "_teleoperation")
+
     def __init__(
         self, controller: Controller, links: Links, reporter: Reporter, epoch: str
     ) -> None:

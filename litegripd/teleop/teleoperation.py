@@ -81,6 +81,8 @@ _RATE_ROUNDING = 1.001
 class Teleoperation:
     """Begins and ends teleoperation on one controller, over given links."""
 
+    NOT_CARRIED = ("_action", "_controller", "_job", "_links", "_sender")
+
     def __init__(self, controller: Controller, links: Links, sender: int = 0) -> None:
         """Store the collaborators; `sender` identifies this daemon's force frames."""
         self._controller = controller

@@ -1,11 +1,11 @@
-"""Recording a trajectory: a sample for each due time, and the grips on the way.
+"""Records a trajectory: a sample for each due time, and the grips on the way.
 
-A capture only watches. A measurement is taken once and never as if it were newer than it is; when
-none comes for `LONGEST_GAP_S`, or what it is measured in changes, it has failed and says so.
+A capture only watches. It takes each measurement once, with the time of the measurement. If none
+comes for `LONGEST_GAP_S`, or the calibration changes, the capture fails and reports it.
 
-`GripNotes` notes where the jaws gripped: contact, force, and who commanded it. It claims what the
-daemon has commanded and judged by itself, which is a grip that is watched. While a hand pushes
-slack jaws the motor applies no force, and measures none: of that nothing is noted.
+`GripNotes` notes where the jaws gripped: contact, force, and who commanded it. It notes only grips
+that the daemon has commanded and watches. While a hand pushes slack jaws the motor applies no force
+and measures none, so nothing is noted.
 """
 
 import math
@@ -28,12 +28,12 @@ _METHODS: Mapping[JobKind, str] = {
     "set_force": "motion.set_force",
     "play": "trajectory.play",
 }
-"""What makes grips or changes them: whatever holds something comes from the latest of these."""
+"""The jobs that begin or change a grip: the latest of them is the source of what is held."""
 
 
 @dataclass(slots=True)
 class _Note:
-    """A grip that is being held; its times count from the begin of the recording."""
+    """A grip that is held now; its times count from the start of the recording."""
 
     grip: Grip
     force_n: float
@@ -45,9 +45,9 @@ class _Note:
 
 
 class GripNotes:
-    """The grips of one recording; `left_out` counts what no file of them can hold.
+    """The grips of one recording; `left_out` counts those beyond the most that a file can hold.
 
-    A force that is changed makes another grip of it, which begins where the one before ends.
+    A change of force begins another grip where the one before ends.
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class GripNotes:
     def see(
         self, t_s: float, began_s: float, position_rad: float, grip: Grip | None, jobs: JobBook
     ) -> None:
-        """Take what the jaws hold `t_s` after `began_s`, when the recording began."""
+        """Note what the jaws hold at `t_s`, counted from `began_s`, the start of the recording."""
         before = self._held
         if before is not None:
             before.end_s = t_s
@@ -79,10 +79,9 @@ class GripNotes:
                 self.left_out += 1
 
     def plain(self, geometry: Geometry, duration_s: float) -> list[dict[str, float | str]]:
-        """Return the grips of a recording of this length, with the names of `TaughtGrip`.
+        """Return the grips of a recording of this length, by the names of `TaughtGrip`.
 
-        They are judged where they are kept, by the helper process: for so many that takes too long
-        for a tick.
+        The helper process checks them when it stores them: that takes too long for a tick.
         """
         return [
             {
@@ -100,28 +99,28 @@ class GripNotes:
 
 
 def _plain(source: str) -> str:
-    """Return a source as the file has it: a program may call itself anything."""
+    """Return a source in the file's form: a program may have any name."""
     return "".join(c if c.isascii() and c.isprintable() else "?" for c in source)[:MAX_SOURCE]
 
 
 LONGEST_GAP_S = 0.1
-"""Single measurements may be lost on the bus, and are counted as missed; a longer gap is a hole."""
+"""Single lost measurements are counted as missed; a longer gap is a failure."""
 
 _EARLY_PERIODS = 0.5
-"""A measurement so early counts for its due time: it is the nearest one. Nothing hangs on it, for
-each sample has the time at which it was measured."""
+"""A measurement this early counts for its due time: it is the nearest one. Each sample has the
+time of its measurement, so this shifts nothing."""
 
 _ROUNDING_PERIODS = 0.1
 
 
 @dataclass(slots=True)
 class Capture:
-    """Samples of a gripper with `geometry`, `rate_hz` a second, until `max_samples` were due.
+    """Samples of a gripper with `geometry`, `rate_hz` per second, until `max_samples` were due.
 
-    `job` is the one that makes the jaws slack meanwhile, None where others drive; `client` is whose
-    capture it is, which it outlives where it is `detached`. `missed` counts the samples that were
-    due, but not measured in time; `error` says why it was broken off, if so. Memory is taken by
-    pieces of 32 kB, and given back when it `is_taken` to the helper process.
+    `job` is the number of the job that makes the jaws slack, None if others drive. `client` is the
+    client that began the capture; a `detached` capture outlives it. `missed` counts the samples
+    that were due, but not measured in time. `error` says why it failed, or is None. Memory is
+    allocated in pieces of 32 kB, and freed when it `is_taken` to the helper process.
     """
 
     geometry: Geometry
@@ -150,25 +149,25 @@ class Capture:
 
     @property
     def loop_hz(self) -> float | None:
-        """How many samples a second there have been in truth; None before the second one."""
+        """The measured number of samples per second; None before the second sample."""
         return None if self.duration_s <= 0.0 else (self.samples - 1) / self.duration_s
 
     @property
     def would_be_lost(self) -> bool:
-        """True if there is a good recording, finished or not, that is not kept anywhere else."""
+        """True if there is a good recording, finished or not, that is stored nowhere else."""
         return self.error is None and not self.is_taken
 
     def finish(self) -> None:
-        """End it as it should."""
+        """End the capture without an error."""
         self.is_over = True
 
     def fail(self, why: str) -> None:
-        """Break it off, unless it has ended already."""
+        """End the capture with an error, unless it has ended already."""
         if not self.is_over:
             self.is_over, self.error = True, why
 
     def let_go(self) -> None:
-        """Forget the samples: they are kept elsewhere now."""
+        """Free the samples: they are stored elsewhere now."""
         self.is_taken = True
         self.pieces.clear()
 
@@ -180,7 +179,7 @@ class Capture:
         grip: Grip | None,
         jobs: JobBook,
     ) -> None:
-        """Take this tick's measurement, where one is due, and note what the jaws hold."""
+        """Take this tick's measurement if one is due, and note what the jaws hold."""
         if self.is_over:
             return
         job = self.job
@@ -235,20 +234,20 @@ class Capture:
 
     @property
     def size(self) -> int:
-        """The samples' bytes."""
+        """The number of bytes of all samples."""
         return self.samples * SAMPLE.size
 
     def piece(self, number: int) -> memoryview:
-        """Return a piece of the samples, as far as there are any."""
+        """Return one piece of the samples, as far as it is filled."""
         left = self.size - number * PIECE_BYTES
         return memoryview(self.pieces[number])[:left]
 
     def grips(self) -> list[dict[str, float | str]]:
-        """Return what the jaws held meanwhile, ready for JSON."""
+        """Return the grips, ready for JSON."""
         return self.notes.plain(self.geometry, self.duration_s)
 
     def header(self, can_id: int) -> dict[str, Any]:
-        """Return what the file's header says, but for what only the end brings."""
+        """Return the fields of the file's header that are known before the end."""
         geometry = self.geometry
         return {
             "sample_hz": self.rate_hz,
@@ -261,14 +260,14 @@ class Capture:
 
 
 class Teach(PlainAction):
-    """Lets the jaws go until the capture is over; then they hold where they are."""
+    """Keeps the jaws slack until the capture is over; then they hold where they are."""
 
     def __init__(self, capture: Capture) -> None:
         self._capture = capture
         self._feedback: Feedback | None = None
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Keep the jaws slack."""
+        """Return a slack command, or the outcome once the capture is over."""
         feedback = motor.feedback
         if self._capture.is_over:
             outcome: RecordOutcome = "full" if self._capture.error is None else "failed"
@@ -279,7 +278,7 @@ class Teach(PlainAction):
         return Step(Slack().command(now_s, feedback))
 
     def progress(self) -> Progress | None:
-        """Return how many samples there are, and where the jaws are."""
+        """Return the number of samples, and where the jaws are."""
         if self._feedback is None:
             return None
         capture, here_rad = self._capture, self._feedback.position_rad
@@ -288,7 +287,7 @@ class Teach(PlainAction):
 
 
 def result_of(capture: Capture, outcome: RecordOutcome) -> RecordResult:
-    """Tell how a capture ended."""
+    """Return how a capture ended."""
     return RecordResult(
         ok=capture.error is None,
         outcome=outcome,

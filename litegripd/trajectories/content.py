@@ -1,6 +1,6 @@
-"""Whole trajectories in the helper process: judged contents, and how their files are opened.
+"""Whole trajectories in the helper process: checked contents, and how their files are opened.
 
-A refusal that can be expected is a `StoreError`, whose reason is one of the error table.
+An expected refusal is a `StoreError`, with a reason of the error table.
 """
 
 import base64
@@ -32,7 +32,7 @@ ENDING = ".lgt"
 
 
 class StoreError(ValueError):
-    """Why something cannot be done: a reason of the error table, a sentence, and figures."""
+    """Why an operation is not possible: a reason of the error table, a sentence, and figures."""
 
     def __init__(self, reason: str, message: str, data: Mapping[str, object] | None = None) -> None:
         super().__init__(message)
@@ -42,7 +42,7 @@ class StoreError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """A whole trajectory that was judged and found good, and what is known of it."""
+    """A whole trajectory that passed all checks, and the facts about it."""
 
     whole: bytes
     sha256: str
@@ -51,7 +51,7 @@ class Content:
 
     @classmethod
     def of(cls, whole: bytes) -> "Content":
-        """Judge a trajectory; raises `StoreError` with the reason."""
+        """Return a trajectory that passes all checks; raises `StoreError` with the reason."""
         try:
             header, summary = read(memoryview(whole))
         except TrajectoryError as error:
@@ -59,22 +59,22 @@ class Content:
         return cls(whole, hashlib.sha256(whole).hexdigest(), header, summary)
 
     def facts(self) -> dict[str, Any]:
-        """Return what is known of it, but not the samples."""
+        """Return the facts about it, without the samples."""
         known = {"sha256": self.sha256, "total": len(self.whole)}
         return {**known, **asdict(self.header), **asdict(self.summary)}
 
     def as_csv(self) -> bytes:
-        """Return the samples as CSV, under a line with their names."""
+        """Return the samples as CSV, below a line of names."""
         samples = SAMPLE.iter_unpack(memoryview(self.whole)[HEADER.size :])
         return (CSV_HEAD + "".join(map(csv_line, samples))).encode()
 
 
 def open_file(path: Path) -> BinaryIO:
-    """Open a trajectory's file to read it: a regular one of a possible size, and no link.
+    """Open a trajectory's file for reading: a regular file of a possible size, and no link.
 
     Raises `OSError`, or `StoreError` for a file that cannot be one.
     """
-    # No link, which could lead anywhere; and no waiting for a pipe's other end.
+    # A link could lead anywhere; and opening a pipe must not wait for its other end.
     descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
         _check_file(path, os.fstat(descriptor))
@@ -85,7 +85,7 @@ def open_file(path: Path) -> BinaryIO:
 
 
 def content_of(path: Path, whole: bytes) -> Content:
-    """Judge what a file holds; raises `StoreError` with its path and the reason."""
+    """Return the checked content of a file; raises `StoreError` with its path and the reason."""
     try:
         return Content.of(whole)
     except StoreError as error:
@@ -93,7 +93,7 @@ def content_of(path: Path, whole: bytes) -> Content:
 
 
 def entry_of(name: str, path: Path) -> dict[str, Any]:
-    """Describe a file by its header, size and length, or by what is wrong; no sample is judged."""
+    """Return a file's header, size and length, or what is wrong; samples are not checked."""
     try:
         with open_file(path) as file:
             size = os.fstat(file.fileno()).st_size
@@ -111,7 +111,7 @@ def entry_of(name: str, path: Path) -> dict[str, Any]:
 
 
 def _duration_s(file: BinaryIO, samples: int) -> float | None:
-    """Return the last sample's time since the first; None where the two are no course of time."""
+    """Return the time from the first sample to the last; None if that is not possible."""
     if not samples:
         return 0.0
     file.seek(HEADER.size)
@@ -122,20 +122,20 @@ def _duration_s(file: BinaryIO, samples: int) -> float | None:
 
 
 def unknown(name: str) -> StoreError:
-    """Return the error that there is no trajectory of this name."""
+    """Return the error for a name that no trajectory has."""
     text = f"there is no trajectory {name!r}; trajectory.list tells which there are"
     return StoreError("unknown_trajectory", text)
 
 
 def unopened(name: str, path: Path, error: OSError) -> StoreError:
-    """Return the error that a file cannot be read, or is not there."""
+    """Return the error for a file that cannot be read, or does not exist."""
     if error.errno in (errno.ENOENT, errno.ENOTDIR):
         return unknown(name)
     return StoreError("trajectory_unreadable", f"{path}: cannot be read: {error.strerror}")
 
 
 def encoded(data: bytes) -> str:
-    """Return bytes as JSON can carry them."""
+    """Return bytes as base64, for JSON."""
     return base64.b64encode(data).decode("ascii")
 
 

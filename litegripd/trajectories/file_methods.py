@@ -1,6 +1,6 @@
-"""The methods on what is kept of trajectories: listed, sent, fetched and removed.
+"""The methods on stored trajectories: list, upload, download and delete.
 
-All contents lie in the helper process; they pass through here in pieces, unread.
+All contents are in the helper process; they pass through here in pieces, unread.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,15 +35,15 @@ from litegripd.trajectories.values import (
 
 MOST_PER_CONNECTION = 4
 MOST_BYTES = 4 * MAX_BYTES
-"""Of all connections together, by the sizes that were announced."""
+"""For all connections together, by the announced sizes."""
 
 MOST_PIECES = 4
-"""Of a connection on their way to the helper process, whose queue belongs to all."""
+"""For one connection, on the way to the helper process, whose queue all share."""
 
 
 @dataclass(slots=True)
 class Upload:
-    """One trajectory of a connection, whole or still coming; `pieces` are on their way now."""
+    """One upload of a connection, complete or not; `pieces` counts those on their way now."""
 
     number: int
     client: int
@@ -54,25 +54,27 @@ class Upload:
 
     @property
     def key(self) -> str:
-        """What the helper process keeps it under."""
+        """The key under which the helper process stores it."""
         return f"upload {self.number}"
 
 
 class Uploads:
-    """All uploads that are kept or coming."""
+    """All uploads, complete or not."""
+
+    NOT_CARRIED = ("_last", "_uploads")
 
     def __init__(self) -> None:
         self._uploads: dict[int, Upload] = {}
         self._last = 0
 
     def get(self, client: int, number: int) -> Upload | None:
-        """Return a whole upload of this connection."""
+        """Return a complete upload of this connection, or None."""
         upload = self._uploads.get(number)
         mine = upload is not None and upload.client == client and upload.is_whole
         return upload if mine else None
 
     def take(self, client: int, sha256: str, total: int, offset: int) -> Upload | Refusal:
-        """Return the upload that a piece belongs to; the first piece begins it, or begins it anew.
+        """Return the upload of a piece; the first piece begins it, or restarts it.
 
         The pieces of one upload have the same SHA-256 and the same total.
         """
@@ -96,7 +98,7 @@ class Uploads:
         self._uploads.pop(upload.number, None)
 
     def drop_all(self, client: int) -> list[Upload]:
-        """Forget what a connection has sent; return what it was."""
+        """Forget the uploads of a connection, and return them."""
         dropped = [one for one in self._uploads.values() if one.client == client]
         for upload in dropped:
             self.drop(upload)
@@ -128,7 +130,7 @@ _SHA256_DIGITS = 64
 
 
 class Whole(TypedDict):
-    """What a whole trajectory is kept as."""
+    """A complete, stored trajectory."""
 
     name: str | None
     path: str | None
@@ -139,7 +141,7 @@ class Whole(TypedDict):
 
 
 class _Complete(TypedDict):
-    """What only the last piece of an upload has."""
+    """The members that only the last piece of an upload has."""
 
     received: int
     complete: Literal[True]
@@ -147,7 +149,7 @@ class _Complete(TypedDict):
 
 
 class PieceTaken(TypedDict):
-    """That a piece of an upload was taken, and others are still to come."""
+    """A piece of an upload was stored, and others must follow."""
 
     received: int
     complete: Literal[False]
@@ -157,7 +159,7 @@ PUT = (PieceTaken, Shape("TrajectoryUploaded", (_Complete, Whole, Header, Summar
 
 
 class Listed(TypedDict):
-    """One trajectory that is kept."""
+    """One stored trajectory."""
 
     name: str
     error: None
@@ -173,7 +175,7 @@ class Listed(TypedDict):
 
 
 class ListedBroken(TypedDict):
-    """One that is kept, but cannot be used, and why."""
+    """One stored trajectory that cannot be used, and why."""
 
     name: str
     error: str
@@ -181,7 +183,7 @@ class ListedBroken(TypedDict):
 
 
 class TrajectoryUsage(TypedDict):
-    """What one user has of the named trajectories, and may have."""
+    """How many named trajectories, and bytes of them, one user has and may have."""
 
     uid: int
     named: int
@@ -191,7 +193,7 @@ class TrajectoryUsage(TypedDict):
 
 
 class TrajectoryList(TypedDict):
-    """Some of the trajectories that are kept; `more` says whether others follow."""
+    """Some of the stored trajectories; `more` is True if others follow."""
 
     trajectories: list[Listed | ListedBroken]
     more: bool
@@ -199,7 +201,7 @@ class TrajectoryList(TypedDict):
 
 
 class Piece(TypedDict):
-    """A piece of a trajectory, base64."""
+    """A piece of a trajectory, as base64."""
 
     data: str
     offset: int
@@ -212,7 +214,7 @@ class _Deleted(TypedDict):
 
 
 class Deleted(_Deleted, total=False):
-    """That a trajectory is gone; with its name, if it had one."""
+    """A trajectory was deleted; with its name, if it had one."""
 
     name: str
 
@@ -232,14 +234,16 @@ _OFFSET = Param("offset", "integer", "Where the piece begins.", minimum=0, maxim
 
 
 class TrajectoryFileMethods:
-    """Methods on the trajectories that are kept, by name or for a connection."""
+    """Methods on stored trajectories, by name or for a connection."""
+
+    NOT_CARRIED = ("_controller", "_uploads")
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self._uploads = Uploads()
 
     def session_ended(self, session: Session) -> None:
-        """Drop the uploads of a connection that is gone."""
+        """Drop the uploads of a connection that has ended."""
         keys = [upload.key for upload in self._uploads.drop_all(session.identity)]
         if keys:
             self._do(None, "trajectory.drop", {"keys": keys}, lambda _result: None)
@@ -369,7 +373,7 @@ class TrajectoryFileMethods:
         return deferred
 
     def _note_piece(self, upload: Upload, answer: Mapping[str, Any] | Refusal) -> Result:
-        """Count what has become of a piece; nothing is kept of an upload that was refused."""
+        """Count a stored piece, or drop a rejected upload; return the result."""
         upload.pieces -= 1
         if isinstance(answer, Refusal):
             self._uploads.drop(upload)
@@ -403,7 +407,7 @@ class TrajectoryFileMethods:
         return self._task(call, "trajectory.drop", keys, lambda _value: dropped)
 
     def source(self, method: str, call: Call) -> dict[str, Any]:
-        """Find which trajectory is meant: exactly one of name, upload and recording."""
+        """Return the trajectory that is meant, by exactly one of name, upload and recording."""
         params = call.params
         given = [name for name in ("name", "upload", "recording") if name in params]
         if len(given) != 1:
@@ -440,7 +444,7 @@ class TrajectoryFileMethods:
         then: Then | None = None,
         failed: str = "trajectory_unreadable",
     ) -> Deferred:
-        """Have something done by the helper process, and answer with what it answers."""
+        """Send a task to the helper process; its answer is the answer."""
         deferred = Deferred()
 
         def done(result: TaskResult) -> None:
@@ -455,7 +459,7 @@ class TrajectoryFileMethods:
 
 
 def check_name(name: str | None) -> None:
-    """Refuse a name that a trajectory cannot have."""
+    """Reject a name that a trajectory cannot have."""
     problem = None if name is None else name_problem(name)
     if problem is not None:
         text = f"{name!r:.80} cannot be a trajectory's name: {problem}"

@@ -1,7 +1,7 @@
-"""The grips beside whole trajectories in the helper process: judged, and how their files are kept.
+"""The grips beside whole trajectories in the helper process: checked, and how they are stored.
 
-A file of grips that cannot be used never keeps anybody from the trajectory: it is a problem that
-is told. One that is being sent is refused.
+A file of grips that cannot be used never makes its trajectory unusable: it is reported as a
+problem. An upload with such grips is rejected.
 """
 
 import hashlib
@@ -29,20 +29,20 @@ from litegripd.trajectories.values import HEADER, SAMPLE, TrajectoryError
 
 @dataclass(frozen=True, slots=True)
 class Grips:
-    """What is kept beside a trajectory; `problem` says why it cannot be used, if so."""
+    """The grips beside a trajectory; `problem` says why they cannot be used, or is None."""
 
     grips: tuple[TaughtGrip, ...] = ()
     whole: bytes = b""
     problem: str | None = None
 
     def facts(self) -> dict[str, Any]:
-        """Return how many there are."""
+        """Return the number of grips, and the problem, if there is one."""
         return {"grips": len(self.grips), "grip_problem": self.problem}
 
     def rows(self, lgt: bytes) -> list[tuple[Any, ...]]:
-        """Return what a replay needs of each, the times counted from the first sample of `lgt`.
+        """Return what a replay needs of each grip, with times from the first sample of `lgt`.
 
-        Their sources are left out: the most grips fit into a packet then, whatever is in the file.
+        Without the sources the largest number of grips fits into a packet.
         """
         if not self.grips:
             return []
@@ -61,7 +61,7 @@ class Grips:
 
 
 def recorded(plain: bytes, lgt: bytes, sha256: str) -> Grips:
-    """Make the file of what a recording brought with the trajectory `lgt`; raises `StoreError`."""
+    """Return the file of the grips recorded with the trajectory `lgt`; raises `StoreError`."""
     try:
         grips = grips_of(parse(plain))
         return sent(pack(grips, sha256), lgt, sha256)
@@ -70,7 +70,7 @@ def recorded(plain: bytes, lgt: bytes, sha256: str) -> Grips:
 
 
 def sent(whole: bytes, lgt: bytes, sha256: str) -> Grips:
-    """Judge a file that goes with the trajectory `lgt`; raises `StoreError`."""
+    """Check a file that was uploaded with the trajectory `lgt`; raises `StoreError`."""
     try:
         grips = read(whole, sha256)
         if grips:
@@ -81,7 +81,7 @@ def sent(whole: bytes, lgt: bytes, sha256: str) -> Grips:
 
 
 def load(path: Path, lgt: bytes, sha256: str) -> Grips:
-    """Read what lies beside the file of a trajectory that was judged."""
+    """Return the grips beside the file of a checked trajectory."""
     beside = path_beside(path)
     try:
         with open_file(beside) as file:
@@ -96,7 +96,7 @@ def load(path: Path, lgt: bytes, sha256: str) -> Grips:
 
 
 def facts_beside(path: Path) -> dict[str, Any]:
-    """Say what lies beside a file that is listed; it is read only where something does."""
+    """Return the facts about the grips beside a listed file; it is read only if it exists."""
     if not os.path.lexists(path_beside(path)):
         return Grips().facts()
     try:
@@ -108,7 +108,7 @@ def facts_beside(path: Path) -> dict[str, Any]:
 
 
 def save(path: Path, grips: Grips, file_system: FileSystem) -> None:
-    """Write what lies beside a trajectory's file, or remove it; raises `OSError`."""
+    """Write the grips beside a trajectory's file, or remove their file; raises `OSError`."""
     if grips.grips:
         atomic_file.write(path_beside(path), grips.whole, file_system=file_system)
     else:
@@ -116,7 +116,7 @@ def save(path: Path, grips: Grips, file_system: FileSystem) -> None:
 
 
 def remove(path: Path, file_system: FileSystem) -> None:
-    """Remove what lies beside a trajectory's file, if anything does; raises `OSError`."""
+    """Remove the grips beside a trajectory's file, if they exist; raises `OSError`."""
     beside = path_beside(path)
     if os.path.lexists(beside):
         file_system.remove(beside)
@@ -124,7 +124,7 @@ def remove(path: Path, file_system: FileSystem) -> None:
 
 
 def path_beside(path: Path) -> Path:
-    """Return where the grips of a trajectory's file lie."""
+    """Return the path of the grips of a trajectory's file."""
     return path.with_name(path.name.removesuffix(LGT_ENDING) + ENDING)
 
 

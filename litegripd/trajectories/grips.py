@@ -1,7 +1,7 @@
-"""The file of taught grips beside a trajectory: how it is written, read and judged, without a disk.
+"""The file of taught grips beside a trajectory: written, read and checked without a disk.
 
-`NAME.grip.json` lies beside `NAME.lgt`, which stays the vendor's. It names the SHA-256 of that
-file: grips never go with another path than theirs.
+`NAME.grip.json` lies beside `NAME.lgt`, which keeps the vendor's format. It names the SHA-256 of
+that file: grips never go with another path.
 """
 
 import json
@@ -16,12 +16,13 @@ FORMAT = "litegrip-grips"
 VERSION = 1
 ENDING = ".grip.json"
 MOST_GRIPS = 200
-"""So many fit into a packet between control thread and helper process: in 30 minutes one in 9 s."""
+"""The most that fit into a packet between control thread and helper process: in 30 minutes one in
+9 s."""
 
 MAX_GRIP_BYTES = 131_072
 MAX_SOURCE = 80
 MOST_FORCE_N = 30.0
-"""Of the file, whatever the motor: grips go from one gripper to another."""
+"""The limit of the file, for any motor: grips go from one gripper to another."""
 
 _KEYS = {"format", "version", "lgt_sha256", "grips"}
 
@@ -30,9 +31,9 @@ _KEYS = {"format", "version", "lgt_sha256", "grips"}
 class TaughtGrip:
     """One grip; its times are the samples' own.
 
-    From `closing_s` on the jaws closed on something, from `start_s` to `end_s` they held it by
-    `force_n`, the set force. `openness` and `width_mm` are those at the contact; `source` says who
-    commanded it. Raises `TrajectoryError` for what cannot be.
+    From `closing_s` on the jaws closed on something. From `start_s` to `end_s` they held it with
+    the set force `force_n`. `openness` and `width_mm` are those at the contact; `source` says who
+    commanded it. Raises `TrajectoryError` for impossible values.
     """
 
     closing_s: float
@@ -63,7 +64,7 @@ class TaughtGrip:
 
 
 def check_row(grips: tuple[TaughtGrip, ...], first_s: float, last_s: float) -> None:
-    """Refuse grips that overlap, or do not lie between the first and the last sample.
+    """Reject grips that overlap, or do not lie between the first and the last sample.
 
     Raises `TrajectoryError` with the number of the wrong one.
     """
@@ -81,7 +82,7 @@ def check_row(grips: tuple[TaughtGrip, ...], first_s: float, last_s: float) -> N
 
 
 def pack(grips: tuple[TaughtGrip, ...], lgt_sha256: str) -> bytes:
-    """Return the content of the file that goes with the `.lgt` of this digest."""
+    """Return the content of the file for the `.lgt` with this digest."""
     whole = {"format": FORMAT, "version": VERSION, "lgt_sha256": lgt_sha256}
     return (
         json.dumps({**whole, "grips": [asdict(grip) for grip in grips]}, indent=1) + "\n"
@@ -89,7 +90,7 @@ def pack(grips: tuple[TaughtGrip, ...], lgt_sha256: str) -> bytes:
 
 
 def read(content: bytes, lgt_sha256: str) -> tuple[TaughtGrip, ...]:
-    """Judge a whole file, and that it goes with this `.lgt`; raises `TrajectoryError`."""
+    """Return the grips of a file that belongs to this `.lgt`; raises `TrajectoryError`."""
     plain = parse(content)
     if not isinstance(plain, dict) or plain.keys() != _KEYS or plain["format"] != FORMAT:
         raise TrajectoryError(f"it is no object with {', '.join(sorted(_KEYS))}: no file of grips")
@@ -103,14 +104,14 @@ def read(content: bytes, lgt_sha256: str) -> tuple[TaughtGrip, ...]:
 
 
 def grips_of(plain: object) -> tuple[TaughtGrip, ...]:
-    """Read grips, each an object; raises `TrajectoryError` with the number of the wrong one."""
+    """Return the grips in a list of objects; raises `TrajectoryError` with the wrong number."""
     if not isinstance(plain, list) or len(plain) > MOST_GRIPS:
         raise TrajectoryError(f"grips must be an array of at most {MOST_GRIPS}")
     return tuple(_grip_of(number, one) for number, one in enumerate(plain))
 
 
 def parse(content: bytes) -> Any:
-    """Read JSON; raises `TrajectoryError` for what is none, or is too long."""
+    """Return the parsed JSON; raises `TrajectoryError` if it is too long or no JSON."""
     if len(content) > MAX_GRIP_BYTES:
         raise TrajectoryError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
     try:
@@ -133,7 +134,7 @@ def _grip_of(number: int, plain: object) -> TaughtGrip:
 def _check_figure(name: str, value: object) -> None:
     try:
         fine = isinstance(value, int | float) and math.isfinite(value)
-    except OverflowError:  # a whole number beyond all floats
+    except OverflowError:  # an integer beyond all floats
         fine = False
     if not fine or isinstance(value, bool):
         raise TrajectoryError(f"{name} is {value!r:.40}, it must be a finite number")

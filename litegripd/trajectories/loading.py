@@ -1,4 +1,4 @@
-"""Fetching a judged trajectory from the helper process, piece by piece, while the jaws hold."""
+"""Fetches a checked trajectory from the helper process, piece by piece, while the jaws hold."""
 
 import base64
 from collections.abc import Callable, Mapping
@@ -10,13 +10,13 @@ from litegripd.trajectories.grips import TaughtGrip
 from litegripd.trajectories.values import PIECE_BYTES, SAMPLE, Path
 
 LOAD_WITHIN_S = 10.0
-"""So long each answer may take; judging the longest trajectory takes the helper half a second."""
+"""The longest time for an answer; checking the longest trajectory takes half a second."""
 
 _MOST_UNANSWERED = 3
 
 
 def outcome_of(result: TaskResult, failed: str) -> Mapping[str, Any] | Refusal:
-    """Return what a task brought; a failure that nobody expected has the reason `failed`."""
+    """Return the result of a task; an unexpected failure has the reason `failed`."""
     if result.error is not None or not isinstance(result.value, Mapping):
         return Refusal(result.reason or failed, str(result.error))
     refused = result.value.get("refused")
@@ -26,10 +26,11 @@ def outcome_of(result: TaskResult, failed: str) -> Mapping[str, Any] | Refusal:
 
 
 class Loading:
-    """One trajectory on its way here; `step` gives the tasks, one a tick.
+    """One trajectory that is being fetched; `step` returns the tasks, one per tick.
 
-    In the end there is a `path`, or `failure` says why not. One without samples has no path. The
-    times of its `grips` count from the first sample; `grip_problem` says why they cannot be used.
+    At the end there is a `path`, or `failure` says why not. A trajectory without samples has no
+    path. The times of its `grips` count from the first sample; `grip_problem` says why they cannot
+    be used.
     """
 
     def __init__(self, source: Mapping[str, object]) -> None:
@@ -48,7 +49,7 @@ class Loading:
         self._heard_before = -1
 
     def step(self, now_s: float) -> HelperTask | None:
-        """Return what is to be asked for now, if anything is."""
+        """Return the task that is due now, or None."""
         if self._heard != self._heard_before:
             self._heard_before, self._heard_s = self._heard, now_s
         elif self._heard_s is not None and now_s - self._heard_s > LOAD_WITHIN_S:

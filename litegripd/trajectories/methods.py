@@ -36,7 +36,7 @@ from litegripd.trajectories.values import MAX_SAMPLES, Header, Summary
 
 
 class NoTrajectory(TypedDict):
-    """That nothing was recorded or played so far."""
+    """Nothing was recorded or played so far."""
 
     active: Literal[False]
     kind: None
@@ -46,7 +46,7 @@ class NoTrajectory(TypedDict):
 
 
 class CaptureStatus(TypedDict):
-    """How a recording goes, or how the last one went."""
+    """The state of a recording, or how the last one ended."""
 
     active: bool
     kind: Literal["record"]
@@ -62,7 +62,7 @@ class CaptureStatus(TypedDict):
 
 
 class ReplayStatus(TypedDict):
-    """How a replay goes, or how the last one went."""
+    """The state of a replay, or how the last one ended."""
 
     active: bool
     kind: Literal["play"]
@@ -79,7 +79,7 @@ class ReplayStatus(TypedDict):
 
 
 class _Recorded(TypedDict):
-    """What only a recording has."""
+    """The members that only a recording has."""
 
     recording: int | None
     missed: int
@@ -105,13 +105,15 @@ _SPEED = Param(
 class TrajectoryMethods:
     """Methods on recordings and replays."""
 
+    NOT_CARRIED = ("_controller", "_files", "_trajectories")
+
     def __init__(self, controller: Controller, files: TrajectoryFileMethods) -> None:
         self._controller = controller
         self._trajectories = Trajectories(controller)
         self._files = files
 
     def session_ended(self, session: Session) -> None:
-        """End what a connection leaves: its uploads, and a recording that it only watched."""
+        """End a connection's uploads, and a recording that it only watched."""
         self._trajectories.client_lost(session.identity)
         self._files.session_ended(session)
 
@@ -334,7 +336,7 @@ class TrajectoryMethods:
         return self._status()
 
     def _status(self) -> NoTrajectory | CaptureStatus | ReplayStatus:
-        """Tell of what runs, else of what came last."""
+        """Return the state of what runs, else of what ran last."""
         trajectories = self._trajectories
         capture, job = trajectories.capture, trajectories.replay_job
         if capture is not None and (job is None or capture.began_s >= job.started_s):

@@ -1,8 +1,8 @@
-"""Whose the named trajectories are, and how many and how much of them a user may have.
+"""The owners of the named trajectories, and how many of them a user may have.
 
-`NAME.uid` beside `NAME.lgt` holds the uid of the user who saved it last, as decimal digits. What
-has no such file, because it is from before or was copied there by hand, is nobody's and counts for
-nobody: no user is refused for what others left, and clients cannot make more of it.
+`NAME.uid` beside `NAME.lgt` holds the uid of the user who saved it last, as decimal digits. A
+trajectory without such a file is old, or was copied there by hand. It has no owner and counts for
+no user, and clients cannot make more of them.
 """
 
 import contextlib
@@ -28,26 +28,26 @@ _MAX_UID = 2**32 - 2
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """So many named trajectories, and so many bytes of them together, may a user have."""
+    """The most named trajectories, and the most bytes of them together, for one user."""
 
     most: int = 500
     most_bytes: int = 500 * MB
 
     @classmethod
     def of(cls, arguments: Sequence[str]) -> "Limits":
-        """Read what `arguments` has made; without any, the defaults."""
+        """Return the limits that `arguments` has written; without any, the defaults."""
         return cls(*map(int, arguments))
 
     def arguments(self) -> tuple[str, str]:
-        """Return them as a process takes them."""
+        """Return the limits as arguments of a process."""
         return str(self.most), str(self.most_bytes)
 
 
 class Owners:
     """The owners of the trajectories in a directory.
 
-    What is counted is what is there: two daemons of one directory that save at the same instant
-    may together be one trajectory above a limit, and the next one is refused.
+    The files themselves are counted. So two daemons of one directory that save at the same instant
+    may together exceed a limit by one trajectory; the next one is rejected.
     """
 
     def __init__(self, limits: Limits, file_system: FileSystem = REAL) -> None:
@@ -55,7 +55,7 @@ class Owners:
         self._file_system = file_system
 
     def usage(self, directory: Path, uid: int) -> dict[str, int]:
-        """Return what a user has of `directory`, and may have; raises `OSError`."""
+        """Return what a user has in `directory`, and may have; raises `OSError`."""
         sizes = [_size_of(path) for path in self._paths_of(directory, uid)]
         return {
             "uid": uid,
@@ -66,9 +66,9 @@ class Owners:
         }
 
     def check(self, path: Path, uid: int, size: int) -> None:
-        """Raise `StoreError` where `size` bytes more at `path` would be beyond a limit of the user.
+        """Raise `StoreError` if `size` bytes more at `path` would exceed a limit of the user.
 
-        What replaces one of the same user's and is no larger is never refused. Raises `OSError`.
+        A replacement of the user's own file that is no larger is never rejected. Raises `OSError`.
         """
         usage = self.usage(path.parent, uid)
         before = _size_of(path) if self.owner_of(path) == uid and os.path.lexists(path) else None
@@ -88,14 +88,14 @@ class Owners:
             raise StoreError("trajectories_full", text, _data(usage, size))
 
     def owner_of(self, path: Path) -> int | None:
-        """Return the uid of a trajectory's owner, None where it is nobody's."""
+        """Return the uid of a trajectory's owner, or None."""
         return self._owner_in(str(path_beside(path)))
 
     @staticmethod
     def _owner_in(beside: str) -> int | None:
-        """Read a file that says whose something is; thousands may be read for one answer."""
+        """Return the uid in a file beside a trajectory; one answer may read thousands of them."""
         try:
-            # No link, which could lead anywhere; and no waiting for a pipe's other end.
+            # A link could lead anywhere; and opening a pipe must not wait for its other end.
             descriptor = os.open(beside, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
             try:
                 text = os.read(descriptor, _LONGEST + 1).strip()
@@ -110,9 +110,9 @@ class Owners:
 
     @contextlib.contextmanager
     def owned(self, path: Path, uid: int) -> Iterator[None]:
-        """Make `uid` the owner of what the block writes at `path`; as before where that fails.
+        """Make `uid` the owner of what the block writes at `path`; if it fails, restore the owner.
 
-        First the owner: at no instant is there anything new that is nobody's. Raises `OSError`.
+        The owner is written first, so no new file is ever without one. Raises `OSError`.
         """
         before = self.owner_of(path)
         if before != uid:
@@ -120,7 +120,7 @@ class Owners:
         try:
             yield
         except OSError:
-            with contextlib.suppress(OSError):  # then it counts for who meant to replace it
+            with contextlib.suppress(OSError):  # if that fails, `uid` stays the owner
                 if before is None:
                     self.forget(path)
                 elif before != uid:
@@ -128,7 +128,7 @@ class Owners:
             raise
 
     def forget(self, path: Path) -> None:
-        """Remove what says whose a trajectory is, if anything does; raises `OSError`."""
+        """Remove the file with a trajectory's owner, if it exists; raises `OSError`."""
         beside = path_beside(path)
         if os.path.lexists(beside):
             self._file_system.remove(beside)
@@ -145,7 +145,7 @@ class Owners:
 
 
 def lgt_names(directory: Path, file_system: FileSystem) -> list[str]:
-    """Return the names of the trajectories in a directory, in order; raises `OSError`."""
+    """Return the names of the trajectories in a directory, sorted; raises `OSError`."""
     try:
         found = file_system.names(directory)
     except FileNotFoundError:
@@ -155,7 +155,7 @@ def lgt_names(directory: Path, file_system: FileSystem) -> list[str]:
 
 
 def path_beside(path: Path) -> Path:
-    """Return where the owner of a trajectory's file is kept."""
+    """Return the path of the file with the owner of a trajectory's file."""
     return path.with_name(path.name.removesuffix(LGT_ENDING) + ENDING)
 
 
@@ -170,7 +170,7 @@ def _data(usage: Mapping[str, int], size: int) -> dict[str, Any]:
 
 
 def _size_of(path: Path) -> int:
-    """Return the bytes of a trajectory's file and its grips; 0 for what is not there."""
+    """Return the bytes of a trajectory's file and its grips; 0 for a missing file."""
     size = 0
     for one in (path, grips_beside(path)):
         with contextlib.suppress(FileNotFoundError):

@@ -1,13 +1,13 @@
-"""Replaying a trajectory: to its start first, then along its path by the clock, then a hold.
+"""Replays a trajectory: first to its start, then along its path by the clock, then a hold.
 
-It commands positions: recorded torques are never fed forward. The path is one of openness, gone by
-the calibration in use now, whatever it was taught on. With `force` "replay" the jaws leave the path
-for each grip that is kept with it, hold by its force, and come back.
+It commands positions: recorded torques are never fed forward. The path is a path of openness,
+converted by the calibration in use now. With `force` "replay" the jaws leave the path for each of
+its grips, hold with its force, and come back.
 
-`Follower` leads the jaws along a target that moves, with no more than a torque, whatever they meet,
-and at no more than a speed: jaws that were held up do not jump when they come free. `ReplayGrips`
-does the grips one after the other, each a grasp like any other, with the taught force. It knows no
-path: when a grip begins and ends is the replay's to say.
+`Follower` leads the jaws along a moving target, with a limited torque and a limited speed: jaws
+that were blocked do not jump when they come free. `ReplayGrips` does the grips one after the other,
+each a normal grasp with the taught force. It knows no path: the replay decides when a grip begins
+and ends.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -38,7 +38,7 @@ _SLOWEST_RAD_S = 1e-3
 
 
 class Follower:
-    """Makes the commands of one motion; `hold` goes on pressing as the latest one did."""
+    """Makes the commands of one motion; `hold` continues to press as the latest one did."""
 
     def __init__(self, gains: Gains, torque_nm: float, period_s: float) -> None:
         self.hold: Hold | None = None
@@ -50,20 +50,20 @@ class Follower:
 
     @property
     def reference_rad(self) -> float | None:
-        """Where the latest command was, None before the first one."""
+        """The position of the latest command, None before the first one."""
         return None if self._was_s is None else self._was_rad
 
     def reset(self) -> None:
-        """Begin anew from where the jaws are, whenever the next step is."""
+        """Begin at the next step from where the jaws are then."""
         self.hold, self._was_s = None, None
 
     def step(
         self, now_s: float, feedback: Feedback, target_rad: float, speed_rad_s: float
     ) -> MitCommand:
-        """Return the command of this tick, at most `speed_rad_s` faster towards the target.
+        """Return the command of this tick; it moves towards the target at `speed_rad_s` at most.
 
-        The stiffness is that of the speed which the command has now, so that a path's fastest part
-        does not make the slow ones soft.
+        The stiffness follows from the command's present speed, so that a path's fastest part does
+        not make the slow parts soft.
         """
         if self._was_s is None:
             self._was_s, self._was_rad = now_s, feedback.position_rad
@@ -82,17 +82,17 @@ class Follower:
 Force: TypeAlias = Literal["path", "replay"]
 
 CATCH_UP = 1.2
-"""Jaws that were held up go so much faster than the path's fastest part, to reach it again."""
+"""Jaws that were blocked move faster by this factor than the path's fastest part, to catch up."""
 
 LONGEST_S = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
 class ReplayRequest:
-    """What a caller wants of a replay: `repeat` passes, 0 for ever.
+    """A caller's options of a replay: `repeat` passes, 0 without end.
 
-    `source` is the trajectory as the helper process knows it; `torque_nm` the most to press with
-    on the path; with `force` "replay" the taught grips are done again.
+    `source` names the trajectory for the helper process; `torque_nm` is the largest torque on the
+    path; with `force` "replay" the taught grips are repeated.
     """
 
     source: Mapping[str, object]
@@ -155,7 +155,7 @@ def fastest_rad_s(
 
 
 def grips_refusal(force: Force, loading: Loading) -> Refusal | None:
-    """Return why there are no grips to repeat, where they are wanted."""
+    """Return a refusal if the grips are to be repeated and cannot be, or None."""
     if force == "path" or loading.grips:
         return None
     hint = "only its path can be replayed"
@@ -174,9 +174,9 @@ _MISSED: Mapping[str, ReplayOutcome] = {
 
 
 class ReplayGrips:
-    """What is gripped on the way; `held` is the hold while there is one.
+    """The grips of a replay; `held` is the hold while there is one.
 
-    `done` counts the grips that held something, in all passes.
+    `done` counts the successful grips of all passes.
     """
 
     def __init__(
@@ -202,26 +202,26 @@ class ReplayGrips:
         self._let_go_at: float | None = None
 
     def take(self, grips: Sequence[TaughtGrip]) -> None:
-        """Take the grips of a path; their times count from its begin."""
+        """Take the grips of a path; their times count from its start."""
         self._grips = grips
 
     @property
     def present(self) -> TaughtGrip:
-        """The grip that is due, or under way."""
+        """The grip that is next, or under way."""
         return self._grips[self._number]
 
     def is_due(self, at_s: float) -> bool:
-        """Return whether the jaws are to close on something by now."""
+        """Return whether the next grip has begun at `at_s`."""
         return self._number < len(self._grips) and self.present.closing_s <= at_s
 
     def rewind(self) -> None:
-        """Begin with the first one again."""
+        """Begin with the first grip again."""
         self._number = 0
 
     def step(
         self, now_s: float, motor: MotorView
     ) -> tuple[MitCommand | None, ReplayOutcome | None]:
-        """Close or hold; return the command, and why there is nothing held, if so."""
+        """Close or hold; return the command, and the outcome if nothing is held."""
         if self._grasp is None:
             self._grasp, self._let_go_at = self._new_grasp(), None
         step = self._grasp.step(now_s, motor)
@@ -232,28 +232,28 @@ class ReplayGrips:
         return step.command, _missed(step.outcome)
 
     def end(self) -> None:
-        """Go over to the next one; what is held stays so."""
+        """Go to the next grip; the hold continues."""
         self._number += 1
 
     def keep(self, at_s: float) -> bool:
-        """Go on holding, if the next grip is due already: letting go would drop the object."""
+        """Continue the hold if the next grip is due already: letting go would drop the object."""
         if not self.is_due(at_s) or self.held is None:
             return False
         self.held.squeeze(self.present.force_n)
         return True
 
     def let_go(self, openness: float | None = None) -> None:
-        """Hold nothing, and close no further; the next step begins anew from where the jaws are.
+        """Hold nothing, and stop closing; the next step begins where the jaws are then.
 
-        `openness` is where they let go of something.
+        `openness` is where they released an object.
         """
         self._grasp = self.held = None
         self._let_go_at = openness
 
     def beside(self, openness: float) -> float:
-        """Return where to go instead of pressing on what was just let go of.
+        """Return the target openness that does not press on the object just released.
 
-        Where it is wider than what was taught, the jaws wait until the path opens beyond it.
+        If the object is wider than the taught one, the jaws wait until the path opens beyond it.
         """
         if self._let_go_at is not None and openness >= self._let_go_at:
             self._let_go_at = None
@@ -280,7 +280,7 @@ class ReplayGrips:
 
 
 def _missed(outcome: object) -> ReplayOutcome | None:
-    """Return how a grasp ended, which has no end while it holds something."""
+    """Return why a grasp holds nothing; a grasp that holds something has not ended."""
     return _MISSED[outcome.outcome] if isinstance(outcome, GraspResult) else None
 
 
@@ -290,7 +290,7 @@ _ROUNDING_RAD = 1e-9
 
 
 class Replay(PlainAction):
-    """One replay; while it is loaded, the jaws do what `idle` returns."""
+    """One replay; while it is loading, the jaws do what `idle` returns."""
 
     def __init__(
         self,
@@ -326,18 +326,18 @@ class Replay(PlainAction):
 
     @property
     def samples(self) -> int:
-        """How many samples the trajectory has; 0 until it is loaded."""
+        """The number of samples; 0 until the trajectory is loaded."""
         return 0 if self._path is None else self._path.samples
 
     def change_speed(self, speed: float) -> Refusal | None:
-        """Go on at another speed, a multiple of the one that was taught."""
+        """Continue at another speed, a multiple of the taught one, or return a refusal."""
         refusal = None if self._path is None else self._speed_refusal(speed)
         if refusal is None:
             self.speed = speed
         return refusal
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Go on loading, or along the path."""
+        """Continue to load, or move along the path."""
         feedback = motor.feedback
         if feedback is None:
             return Step()
@@ -353,9 +353,9 @@ class Replay(PlainAction):
         return self._go(now_s, elapsed_s, feedback, self._path)
 
     def idle_after(self) -> Idle | None:
-        """Go on pressing, or holding what it has come to; before the first tick, as before.
+        """Return what continues to press or to hold; before the first tick, what the jaws did.
 
-        Jaws that it is broken off on their way stop where they are.
+        If the replay is cancelled, moving jaws stop where they are.
         """
         if self._path is None:
             return self._idle()
@@ -365,7 +365,7 @@ class Replay(PlainAction):
         return hold if self.phase == "settle" or hold.presses(feedback) else None
 
     def progress(self) -> Progress | None:
-        """Return where it is on its path."""
+        """Return the place on the path."""
         feedback, path = self._feedback, self._path
         if feedback is None:
             return None
@@ -436,11 +436,11 @@ class Replay(PlainAction):
         return Step(step.command, outcome=self._result("blocked"))
 
     def _align(self, now_s: float, elapsed_s: float, feedback: Feedback, path: Path) -> Step:
-        """Go to the start of the path, at the speed of a move."""
+        """Move to the start of the path, at the speed of a move."""
         first = self.openness = path.openness_at(0.0)
         is_open = self._geometry.openness(feedback.position_rad) >= first
         if is_open and self.grips.is_due(0.0) and not self.is_paused:
-            # It begins with a grip: close as a grasp does, and do not press onto its position.
+            # It begins with a grip: close as a grasp does, and do not press to the taught position.
             self.phase, self._at_s = "approach", 0.0
         speed_rad_s = self._geometry.to_rad(self._config.speed_mm_s)
         step = self._lead(now_s, feedback, first, speed_rad_s)
@@ -457,7 +457,7 @@ class Replay(PlainAction):
         return step
 
     def _pass_over(self, path: Path) -> None:
-        """Begin the next pass, or settle; a pose that shall be repeated for ever is held."""
+        """Begin the next pass, or settle; a pose that is repeated without end is held."""
         if self._is_endless_pose(path):
             self._at_s = path.duration_s
             return
@@ -477,7 +477,7 @@ class Replay(PlainAction):
     def _grip(
         self, now_s: float, elapsed_s: float, motor: MotorView, feedback: Feedback, path: Path
     ) -> Step:
-        """Close until something is gripped, then hold it as long as it was taught.
+        """Close until something is gripped, then hold it for the taught time.
 
         The path's time stands still while they close.
         """
@@ -500,7 +500,7 @@ class Replay(PlainAction):
         return self._end_grip(command, feedback, path)
 
     def _end_grip(self, command: MitCommand | None, feedback: Feedback, path: Path) -> Step:
-        """Go on along the path, or in the next grip; at the end of the path the hold lasts."""
+        """Continue along the path, or with the next grip; at the end of the path the hold stays."""
         if self._is_endless_pose(path):
             return Step(command)
         self.grips.end()
@@ -514,20 +514,20 @@ class Replay(PlainAction):
         return Step(command)
 
     def _lead(self, now_s: float, feedback: Feedback, openness: float, speed_rad_s: float) -> Step:
-        """Lead the jaws towards an openness; while paused, nowhere."""
+        """Lead the jaws towards an openness; while paused, keep the command."""
         self.frames += 1
         wanted_rad = self._geometry.position_rad(openness)
         target_rad = self._command_rad() if self.is_paused else wanted_rad
         return Step(self._follower.step(now_s, feedback, target_rad, speed_rad_s))
 
     def _command_rad(self) -> float:
-        """Return where the latest command was; where the jaws are, if it was none to a position."""
+        """Return the position of the latest command, or of the jaws if it commanded no position."""
         here_rad = 0.0 if self._feedback is None else self._feedback.position_rad
         reference_rad = self._follower.reference_rad
         return here_rad if reference_rad is None else reference_rad
 
     def _fastest_rad_s(self) -> float:
-        """Return how fast the command may move: enough for the path, and to catch up with it."""
+        """Return the highest speed of the command: enough for the path, and to catch up with it."""
         return fastest_rad_s(
             self.speed,
             self._loading.max_rate_s,
@@ -537,7 +537,7 @@ class Replay(PlainAction):
         )
 
     def _is_pose(self, path: Path) -> bool:
-        """Return whether the path is over before a tick has passed."""
+        """Return whether the path is shorter than a tick."""
         return path.duration_s < self._period_s
 
     def _is_endless_pose(self, path: Path) -> bool:

@@ -1,7 +1,7 @@
-"""What clients may ask about trajectories: to record one, to replay one, to pause and go on.
+"""Clients' requests on trajectories: record, replay, pause and continue.
 
-Recording and replay exclude each other. A recording that is over is kept until it has been taken
-to the helper process, or the next one begins.
+Recording and replay exclude each other. A finished recording is kept until the helper process has
+it, or the next one begins.
 """
 
 import base64
@@ -31,16 +31,15 @@ from litegripd.trajectories.values import MAX_SAMPLES, PIECE_BYTES
 
 
 def recording_key(number: int) -> str:
-    """Return what the helper process keeps a recording under."""
+    """Return the key under which the helper process stores a recording."""
     return f"recording {number}"
 
 
 class Keeping:
-    """One recording on its way; `on_kept` is called once, with what is known of the whole.
+    """One recording on its way to the helper; `on_kept` is called once, with the facts.
 
-    With a `name` it is a trajectory of the user `uid`.
-
-    Only the latest recording is kept: the one before goes when this one comes.
+    With a `name` it becomes a trajectory of the user `uid`. Only the latest recording is kept: it
+    replaces the one before.
     """
 
     def __init__(
@@ -69,7 +68,7 @@ class Keeping:
         self._send()
 
     def _send(self) -> None:
-        """Send the next piece: of the samples, then of what is known of the grips."""
+        """Send the next piece: first of the samples, then of the grips."""
         capture = self._capture
         offset = self._sent
         if offset < capture.size:
@@ -115,11 +114,13 @@ OnKept: TypeAlias = Callable[[Mapping[str, Any] | Refusal], None]
 class Trajectories:
     """Begins and ends recordings and replays on one controller."""
 
+    NOT_CARRIED = ("capture", "replay", "replay_job", "_controller", "_keeping")
+
     def __init__(self, controller: Controller) -> None:
         self.replay: Replay | None = None
         self.replay_job: Job | None = None
         self.capture: Capture | None = None
-        """The latest recording, be it under way, over, or taken to the helper process."""
+        """The latest recording: under way, over, or stored by the helper process."""
         self._controller = controller
         self._keeping: Keeping | None = None
 
@@ -141,7 +142,7 @@ class Trajectories:
     def record(
         self, owner: Owner, *, rate_hz: float, slack: bool, max_samples: int, detached: bool
     ) -> Job | Capture | Refusal:
-        """Begin to record; `slack` makes the jaws slack meanwhile, as a job, else others drive."""
+        """Begin to record, or return a refusal; with `slack` a job makes the jaws slack."""
         controller = self._controller
         geometry = self._ready()
         refusal = self.refusal() or (geometry if isinstance(geometry, Refusal) else None)
@@ -173,10 +174,10 @@ class Trajectories:
         allow_empty: bool,
         allow_partial: bool,
     ) -> Refusal | None:
-        """End the recording, and have it kept by the helper process, under a name if there is one.
+        """End the recording, and let the helper process store it, under a name if there is one.
 
-        Under a name it is the user's `uid`. `on_kept` gets what is known of it then. A recording
-        that is refused or could not be kept stays until the next one begins.
+        With a name it belongs to the user `uid`. Then `on_kept` gets the facts. A recording that is
+        rejected or cannot be stored stays until the next one begins.
         """
         controller, capture = self._controller, self.capture
         if self._keeping is not None:
@@ -208,7 +209,7 @@ class Trajectories:
         return None
 
     def client_lost(self, client: int) -> None:
-        """End the recording that a client has begun while others drive, unless it is detached."""
+        """End a lost client's recording while others drive, unless it is detached."""
         capture = self.capture
         if capture is None or capture.job is not None or capture.detached:
             return
@@ -216,7 +217,7 @@ class Trajectories:
             capture.fail("the client that recorded went away")
 
     def _note_job(self, capture: Capture) -> None:
-        """Notice a job that has ended since the last tick, before the capture ends by itself."""
+        """Notice that the job has ended since the last tick, before the capture ends by itself."""
         job = capture.job
         if job is not None and not job.is_running:
             capture.fail("it ended" if job.error is None else job.error.message)
@@ -241,7 +242,7 @@ class Trajectories:
         kd_nm_s_rad: float | None,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to load and replay a trajectory; the gains are the calibration's by default."""
+        """Begin to load and replay a trajectory; by default with the calibration's gains."""
         controller = self._controller
         refusal, geometry = self.refusal() or controller.why_busy(), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
@@ -269,7 +270,7 @@ class Trajectories:
         return self.replay_job
 
     def playing(self, job: int | None, owner: Owner) -> Replay | Refusal:
-        """Return the replay that runs, if it is this job's, and this owner's or a detached one."""
+        """Return the running replay if it is this job, and the owner's or detached."""
         running, action = self._controller.jobs.running, self._controller.action
         if running is None or not isinstance(action, Replay):
             return Refusal("unknown_job", "no replay is running")
@@ -281,7 +282,7 @@ class Trajectories:
         return action
 
     def _ready(self) -> Geometry | Refusal:
-        """Return the travel, where the motor is enabled and a calibration says what it means."""
+        """Return the travel if the motor is enabled and calibrated; else a refusal."""
         controller = self._controller
         geometry = controller.geometry
         if geometry is None:
@@ -291,7 +292,7 @@ class Trajectories:
 
 
 def _unusable(capture: Capture, *, allow_empty: bool, allow_partial: bool) -> Refusal | None:
-    """Return why a recording cannot be had, or None."""
+    """Return why a recording cannot be used, or None."""
     data = {"samples": capture.samples, "error": capture.error}
     if capture.error is not None and not allow_partial:
         text = (

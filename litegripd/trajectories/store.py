@@ -1,7 +1,7 @@
-"""The trajectories that the daemon keeps: files by name, and what is there until its client goes.
+"""The stored trajectories: files by name, and uploads and recordings without a name.
 
-Lives in the helper process, which alone reads and judges whole trajectories. A refusal that can be
-expected is an answer with `refused`: a reason of the error table and a sentence.
+It is in the helper process, the only process that reads and checks whole trajectories. An expected
+refusal is an answer with `refused`: a reason of the error table and a sentence.
 """
 
 import hashlib
@@ -40,7 +40,7 @@ from litegripd.trajectories.values import (
 )
 
 LISTED_BYTES = 40_000
-"""So much of a list in one answer, which must fit into a packet."""
+"""The most bytes of a list in one answer, which must fit into a packet."""
 
 _MAX_CACHED = 2
 
@@ -83,9 +83,9 @@ class TrajectoryStore:
     # Reading
 
     def list_names(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """List the files after the name `after`, in order; `more` tells that there are others.
+        """Return the files after the name `after`, sorted; `more` is True if others follow.
 
-        `usage` is what the user `uid`, who asks, has of them all, and may have.
+        `usage` is what the asking user `uid` has of all files, and may have.
         """
         directory, after = self._directory(), parameters["after"] or ""
         usable = [name for name in lgt_names(directory, self._file_system) if name > after]
@@ -104,12 +104,12 @@ class TrajectoryStore:
         return {"trajectories": entries, "more": len(entries) < len(usable), "usage": usage}
 
     def open(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Judge a whole trajectory and tell what is known of it."""
+        """Check a whole trajectory and return the facts about it."""
         content, grips = self._both(parameters["source"])
         return {**content.facts(), **grips.facts(), "grip_rows": grips.rows(content.whole)}
 
     def samples(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Return `PIECE_BYTES` of samples, from the byte `offset` of them on."""
+        """Return `PIECE_BYTES` of samples, from byte `offset` on."""
         content = self._content(parameters["source"])
         if content.sha256 != parameters["sha256"]:
             raise StoreError("trajectory_unreadable", "it was changed while it was being loaded")
@@ -140,12 +140,12 @@ class TrajectoryStore:
     # Writing
 
     def put(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Take a piece of what shall be kept under `key`; the last one makes it whole.
+        """Take a piece of the upload or recording `key`; the last piece completes it.
 
-        Whole it is judged, and written under `name`, if there is one. Its last `grip_bytes` are the
-        file of its grips. With `header` the pieces are samples, and of each grip what was noted:
-        the files are made here. Whatever is wrong, nothing of it stays. What has a name counts
-        for the user `uid`; what is sent is refused with its first piece where there is no room.
+        Once complete, it is checked, and written under `name` if there is one. Its last
+        `grip_bytes` are the file of its grips. With `header` the pieces are the samples and grips
+        of a recording, and the files are made here. If anything is wrong, nothing of it stays. A
+        named trajectory counts for the user `uid`; without room the first piece is rejected.
         """
         key, offset, total = parameters["key"], int(parameters["offset"]), int(parameters["total"])
         before = self._coming.pop(key, None)
@@ -174,7 +174,7 @@ class TrajectoryStore:
         return {"received": total, "complete": True, "name": name, "path": path, **facts}
 
     def delete(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Remove the file of a name."""
+        """Delete the trajectory with a name."""
         path = self._path(parameters["name"])
         try:
             self._file_system.remove(path)
@@ -188,7 +188,7 @@ class TrajectoryStore:
         return {"name": parameters["name"], "deleted": True}
 
     def drop(self, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Forget what was kept under these keys, or is still coming."""
+        """Forget the uploads and recordings with these keys, complete or not."""
         for key in parameters["keys"]:
             self._coming.pop(key, None)
             self._kept.pop(key, None)
@@ -215,7 +215,7 @@ class TrajectoryStore:
         return content, make(beside, lgt, content.sha256) if beside else Grips()
 
     def _write(self, name: str, content: Content, grips: Grips, uid: int) -> str:
-        """Write both files; between the two no grips go with the new one, by its digest."""
+        """Write both files; between the two writes the digest keeps old grips from the new file."""
         path = self._path(name)
         self._check_room(path, uid, len(content.whole) + len(grips.whole))
         try:
@@ -242,7 +242,7 @@ class TrajectoryStore:
         return self._directory() / f"{name}{ENDING}"
 
     def _both(self, source: Mapping[str, Any]) -> tuple[Content, Grips]:
-        """Return a trajectory that was judged, and its grips."""
+        """Return a checked trajectory, and its grips."""
         if "kept" in source:
             return self._in_memory(source["kept"])
         content = self._content(source)
@@ -257,7 +257,7 @@ class TrajectoryStore:
         return kept
 
     def _content(self, source: Mapping[str, Any]) -> Content:
-        """Return a trajectory that was judged; a file again only when it has changed."""
+        """Return a checked trajectory; a file is checked again only if it has changed."""
         if "kept" in source:
             return self._in_memory(source["kept"])[0]
         path = self._path(source["name"])
@@ -285,7 +285,7 @@ class TrajectoryStore:
 def _refusing(
     do: Callable[[Mapping[str, Any]], dict[str, Any]],
 ) -> Callable[[Mapping[str, Any]], object]:
-    """Make an expected refusal an answer."""
+    """Return an operation that answers with `refused` instead of raising `StoreError`."""
 
     def answer(parameters: Mapping[str, Any]) -> object:
         try:

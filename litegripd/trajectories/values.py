@@ -1,9 +1,9 @@
-"""The trajectory file `.lgt` to the bit: how it is written, read and judged, without a disk.
+"""The trajectory file `.lgt`, exact to the bit: written, read and checked without a disk.
 
-A header of 66 bytes and 40 bytes a sample, little-endian; what is stored is the openness, so that a
-trajectory taught on one gripper replays on another. Judging a long one takes far longer than a
-tick may: never in the control thread. `Path` reads it sample by sample, out of bytes that were
-judged before: cheap enough for a tick, however long the trajectory is.
+A header of 66 bytes and 40 bytes per sample, little-endian. It stores the openness, so that a
+trajectory taught on one gripper replays on another. Checking a long one takes far longer than a
+tick: the control thread must never do it. `Path` reads checked bytes sample by sample: fast enough
+for a tick, for any length.
 """
 
 import math
@@ -23,7 +23,7 @@ MAX_SAMPLES = 360_000
 MAX_BYTES = HEADER.size + MAX_SAMPLES * SAMPLE.size
 MAX_NAME = 64
 MAX_NAME_BYTES = 200
-"""With its endings, that of a temporary file included, a name fits into the 255 of a file system"""
+"""With its suffixes, also that of a temporary file, a name fits into a file system's 255 bytes."""
 
 CSV_HEAD = "t_s,openness,position_rad,velocity_rad_s,torque_nm\n"
 
@@ -37,7 +37,7 @@ class TrajectoryError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Header:
-    """What a file says of the gripper that it was taught on; `created_s` is unix time."""
+    """A file's facts about the gripper that it was taught on; `created_s` is Unix time."""
 
     samples: int
     sample_hz: float
@@ -49,7 +49,7 @@ class Header:
     mount: Mount | None
 
     def __post_init__(self) -> None:
-        """Refuse what no reader would take; raises `TrajectoryError`."""
+        """Reject values that no reader accepts; raises `TrajectoryError`."""
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, float) and not math.isfinite(value):
@@ -95,10 +95,10 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """What judging the samples has found out.
+    """The result of checking the samples.
 
     `max_rate_s` is the fastest change of the openness per second: infinite for a jump. Without
-    samples all is 0.
+    samples all values are 0.
     """
 
     duration_s: float = 0.0
@@ -106,7 +106,7 @@ class Summary:
 
 
 def read_header(content: memoryview) -> Header:
-    """Read the header of a whole file; raises `TrajectoryError` with the reason."""
+    """Return the header of a whole file; raises `TrajectoryError` with the reason."""
     header = parse_header(content)
     expected = HEADER.size + header.samples * SAMPLE.size
     if len(content) != expected:
@@ -118,7 +118,7 @@ def read_header(content: memoryview) -> Header:
 
 
 def parse_header(content: memoryview) -> Header:
-    """Read a header, whatever follows it; raises `TrajectoryError` with the reason."""
+    """Return the header, ignoring what follows; raises `TrajectoryError` with the reason."""
     if len(content) < HEADER.size:
         text = f"{len(content)} bytes are too few for a header, which has {HEADER.size}"
         raise TrajectoryError(text)
@@ -135,16 +135,16 @@ def parse_header(content: memoryview) -> Header:
 
 
 def read(content: memoryview) -> tuple[Header, Summary]:
-    """Judge a whole file; raises `TrajectoryError` with the reason.
+    """Check a whole file; raises `TrajectoryError` with the reason.
 
-    Takes about half a second for the longest one.
+    The longest file takes about half a second.
     """
     header = read_header(content)
     return header, summarize(content[HEADER.size :])
 
 
 def summarize(samples: memoryview) -> Summary:
-    """Judge samples, one by one; raises `TrajectoryError` with the number of the wrong one."""
+    """Check the samples; raises `TrajectoryError` with the number of the wrong one."""
     first_s = last_s = last = fastest = 0.0
     for number, values in enumerate(SAMPLE.iter_unpack(samples)):
         t_s, openness = values[:2]
@@ -164,7 +164,7 @@ def summarize(samples: memoryview) -> Summary:
 
 
 def csv_line(values: tuple[float, ...]) -> str:
-    """Return a sample as a line of CSV; each number reads back to the bit."""
+    """Return a sample as a line of CSV; each number reads back exactly."""
     return ",".join(map(repr, values)) + "\n"
 
 
@@ -189,9 +189,9 @@ PIECE_BYTES = PIECE_SAMPLES * SAMPLE.size
 
 
 class Path:
-    """The openness over the time since the first sample, straight between the samples.
+    """The openness over the time since the first sample, linear between the samples.
 
-    `pieces` have `PIECE_SAMPLES` samples each, the last one what is left; `samples` is above 0.
+    `pieces` have `PIECE_SAMPLES` samples each, the last one the remainder; `samples` is above 0.
     """
 
     def __init__(self, pieces: Sequence[bytes], samples: int) -> None:
@@ -201,9 +201,9 @@ class Path:
         self.duration_s = self._sample(samples - 1)[0] - self._first_s
 
     def openness_at(self, elapsed_s: float) -> float:
-        """Return the openness; before the start that of the start, past the end that of the end.
+        """Return the openness; before the start and after the end, that of the nearest sample.
 
-        Where several samples have the same time the last one counts.
+        If several samples have the same time, the last one counts.
         """
         after = self._first_after(elapsed_s)
         if after == 0:
@@ -216,7 +216,7 @@ class Path:
         return before + (following - before) * min(max(share, 0.0), 1.0)
 
     def _first_after(self, elapsed_s: float) -> int:
-        """Return the number of the first sample that is later, by bisection."""
+        """Return the number of the first later sample, by bisection."""
         low, high = 0, self.samples
         while low < high:
             middle = (low + high) // 2

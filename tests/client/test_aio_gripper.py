@@ -18,8 +18,8 @@ from litegrip_client import (
     StoppedError,
     aio,
 )
+from litegrip_client.actions import Lease
 from litegrip_client.aio import LiteGrip
-from litegrip_client.lease import Lease
 from litegrip_client.subscription import EventSubscription, Subscription
 from tests.client.aio_helpers import arrived, cancel, run
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon, Request
@@ -67,7 +67,7 @@ def test_names_and_parameters_are_those_of_the_other_client() -> None:
     ],
 )
 def test_what_comes_with_a_block_has_the_same_names(here: type, there: type) -> None:
-    assert public(here) == public(there) - {"token"}
+    assert public(here) == public(there)
     for one in public(here):
         if inspect.isfunction(getattr(here, one)):
             assert parameters(getattr(here, one)) == parameters(getattr(there, one))
@@ -137,9 +137,9 @@ def test_tasks_that_connect_at_once_share_the_first_connection(daemon: FakeDaemo
         for hello in await arrived(daemon, "hello", 2):
             hello.reply(HELLO)
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            wires.append(gripper._link.wire)
+            wires.append(gripper._session.wire)
         await asyncio.gather(*tasks)
-        wires.append(gripper._link.wire)
+        wires.append(gripper._session.wire)
         await gripper.get_state()
         await gripper.disconnect()
 
@@ -334,7 +334,7 @@ def test_a_lease_that_nobody_waits_for_any_more_is_given_back(
             (acquiring,) = await arrived(daemon, "lease.acquire")
             granted = {"lease": "e:7", "number": 7, "state": STATE}
             if answered:
-                (call,) = gripper._link.connection._router.calls.values()
+                (call,) = gripper._session.connection._router.calls.values()
                 acquiring.reply(granted)
                 while not call.answered:
                     await asyncio.sleep(0)

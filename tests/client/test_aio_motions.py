@@ -243,7 +243,7 @@ def test_a_motion_that_ended_before_the_cancelling_is_not_cancelled(daemon: Fake
     async def use(gripper: LiteGrip) -> None:
         moving = asyncio.create_task(gripper.open())
         (motion,) = await arrived(daemon, "motion.open")
-        router = gripper._link.connection._router
+        router = gripper._session.connection._router
         (call,) = router.calls.values()
         motion.reply(MOVE)
         while not call.answered:

@@ -175,10 +175,10 @@ def test_silence_and_the_daemons_end_are_errors(daemon: FakeDaemon) -> None:
         async with LiteGrip(socket_path=daemon.path) as gripper, gripper.states(200) as states:
             for _ in range(4):
                 await states.__anext__()
-            gripper._link.connection.timeout_s = 0.01
+            gripper._session.connection.timeout_s = 0.01
             with pytest.raises(ConnectError, match="did not answer with a state sample"):
                 await states.__anext__()
-            gripper._link.connection.timeout_s = 20.0
+            gripper._session.connection.timeout_s = 20.0
             waiting = asyncio.create_task(states.__anext__())
             await asyncio.sleep(0)
             daemon.hang_up()
@@ -251,14 +251,14 @@ def test_events_and_states_may_have_the_same_number(daemon: FakeDaemon) -> None:
 def test_events_may_be_long_in_coming(daemon: FakeDaemon) -> None:
     async def main() -> None:
         async with LiteGrip(socket_path=daemon.path) as gripper:
-            gripper._link.connection.timeout_s = 0.01
+            gripper._session.connection.timeout_s = 0.01
             async with gripper.events() as events:
                 for _ in range(2):
                     await events.__anext__()
                 waiting = asyncio.create_task(events.__anext__())
                 done, _ = await asyncio.wait([waiting], timeout=0.05)
                 assert not done
-                gripper._link.connection.timeout_s = 20.0
+                gripper._session.connection.timeout_s = 20.0
                 event(daemon.requests[1], 45)
                 assert (await waiting).seq == 45
 

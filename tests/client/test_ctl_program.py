@@ -168,7 +168,7 @@ def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(
         raise PermissionError(13, "Permission denied")
 
     monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path))
-    monkeypatch.setattr("litegrip_client.discovery.Connection", refuse)
+    monkeypatch.setattr("litegrip_client.blocking.Connection", refuse)
     (tmp_path / "can0.sock").touch()
     assert main(["state"]) == 3
     what, hint = capsys.readouterr().err.splitlines()

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client import discovery
-from litegrip_client.discovery import check_channel, connect, socket_paths
+from litegrip_client import blocking, discovery
+from litegrip_client.blocking import connect
+from litegrip_client.discovery import check_channel, socket_paths
 from litegrip_client.errors import CommandError, ConnectError
 from tests.client.fake_daemon import FakeDaemon
 
@@ -107,7 +108,7 @@ def test_without_the_right_the_error_names_the_group(monkeypatch: pytest.MonkeyP
     def refuse(path: str, timeout_s: float) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(discovery, "Connection", refuse)
+    monkeypatch.setattr(blocking, "Connection", refuse)
     with pytest.raises(ConnectError, match="permission denied") as caught:
         connect("can0", "/somewhere")
     assert GROUP_HINT in str(caught.value)
@@ -117,7 +118,7 @@ def test_the_group_is_that_of_the_socket(monkeypatch: pytest.MonkeyPatch, tmp_pa
     def refuse(path: str, timeout_s: float) -> None:
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(discovery, "Connection", refuse)
+    monkeypatch.setattr(blocking, "Connection", refuse)
     closed = tmp_path / "can0.sock"
     closed.touch()
     robots = grp.struct_group(("robots", "x", closed.stat().st_gid, []))

@@ -19,6 +19,7 @@ def a_copy(tmp_path: Path) -> Path:
     skipped = shutil.ignore_patterns("__pycache__")
     for name in ("docs", "etc", "examples", "man", "litegripd", "litegrip_client"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=skipped)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
     return tmp_path
 
 
@@ -33,10 +34,13 @@ def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> N
     shutil.rmtree(root / "man")
     with (root / "litegrip_client/_error_table.py").open("a") as table:
         table.write("# old\n")
+    with (root / "litegrip_client/actions.py").open("a") as made_from_the_core:
+        made_from_the_core.write("# old\n")
     stale = generate(root, "--check")
     assert stale.returncode == 1
     assert stale.stdout.split("\n") == [
         "litegrip_client/_error_table.py is stale",
+        "litegrip_client/actions.py is stale",
         "docs/errors.md is stale",
         "man/litegripctl.1 is stale",
         "man/litegrip-sim.1 is stale",

@@ -13,7 +13,7 @@ from litegrip_client import (
     ProtocolError,
     SetZeroResult,
 )
-from litegrip_client.state import NEWER_FIELDS
+from litegrip_client.results import NEWER_FIELDS
 from tests.client.fake_daemon import GRASP, MOVE, STATE
 
 PROGRESS = {

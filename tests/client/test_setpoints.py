@@ -195,7 +195,7 @@ def test_another_thread_that_waits_reads_the_refusals(
     daemon: FakeDaemon, gripper: LiteGrip, clock: Clock
 ) -> None:
     refuse_notifications(daemon, {"reason": "busy", "message": "no", "data": {}})
-    reader = in_thread(lambda: gripper._link.connection.call("wait", timeout_s=DEADLINE_S))
+    reader = in_thread(lambda: gripper._session.connection.call("wait", timeout_s=DEADLINE_S))
     (waiting,) = daemon.wait_for("wait")
     with gripper.stream() as stream:
         stream.set_target(10.0)

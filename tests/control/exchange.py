@@ -3,9 +3,9 @@
 import json
 from typing import Any
 
-from litegripd.app import handover
 from litegripd.app.features import build_service
 from litegripd.app.machine import Machine
+from litegripd.handover import state as handover
 from litegripd.model.motion_config import MotionConfig
 from tests.world import PERIOD_S, FixedFacts, World
 
@@ -31,5 +31,5 @@ def exchange(world: World) -> dict[str, Any]:
     handover.adopt(machine, service, plain["state"])
     handover.adopt_history(machine, service, plain["history"])
     world.machine, world.controller, world.service = machine, machine.controller, service
-    world.flight = world.make_flight()
+    world.recorder = world.make_recorder()
     return plain

@@ -5,8 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.app import handover
-from litegripd.handover.controller import adopt_jobs, export_jobs
+from litegripd.handover import state as handover
 from litegripd.trajectories.capture import Capture
 from litegripd.trajectories.owners import Limits
 from tests.control.recordings import recording, taken
@@ -244,9 +243,10 @@ def test_the_results_of_recordings_and_replays_are_carried_over_a_restart() -> N
     world.run(0.3)
     client.result("trajectory.record_stop", name="pick")
     client.result("trajectory.play", name="pick")
-    plain = json.loads(json.dumps(export_jobs(world.controller)))
-    successor = World().controller
-    adopt_jobs(successor, plain)
+    plain = json.loads(json.dumps(handover.export_history(world.machine, world.service)))
+    other = World()
+    handover.adopt_history(other.machine, other.service, plain)
+    successor = other.controller
     assert [(job.kind, job.result) for job in successor.jobs] == [
         (job.kind, job.result) for job in world.controller.jobs
     ]

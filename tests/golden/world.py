@@ -31,7 +31,7 @@ class GoldenWorld(TeleopWorld):
             links=self.wires,
             new_token=lambda: f"token-{next(tokens)}",
         )
-        self.flight = self.make_flight()
+        self.recorder = self.make_recorder()
         self.kept: list[str] = []
         self.clients: list[GoldenClient] = []
         self._seen = 0

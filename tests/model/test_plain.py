@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
@@ -14,7 +14,15 @@ from hypothesis import strategies as st
 
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.plain import Carried, PlainError, plain_of, value_of
+from litegripd.model.plain import (
+    Carried,
+    PlainError,
+    memory,
+    plain_of,
+    restore,
+    undeclared,
+    value_of,
+)
 
 
 class Colour(Enum):
@@ -116,48 +124,47 @@ def test_what_cannot_be_sent_is_told() -> None:
 
 
 class Inner:
-    def __init__(self) -> None:
-        self.count = 0
+    count: Carried[int] = 0
 
 
 class Outer:
+    inner: Carried[Inner]
+    recent: Carried[deque[float]]
+    shape: Carried[Square | None] = None
+    NOT_CARRIED = ("passing",)
+
     def __init__(self) -> None:
         self.inner = Inner()
-        self.recent: deque[float] = deque(maxlen=2)
-        self.kept: OrderedDict[int, str] = OrderedDict()
-        self.shape: Square | None = None
+        self.recent = deque(maxlen=2)
         self.passing = "left"
-
-
-OUTER = Carried(
-    Outer,
-    left=("passing",),
-    inner=Carried(Inner, count=int),
-    recent=deque[float],
-    kept=OrderedDict[int, str],
-    shape=Square | None,
-)
 
 
 def test_objects_are_filled_and_keep_their_bounds() -> None:
     source, target = Outer(), Outer()
     source.inner.count, source.passing, source.shape = 3, "changed", Square(2.0)
     source.recent.extend((1.0, 2.0, 3.0))
-    source.kept[7] = "seven"
     inner = target.inner
-    OUTER.restore(target, json.loads(json.dumps(OUTER.memory(source))))
+    restore(target, json.loads(json.dumps(memory(source))))
     assert target.inner is inner
     assert (inner.count, target.passing, target.shape) == (3, "left", Square(2.0))
     assert target.recent == deque((2.0, 3.0))
     assert target.recent.maxlen == 2
-    assert target.kept == OrderedDict({7: "seven"})
-    assert isinstance(target.kept, OrderedDict)
 
 
-def test_an_attribute_that_is_in_no_table_is_a_defect() -> None:
+def test_an_attribute_that_its_class_does_not_declare_is_a_defect() -> None:
     source = Outer()
     vars(source)["more"] = 1
     with pytest.raises(PlainError, match="more"):
-        OUTER.memory(source)
+        memory(source)
+    assert undeclared(source) == {"more"}
     with pytest.raises(PlainError):
-        OUTER.restore(Outer(), {"is": "Outer"})
+        restore(Outer(), {"is": "Outer"})
+
+
+def test_an_attribute_that_is_declared_twice_or_not_there_is_a_defect() -> None:
+    class Wrong:
+        count: Carried[int] = 0
+        recent: Carried[deque[float]]
+        NOT_CARRIED = ("count", "gone")
+
+    assert undeclared(Wrong()) == {"count", "recent", "gone"}

@@ -88,4 +88,4 @@ def jaws_are_loose(site: Site, daemon: Daemon) -> bool:
 
 def load_content(gripper: LiteGrip, content: dict[str, Any]) -> None:
     """Have the daemon use the content of a calibration file that is nowhere on the disk."""
-    gripper._link.connection.call("calibration.load", {"content": content})
+    gripper._session.connection.call("calibration.load", {"content": content})

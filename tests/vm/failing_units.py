@@ -71,6 +71,7 @@ def interface_goes_and_comes() -> None:
 def started_by_udev() -> None:
     """An enabled unit that was stopped is started when the interface appears."""
     unit = Unit()
+    must("systemctl", "enable", unit.name)
     with at_work(unit) as rpc:
         rpc.insist("motor.enable")
         unit.stop()

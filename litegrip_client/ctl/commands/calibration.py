@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl import files, terminal
 from litegrip_client.ctl import render_results as render
 from litegrip_client.ctl.motion import finish
@@ -16,7 +17,6 @@ from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.render import figure, plain
 from litegrip_client.ctl.run import INTERRUPTED, NOT_OK, OK, Command, Fill, Run
 from litegrip_client.errors import CancelledError, CommandError, LiteGripError
-from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

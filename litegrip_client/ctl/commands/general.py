@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl import render
 from litegrip_client.ctl.output import Output
 from litegrip_client.ctl.parser import LateParser, count
 from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Command, Fill, Run, installing
 from litegrip_client.errors import CommandError, LiteGripError
-from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

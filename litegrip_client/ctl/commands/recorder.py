@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl import files
 from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.parser import LateParser, positive
@@ -17,7 +18,6 @@ from litegrip_client.ctl.render import figure, plain
 from litegrip_client.ctl.render_trajectories import grip_line
 from litegrip_client.ctl.run import OK, Command, Fill, Run, installing
 from litegrip_client.errors import CommandError
-from litegrip_client.link import ACTION_TIMEOUT_S
 from litegrip_client.trajectory import MAGIC, Trajectory
 
 TYPE_CHECKING = False

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl import render_results as render
 from litegrip_client.ctl.parser import LateParser, setting
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import OK, Command, Fill, Run
 from litegrip_client.errors import CommandError
-from litegrip_client.link import ACTION_TIMEOUT_S
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 
 from litegrip_client.blocking import BlockingWire, pause, wait
-from litegrip_client.core.recording import Recording
-from litegrip_client.core.trajectory_transfer import fetch, fetch_grips, send
+from litegrip_client.core.session import ACTION_TIMEOUT_S
+from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, send
 from litegrip_client.ctl import files, terminal
 from litegrip_client.ctl import render_trajectories as render
 from litegrip_client.ctl.motion import finish
@@ -18,7 +18,6 @@ from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.render_results import bar
 from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Fill, Run
 from litegrip_client.errors import CancelledError, CommandError
-from litegrip_client.link import ACTION_TIMEOUT_S
 from litegrip_client.trajectory import Trajectory
 from litegrip_client.trajectory_files import (
     directory,
@@ -431,7 +430,7 @@ def play(run: Run) -> int:
 
 
 def _uploaded(run: Run) -> int:
-    from litegrip_client.core.trajectory_transfer import send  # noqa: PLC0415 - seldom needed
+    from litegrip_client.core.trajectories import send  # noqa: PLC0415 - seldom needed
     from litegrip_client.trajectory_files import read, read_grips  # noqa: PLC0415
 
     wire, content = BlockingWire(run.connection), read(run.options.name)

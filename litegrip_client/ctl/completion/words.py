@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping
 
+from litegrip_client.blocking import connect
 from litegrip_client.ctl.parser import CHANNEL_VARIABLE, DEFAULT_CHANNEL
-from litegrip_client.discovery import connect, running_channels
+from litegrip_client.discovery import running_channels
 from litegrip_client.errors import LiteGripError
 
 TYPE_CHECKING = False

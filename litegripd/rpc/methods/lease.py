@@ -9,6 +9,7 @@ from litegripd.control.controller import Controller
 from litegripd.control.lease import Grant, LeaseOptions
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import OnLost
+from litegripd.model.plain import Carried
 from litegripd.rpc.method import LEASE, Answer, Call, Deferred, Method
 from litegripd.rpc.reports import OwnerView, Reporter, StateView
 from litegripd.rpc.schema import Param
@@ -23,8 +24,10 @@ class Tokens:
     Only the latest grant has one: with it, every earlier grant is lost for good.
     """
 
+    latest: Carried[tuple[int, str] | None] = None
+    NOT_CARRIED = ("_new_token",)
+
     def __init__(self, new_token: Callable[[], str]) -> None:
-        self.latest: tuple[int, str] | None = None
         self._new_token = new_token
 
     def of(self, number: int) -> str:

@@ -1,4 +1,4 @@
-"""The connection of one gripper object: which daemon, who enabled, and what its end does.
+"""One gripper object at its daemon: the connection, the lease, and what its end does to the motor.
 
 This module must not know motions.
 """
@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Mapping
+from types import TracebackType
 
 from litegrip_client.checks import given_numbers
 from litegrip_client.discovery import check_channel
@@ -18,7 +19,7 @@ from litegrip_client.errors import (
     LeaseError,
     ProtocolError,
 )
-from litegrip_client.warn import warn
+from litegrip_client.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -33,10 +34,10 @@ ACTION_TIMEOUT_S = 30.0
 """For enabling and disabling: retries and register reads included, the daemon is done by then."""
 
 
-class Link:
+class DaemonSession:
     """A daemon, by channel, and the connection to it while there is one.
 
-    `enabled_here` is true from this link's enabling on until its disabling; only then does its
+    `enabled_here` is true from this session's enabling on until its disabling; only then does its
     end do anything to the motor. `keeps_lease` is true if it wants the lease until its end,
     `leased` that it has it, as far as it knows.
     """
@@ -71,6 +72,13 @@ class Link:
         """Make a call, even from a signal handler whose thread waits for an answer."""
         return await self.wire.call(method, params)
 
+    async def command(
+        self, method: str, params: Mapping[str, Any], timeout_s: float | None = None
+    ) -> dict[str, Any]:
+        """Make a call that must never act after a stop that this program did not know of."""
+        wire = self.wire
+        return await wire.run(wire.prepare_guarded(method, params), timeout_s)
+
     async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Return what `function` does, which works with files and so may take its time."""
         raise NotImplementedError
@@ -86,7 +94,7 @@ class Link:
 
     @property
     def leased(self) -> bool:
-        """True if anybody who uses this link still wants the lease."""
+        """True if anybody who uses this session still wants the lease."""
         return self.keeps_lease or self._leases > 0
 
     @property
@@ -144,7 +152,7 @@ class Link:
             raise _different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)
 
     async def close(self) -> None:
-        """End the connection, after having seen to the motor if this link enabled it.
+        """End the connection, after having seen to the motor if this session enabled it.
 
         That is: disable it, or, without `disable_on_disconnect`, make sure that the daemon goes
         on holding. Raises the error of that; the connection is closed all the same. In a forked
@@ -227,6 +235,49 @@ class Link:
         params = {"why": why, "purpose": _program()} | ({} if jaws == "hold" else {"jaws": jaws})
         await self._get("lease.take", params, 0.0)
         self.keeps_lease = True
+
+
+class Lease:
+    """The lease of one gripper, for `async with`: taken at the start, returned at the end.
+
+    It is kept while another block, or `enable`, of the same gripper object needs it. `token` names
+    it, for another connection of the same program (`lease` of the raw methods).
+    """
+
+    def __init__(self, session: DaemonSession, options: dict[str, Any]) -> None:
+        self._token: str | None = None
+        self._session = session
+        self._options = options
+        self._wire: Wire | None = None
+
+    @property
+    def token(self) -> str | None:
+        """The name of the lease, inside the block."""
+        return self._token
+
+    async def __aenter__(self) -> Lease:
+        granted = await self._session.acquire(**self._options)
+        self._wire = self._session.enter_lease()
+        self._token = str(granted["lease"])
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._token = None
+        await leave(self._leave, error)
+
+    async def _leave(self) -> None:
+        wire, self._wire = self._wire, None
+        if wire is not None:
+            await self._session.leave_lease(wire)
+
+    async def renew(self) -> None:
+        """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""
+        await self._session.wire.call("lease.renew")
 
 
 async def _disable(wire: Wire) -> None:

@@ -12,10 +12,16 @@ from typing import cast
 
 import pytest
 
-from litegripd.app.config import load, override
-from litegripd.app.handover import FORMAT
-from litegripd.app.succession import READY_WITHIN_S, TAKE_WITHIN_S, Succession
+from litegripd.app.config import load, override, same_settings
 from litegripd.handover.link import Link, Packet, read_document
+from litegripd.handover.predecessor import (
+    READY_WITHIN_S,
+    TAKE_WITHIN_S,
+    Succession,
+    pass_end,
+    pass_stop,
+)
+from litegripd.handover.state import FORMAT
 from litegripd.io.can.bus import FrameBus
 from litegripd.io.helper.child import start_here
 from litegripd.io.helper.helper import Helper, HelperResult
@@ -80,9 +86,11 @@ class Rig:
         self.places: Places = occupy("test", str(folder), folder / "rpc.sock", None)
         self.told: list[Restarted | Refusal] = []
         self.succession = Succession(
-            config,
+            same_settings(config),
             ["can7"],
             "epoch",
+            interface=config.bus.interface,
+            channel=config.bus.channel,
             machine=self.world.machine,
             service=self.world.service,
             helper=cast(Helper, self.helper),
@@ -176,8 +184,8 @@ def test_the_bus_is_handed_over_once_the_successor_has_sent_its_first_command(ri
     assert len(seen[0].descriptors) == 2
     assert seen[0].body["due_s"] > seen[0].body["sent_s"]
     stop = Stop("relax", Owner(3, 4, 5, "a program"), 17.5, "a test")
-    rig.succession.tell_stop(line, stop, 9)
-    rig.succession.tell_end(line)
+    pass_stop(line, stop, 9)
+    pass_end(line)
     packet = link.receive()
     assert packet is not None
     assert value_of(packet.body["stop"], Stop, "stop") == stop
@@ -186,7 +194,7 @@ def test_the_bus_is_handed_over_once_the_successor_has_sent_its_first_command(ri
     assert last is not None
     assert last.kind == "end"
     line.close()
-    rig.succession.tell_end(line)  # nobody is there any more: told in the log
+    pass_end(line)  # nobody is there any more: told in the log
 
 
 def test_a_successor_that_does_not_command_in_time_is_ended_before_we_go_on(rig: Rig) -> None:

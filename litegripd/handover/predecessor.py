@@ -1,9 +1,9 @@
-"""The old daemon's side of a restart that holds: starts a successor and hands everything over.
+"""The old daemon's side of a restart that holds: starts a successor and hands the state over.
 
-Who owns the bus is never in doubt. The state is sent in one packet: before it the successor
-commands nothing, from then on this process commands nothing. It takes the bus back only once the
-successor is dead, by its own doing or by ours, and gives it up for good when the successor says
-that its first command is sent.
+At each moment one process owns the bus. The state is sent in one packet: before it the successor
+commands nothing, after it this process commands nothing. This process takes the bus back only
+once the successor is dead, by itself or killed by this process. It gives the bus up for good when
+the successor reports that its first command is sent.
 """
 
 import logging
@@ -12,18 +12,20 @@ import select
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from litegripd.app import handover
-from litegripd.app.config import Config
-from litegripd.app.machine import Machine
+from litegripd.control.controller import Controller
 from litegripd.handover.link import Link, Packet, write_document
 from litegripd.handover.methods import OnRestarted
+from litegripd.handover.state import Machine, export, export_history, why_not_restartable
 from litegripd.io.can.bus import IN_PROCESS_INTERFACES, FrameBus
 from litegripd.io.helper.helper import Helper, HelperResult
+from litegripd.io.loop import Urgent
+from litegripd.io.server import Server
 from litegripd.io.sockets import Places
+from litegripd.io.stop_socket import StopListener
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
@@ -36,26 +38,21 @@ MODULE = "litegripd.app.main"
 PROGRAM = "litegripd"
 SUCCESSOR_OPTION = "--successor"
 
-READY_WITHIN_S = 60.0  # so long a successor may take until it has taken over
+READY_WITHIN_S = 60.0  # how long a successor may need until it has taken over
 
 TAKE_WITHIN_S = 0.06
-"""So long it may take from the state to its first command. The motor's watchdog disarms after
-0.1 s without one: what is left is for ending the successor and going on."""
+"""How long a successor may need from the state to its first command. The motor's watchdog disarms
+after 0.1 s without one: in the rest of that time the old daemon kills it and continues."""
 _DIE_WITHIN_S = 0.5
-SAME_TABLES = ("bus", "motor", "gripper", "rpc")
-"""Tables of the configuration that must not differ: what is held depends on them."""
-
-
-def same_settings(config: Config) -> dict[str, Any]:
-    """Return the tables that a successor must find as they are."""
-    return {table: plain_of(getattr(config, table)) for table in SAME_TABLES}
+DRAIN_WITHIN_S = 0.05
+"""How long a daemon that has handed over still answers requests sent before."""
 
 
 def installed_program() -> str | None:
-    """Return the installed program that this process runs, by the path by which it was started.
+    """Return the path of the installed program by which this process was started.
 
-    A link in that path may lead to another version by the time of a restart, which is then to run
-    that. None where the process was started as a module of Python's.
+    At a restart a link in that path may lead to another version, which then runs. None if the
+    process was started as a Python module.
     """
     program = Path(sys.argv[0])
     if program.name != PROGRAM or not os.access(program, os.X_OK):
@@ -64,21 +61,28 @@ def installed_program() -> str | None:
 
 
 class Succession:
-    """At most one restart at a time; `begin` asks for it, `step` advances it once per tick."""
+    """At most one restart at a time; `begin` asks for it, `step` advances it once per tick.
+
+    `settings` are the parts of the configuration that must be the same for a successor.
+    """
 
     def __init__(
         self,
-        config: Config,
+        settings: Mapping[str, Any],
         arguments: Sequence[str],
         epoch: str,
         *,
+        interface: str,
+        channel: str,
         machine: Machine,
         service: RpcService,
         helper: Helper,
         bus: FrameBus,
         places: Places,
     ) -> None:
-        self._config = config
+        self._settings = settings
+        self._interface = interface
+        self._channel = channel
         self._program = installed_program()
         self._arguments = arguments
         self._epoch = epoch
@@ -92,12 +96,12 @@ class Succession:
         self._deadline_s = 0.0
         self._pid = 0
         self._gap_s = 0.0
-        self._is_started = False  # the helper has answered that the process runs
+        self._is_started = False  # the helper has reported that the process runs
         self._pidfd: int | None = None
         self._history: tuple[int, int] | None = None
 
     def begin(self, on_restarted: OnRestarted, now_s: float) -> Refusal | None:
-        """Start a successor, or say why there can be none; `on_restarted` is told the outcome."""
+        """Start a successor, or return a refusal; `on_restarted` gets the outcome."""
         refusal = self._impossible() or self._not_now()
         if refusal is not None:
             return refusal
@@ -136,26 +140,18 @@ class Succession:
             return self._hand_over(link, now_s, next_tick_s)
         return None
 
-    def tell_stop(self, link: Link, stop: Stop, generation: int) -> None:
-        """Pass on a stop that came to this process after it had handed over."""
-        _pass_on(link, "stop", plain_of(stop), generation)
-
-    def tell_end(self, link: Link) -> None:
-        """Pass on SIGTERM that came to this process after it had handed over."""
-        _pass_on(link, "end")
-
     @property
     def pid(self) -> int:
         """The successor's process id, once it is ready."""
         return self._pid
 
     def close(self) -> None:
-        """Let a successor go that has not taken over: it ends."""
+        """End a successor that has not taken over."""
         if self._link is not None:
             self._fail("the daemon is about to end")
 
     def _impossible(self) -> Refusal | None:
-        interface = self._config.bus.interface
+        interface = self._interface
         if interface in IN_PROCESS_INTERFACES:
             text = f"a bus of the interface {interface} lives and ends with this process: nothing"
             return Refusal("restart_failed", f"{text} on it can be held through a restart")
@@ -167,21 +163,21 @@ class Succession:
         return None
 
     def _not_now(self, *, is_under_way: bool = False) -> Refusal | None:
-        refusal = handover.why_not_restartable(self._machine)
-        refusal = refusal or self._bus.condition.refusal(self._config.bus.channel)
+        refusal = why_not_restartable(self._machine)
+        refusal = refusal or self._bus.condition.refusal(self._channel)
         has_work = self._helper.is_busy or self._machine.controller.tasks
         if refusal is None and is_under_way and has_work:
             refusal = Refusal("busy", "the helper process is at work")
         return refusal
 
     def _greet(self, link: Link) -> None:
-        """Send what the successor prepares itself with, a copy of the present state included."""
+        """Send what the successor needs to prepare, with a copy of the present state."""
         document = write_document(
             {
                 "epoch": self._epoch,
                 "path": str(self._places.path),
-                "settings": same_settings(self._config),
-                "state": handover.export(self._machine, self._service),
+                "settings": self._settings,
+                "state": export(self._machine, self._service),
             }
         )
         try:
@@ -196,10 +192,10 @@ class Succession:
             self._fail(f"the successor cannot be started: {result.error}")
 
     def _listen(self, link: Link) -> None:
-        """Take what the successor says before it has taken over."""
+        """Take a packet of a successor that has not taken over."""
         packet = link.receive()
         if packet is None:
-            # A program that cannot be started ends the line, too; the helper then reports why.
+            # A program that cannot be started also ends the line; then the helper reports why.
             if link.has_ended and self._is_started:
                 self._fail("the successor ended before it was ready; see the log")
         elif packet.kind == "ready" and self._pidfd is None and packet.descriptors:
@@ -208,13 +204,13 @@ class Succession:
             self._fail(str(packet.body.get("why", f"the successor said {packet.kind}")))
 
     def _has_history(self) -> bool:
-        """Make the part that takes long in a tick before the one that hands over."""
+        """Return True if the history is encoded; if not, encode it: the next tick can hand over."""
         newest = max((job.number for job in self._machine.controller.jobs), default=0)
         if self._history is not None and self._history[0] == newest:
             return True
         self._forget_history()
         try:
-            document = write_document(handover.export_history(self._machine, self._service))
+            document = write_document(export_history(self._machine, self._service))
         except (PlainError, OSError) as error:
             self._fail(f"the jobs cannot be handed over: {error}")
             return False
@@ -222,15 +218,15 @@ class Succession:
         return False
 
     def _hand_over(self, link: Link, now_s: float, next_tick_s: float) -> Link | None:
-        """Send the state, and wait for the successor's first command; else go on as before.
+        """Send the state and wait for the successor's first command; else continue as before.
 
-        `now_s` is when our last command was sent.
+        `now_s` is the time of this process's last command.
         """
         history = self._history
         if history is None:
             return None
         try:
-            state = write_document(handover.export(self._machine, self._service))
+            state = write_document(export(self._machine, self._service))
         except (PlainError, OSError) as error:
             self._fail(f"the state cannot be handed over: {error}")
             return None
@@ -243,7 +239,7 @@ class Succession:
                 due_s=next_tick_s,
                 pump=pump_pid,
             )
-        except OSError as error:  # nothing has left: the bus is still ours
+        except OSError as error:  # nothing was sent: the bus is still ours
             self._fail(f"the successor is gone: {error}")
             return None
         finally:
@@ -251,34 +247,34 @@ class Succession:
         packet = _reply(link, next_tick_s + TAKE_WITHIN_S)
         if packet is not None and packet.kind == "running":
             self._gap_s = packet.body.get("gap_s", 0.0)
-            self._link = None  # it belongs to who closes this daemon now
+            self._link = None  # the caller owns it now
             return link
         self._end_successor()
         self._fail(_why_not(packet, link))
         return None
 
     def _end_successor(self) -> None:
-        """Make sure that the successor sends no command any more."""
+        """Kill the successor, so that it sends no more commands."""
         if self._pidfd is not None:
             try:
                 signal.pidfd_send_signal(self._pidfd, signal.SIGKILL)
             except ProcessLookupError:
                 return
-            # From the signal on it runs no instruction of its own, however long its end takes.
+            # After the signal it runs no instruction of its own, however long its end takes.
             select.select((self._pidfd,), (), (), _DIE_WITHIN_S)
 
     def tell_outcome(self) -> None:
-        """Tell who has asked for the restart that the successor has taken over."""
+        """Report to the client that asked for the restart that the successor has taken over."""
         self._forget_successor()
         on_restarted, self._on_restarted = self._on_restarted, None
         if on_restarted is not None:
             on_restarted(Restarted(self._pid, self._gap_s))
 
     def _fail(self, why: str) -> None:
-        """Go on as before, and say why."""
+        """Continue as before, and report why."""
         _log.error("no restart: %s", why)
         if self._link is not None:
-            self._link.close()  # a successor that has no state ends by that
+            self._link.close()  # this ends a successor that has no state
             self._link = None
         self._forget_successor()
         self._places.name_owner()
@@ -298,15 +294,8 @@ class Succession:
             self._history = None
 
 
-def _pass_on(link: Link, kind: str, stop: object = None, generation: int = 0) -> None:
-    try:
-        link.send(kind, stop=stop, generation=generation)
-    except OSError as error:
-        _log.error("the successor takes no %s: %s", kind, error)
-
-
 def _reply(link: Link, until_s: float) -> Packet | None:
-    """Wait for what the successor says to the state; what is not understood is no answer."""
+    """Return the successor's answer to the state; None if there is none, or an unreadable one."""
     try:
         return link.wait(until_s - time.monotonic())
     except (OSError, ValueError) as error:
@@ -320,3 +309,67 @@ def _why_not(packet: Packet | None, link: Link) -> str:
     if link.has_ended:
         return "the successor ended while it took over; see the log"
     return f"the successor did not take over within {TAKE_WITHIN_S * 1e3:g} ms, and was ended"
+
+
+class Retirement:
+    """The last duties of a daemon whose successor is at the other end of `link`."""
+
+    def __init__(
+        self, link: Link, controller: Controller, urgent: Urgent, is_ending: Callable[[], bool]
+    ) -> None:
+        self._link = link
+        self._controller = controller
+        self._urgent = urgent
+        self._is_ending = is_ending
+        self._passed_on = controller.stop_latch.generation
+        self._end_is_passed_on = False
+
+    def part_with_clients(self, server: Server, stops: StopListener) -> None:
+        """Answer the requests that were sent before, and close: the successor takes new clients."""
+        self._controller.shut_down()  # it has no motor any more: it only rejects
+        server.let_in(False)
+        stops.let_in_no_more()
+        self.pass_on()
+        server.drain(time.monotonic() + DRAIN_WITHIN_S)
+        server.flush()
+        self.pass_on()
+        server.close()
+        stops.close()
+
+    def pass_on(self) -> None:
+        """Pass on the stops and signals that have come."""
+        self._urgent.serve()
+        latch = self._controller.stop_latch
+        if latch.generation != self._passed_on and latch.latched is not None:
+            self._passed_on = latch.generation
+            pass_stop(self._link, latch.latched, latch.generation)
+        if self._is_ending() and not self._end_is_passed_on:
+            self._end_is_passed_on = True
+            pass_end(self._link)
+
+    def goes_on(self) -> bool:
+        """Pass on stops and signals; return True while the successor is there."""
+        self.pass_on()
+        return not self._link.is_left()
+
+    def close(self) -> None:
+        """Pass on stops and signals of the last moment, and close the line."""
+        self.pass_on()
+        self._link.close()
+
+
+def pass_stop(link: Link, stop: Stop, generation: int) -> None:
+    """Pass on a stop that this process received after the handover."""
+    _pass_on(link, "stop", plain_of(stop), generation)
+
+
+def pass_end(link: Link) -> None:
+    """Pass on a SIGTERM that this process received after the handover."""
+    _pass_on(link, "end")
+
+
+def _pass_on(link: Link, kind: str, stop: object = None, generation: int = 0) -> None:
+    try:
+        link.send(kind, stop=stop, generation=generation)
+    except OSError as error:
+        _log.error("the successor takes no %s: %s", kind, error)

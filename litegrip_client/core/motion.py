@@ -8,9 +8,8 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 
-from litegrip_client.calls import Call, Progress
 from litegrip_client.errors import CommandError, ConnectError, LiteGripError
-from litegrip_client.exchange import FOREVER_S
+from litegrip_client.exchange import FOREVER_S, Call, Progress
 from litegrip_client.warn import warn
 
 TYPE_CHECKING = False

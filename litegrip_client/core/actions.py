@@ -1,0 +1,744 @@
+"""The actions of a gripper: what a program asks of it, written once, as coroutines.
+
+They only send requests; the daemon decides and moves. `litegrip_client/actions.py`, for threads, is
+generated from this file: its docstrings are written for both.
+"""
+
+from __future__ import annotations
+
+from litegrip_client.checks import given_numbers, integer, number
+from litegrip_client.core.motion import Motion
+from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
+from litegrip_client.core.setpoints import SetpointStream, frame_target
+from litegrip_client.errors import CommandError, LiteGripError
+from litegrip_client.motion_config import MotionConfig
+from litegrip_client.results import (
+    EnableResult,
+    GraspResult,
+    GripperState,
+    MoveProgress,
+    MoveResult,
+    SetZeroResult,
+)
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
+    import os
+    from collections.abc import Callable
+    from typing import Any, Literal, TypeAlias
+
+    from litegrip_client.calibration import CalibrationData, GripperConfig
+    from litegrip_client.core.calibrations import ManualCalibration
+    from litegrip_client.core.trajectories import Trajectories
+    from litegrip_client.results import PlayResult
+    from litegrip_client.trajectory import Trajectory
+
+    ProgressCallback: TypeAlias = Callable[[MoveProgress], None]
+    """Called where the call was made, at most 20 times a second."""
+
+_FRAME_VALID_S = 0.2
+
+
+class GripperActions:
+    """All actions of the gripper at the other end of a session.
+
+    Every action raises `ConnectError` without a connection. An action that moves the jaws raises
+    `CommandError` (not calibrated, or a value out of its range), `BusyError` (another motion
+    runs), `StoppedError` (a stop is latched, or came in between), `CancelledError` and
+    `HardwareError` (the motor or the bus does not work).
+
+    `progress` gets a `MoveProgress` up to 20 times a second. An interrupt (`KeyboardInterrupt`, a
+    cancelled task), or an error of the callback, cancels the motion before it is raised; the jaws
+    then hold.
+
+    They report by results, progress callbacks and exceptions, and print nothing. Only the probe of
+    the calibration prints, as in the vendor's SDK.
+    """
+
+    def __init__(self, session: DaemonSession, motion_config: MotionConfig | None = None) -> None:
+        """Raise `CommandError` for what is no `MotionConfig`."""
+        self._session = session
+        self._frames: SetpointStream | None = None
+        self._kept_trajectories: Trajectories | None = None
+        self.motion_config = MotionConfig() if motion_config is None else motion_config
+
+    @property
+    def motion_config(self) -> MotionConfig:
+        """The tunables of this object's motions: what was set in them is sent with each call."""
+        return self._motion_config
+
+    @motion_config.setter
+    def motion_config(self, value: MotionConfig) -> None:
+        if not isinstance(value, MotionConfig):
+            raise CommandError(
+                f"motion_config is {value!r:.60}, it must be a MotionConfig",
+                reason="invalid_params",
+                data={"parameter": "motion_config"},
+            )
+        self._motion_config = value
+
+    # The motor
+
+    async def enable(self, retries: int | None = None) -> EnableResult:
+        """Enable the motor; true if its status says so.
+
+        `retries`: enable commands at most, 1 to 20; None means `motion_config.enable_retries`.
+        It takes the lease: until the gripper is disconnected no other client moves it.
+        If this process ends without disabling the motor, the daemon disables it, or continues to
+        hold, according to the present `disable_on_disconnect`. Raises `LeaseError`, which names
+        the owner, when another client has the lease, `StoppedError` while a stop is latched and
+        `HardwareError` when the motor or the bus does not work.
+        """
+        session = self._session
+        wire = session.wire
+        params = {} if retries is None else {"retries": integer("retries", retries)}
+        call = wire.prepare_guarded("motor.enable", self._configured(params))
+        await session.acquire(on_lost="disable" if session.disable_on_disconnect else "hold")
+        before = session.enabled_here, session.keeps_lease
+        # Also if the answer never comes: the motor may be enabled.
+        session.enabled_here = session.keeps_lease = True
+        try:
+            result = EnableResult.from_wire(await wire.run(call, ACTION_TIMEOUT_S))
+        except LiteGripError:
+            if call.answered:
+                await self._undo_enable(*before)
+            raise
+        if not result.ok:
+            await self._undo_enable(*before)
+        return result
+
+    async def _undo_enable(self, was_enabled_here: bool, kept_lease: bool) -> None:
+        self._session.enabled_here, self._session.keeps_lease = was_enabled_here, kept_lease
+        await self._session.let_go()
+
+    async def disable(self) -> bool:
+        """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed."""
+        done = (await self._ask("motor.disable"))["ok"] is True
+        if done:
+            self._session.enabled_here = False
+        return done
+
+    async def clear_fault(self) -> str | None:
+        """Clear the motor's latched fault; return its name. The motor stays disabled.
+
+        None means that there was no fault. This also accepts a position that has jumped: check
+        first where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
+        """
+        cleared: str | None = (await self._ask("motor.clear_fault"))["cleared"]
+        self._session.enabled_here = False
+        return cleared
+
+    async def read_param(self, register: str | int) -> float:
+        """Read a register of the motor, by name ("PMAX") or number (21); nothing is written.
+
+        Raises `CommandError` for one that is not known.
+        """
+        name = register if isinstance(register, str) else str(integer("register", register))
+        value: float = (await self._ask("motor.read_register", {"register": name}))["value"]
+        return value
+
+    async def set_zero(self) -> SetZeroResult:
+        """Store the present position as the motor's zero, permanently; disables the motor first.
+
+        The calibration is then invalid: motions are refused until the gripper is calibrated
+        again, by `zero` or `manual_calibration`.
+        """
+        answer = await self._command("motor.set_zero", {}, ACTION_TIMEOUT_S)
+        result = SetZeroResult.from_wire(answer)
+        if result.ok:
+            self._session.enabled_here = False
+        return result
+
+    # Motions
+
+    async def open(
+        self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Open the jaws to the mechanical stop, at `speed_mm_s` or `motion_config`'s.
+
+        A success is `ok` and `stalled`: pressed onto the stop. Raises as `GripperActions` does.
+        """
+        return await self._move("motion.open", given_numbers(speed_mm_s=speed_mm_s), progress)
+
+    async def close(
+        self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Close the jaws to the mechanical stop; everything as for `open`."""
+        return await self._move("motion.close", given_numbers(speed_mm_s=speed_mm_s), progress)
+
+    async def grasp(
+        self,
+        force_n: float | None = None,
+        hold_s: float = 0.0,
+        *,
+        speed_mm_s: float | None = None,
+        width_mm: float | None = None,
+        tolerance_mm: float | None = None,
+        until: Literal["held", "verdict"] = "held",
+        hold_by: Literal["torque", "gains"] | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> GraspResult:
+        """Close until an object stops the jaws, then hold it with `force_n`.
+
+        `force_n`: 0.5 to 30 N, `motion_config.force_n` by default; approximate. `hold_s`: seconds
+        until this returns; with 0 it does not return by itself while the object is held, and
+        an interrupt ends the waiting. The jaws then continue to hold with the same force, until
+        the next command or until the motor is disabled (`disconnect` disables it).
+        With `until` "verdict" it returns as soon as it has detected an object or none, and
+        `hold_s` must be left out.
+
+        `speed_mm_s` is the closing speed, `motion_config.grasp_speed_mm_s` by default. With
+        `width_mm`, `tolerance_mm` is required, too: an object whose width differs by more is
+        still held, but `ok` is False.
+        `hold_by` "gains" holds with `hold_kp` and `hold_kd` around a position, which loses force
+        when the object yields.
+
+        Without an object it returns at once, with `ok` False. Raises as `GripperActions` does.
+        """
+        params: dict[str, Any] = given_numbers(
+            force_n=force_n,
+            hold_s=hold_s,
+            speed_mm_s=speed_mm_s,
+            width_mm=width_mm,
+            tolerance_mm=tolerance_mm,
+        )
+        if until != "held":
+            params["until"] = until
+            if hold_s == 0.0:  # the default, which the verdict does not go with
+                del params["hold_s"]
+        if hold_by is not None:
+            params["hold_by"] = hold_by
+        result = await self._run("motion.grasp", self._configured(params), progress)
+        return GraspResult.from_wire(result)
+
+    async def goto(
+        self,
+        opening_mm: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to an opening between the fingers, in mm: 0 at the closed stop.
+
+        `duration`: seconds; None moves at `motion_config.speed_mm_s`. A success is `reached` and
+        not `stalled`. Raises as `GripperActions` does. A target outside the calibrated travel is
+        a `CommandError`; its `data["limit"]` is the travel.
+        """
+        target = given_numbers(opening_mm=opening_mm, duration_s=duration)
+        return await self._move("motion.move", target, progress)
+
+    async def goto_rad(
+        self,
+        position_rad: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to a position of the motor, in rad; everything else as for `goto`."""
+        target = given_numbers(position_rad=position_rad, duration_s=duration)
+        return await self._move("motion.move", target, progress)
+
+    async def goto_openness(
+        self,
+        openness: float,
+        duration: float | None = 1.0,
+        *,
+        progress: ProgressCallback | None = None,
+    ) -> MoveResult:
+        """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
+        target = given_numbers(openness=openness, duration_s=duration)
+        return await self._move("motion.move", target, progress)
+
+    async def move_at_speed(
+        self, opening_mm: float, speed_mm_s: float, *, progress: ProgressCallback | None = None
+    ) -> MoveResult:
+        """Move to an opening in mm at a speed; everything else as for `goto`."""
+        target = given_numbers(opening_mm=opening_mm, speed_mm_s=speed_mm_s)
+        return await self._move("motion.move", target, progress)
+
+    async def set_force(self, force_n: float) -> GripperState:
+        """Squeeze with `force_n` from now on, 0.5 to 30 N, ramped.
+
+        It changes the force of a grasp, also while another thread or task of this program waits
+        for that grasp. Without a grasp the jaws begin to squeeze at their present position.
+        """
+        params = self._configured({"force_n": number("force_n", force_n)})
+        return state_of(await self._command("motion.set_force", params))
+
+    async def zero_gravity(self, on: bool = True) -> GripperState:
+        """Let the jaws be moved freely by hand, the motor enabled but without any torque.
+
+        They are loose until `zero_gravity(False)`, `hold` or any motion.
+        """
+        return state_of(await self._command("motion.zero_gravity" if on else "motion.hold", {}))
+
+    async def hold(self) -> GripperState:
+        """Hold from now on: a held object with its present force, else the measured position."""
+        return state_of(await self._command("motion.hold", {}))
+
+    # Set-points: targets that a program sends again and again, each valid for a short time only
+
+    def stream(
+        self,
+        valid_s: float = 0.2,
+        *,
+        speed_mm_s: float | None = None,
+        torque_nm: float | None = None,
+    ) -> SetpointStream:
+        """Begin a stream of targets; the jaws do not move before the first `set_target`.
+
+        `valid_s`: 0.02 to 2 s, after which the jaws hold unless a new target came. `speed_mm_s`
+        is how fast they follow at most (`motion_config.speed_mm_s` by default), `torque_nm`, 0.1
+        to 3 N·m, what they press with at most on what stands in their way (1 by default).
+        """
+        limits = self._speed_limit() | given_numbers(speed_mm_s=speed_mm_s, torque_nm=torque_nm)
+        return SetpointStream(self._session, valid_s, limits, self._end_frames)
+
+    async def send_mit_frame(
+        self, position: float, velocity: float, kp: float, kd: float, torque: float
+    ) -> bool:
+        """Send a set-point for `position`, in rad, valid for 0.2 s; not a frame on the bus.
+
+        The daemon's limits and gains stay in force: `velocity`, `kp` and `kd` are checked and
+        then not used. A `torque` beyond ±1 N·m (3 at most) only lets the jaws press with up to
+        that torque. They follow at `motion_config.speed_mm_s` at most.
+        True when it is sent; a refusal is raised, perhaps by the next call. Raises
+        `CommandError` with reason "unsupported" for `kp` 0, which asks for a torque, a speed or
+        for nothing instead of a position: use `set_force`, `grasp`, `move_at_speed` or
+        `zero_gravity`.
+        """
+        target = frame_target(position, velocity, kp, kd, torque)
+        if self._frames is None:
+            self._frames = SetpointStream(self._session, _FRAME_VALID_S, self._speed_limit())
+        await self._frames.set_target(**target)
+        return True
+
+    def _speed_limit(self) -> dict[str, float]:
+        """Return the speed of the tunables, if it was set; nothing else of them is for streams."""
+        config = self._motion_config.to_wire()
+        return {name: config[name] for name in ("speed_mm_s",) if name in config}
+
+    async def _end_frames(self) -> None:
+        """Let no set-point of `send_mit_frame` stand in the way of what comes next."""
+        if self._frames is not None:
+            frames, self._frames = self._frames, None
+            await frames.close()
+
+    # Trajectories: motions, captured once and repeated later. Recording and replay exclude each
+    # other and every other motion (`TrajectoryBusyError`, `BusyError`), need an enabled motor
+    # (`HardwareError`) and a calibration (`CommandError`), and end with the connection.
+
+    async def record(
+        self, duration_s: float, rate_hz: float = 100.0, zero_gravity: bool = True
+    ) -> Trajectory:
+        """Record for `duration_s` seconds, `rate_hz` samples a second (1 to the control rate).
+
+        With `zero_gravity` **the jaws are slack** for that time, to be pushed by hand, and hold at
+        the end; without, it only watches what others make them do: another thread of this program,
+        for example. A recording that did not fill raises `CommandError`, reason recording_failed,
+        with the number of samples: one that was interrupted, or of which more than a tenth is
+        missing. Single measurements may be missing in it, lost on the bus, but never more than
+        0.1 s at a stretch: see `longest_gap_s` of the trajectory.
+
+        An interrupt ends the recording before it is raised.
+        """
+        recording = self._trajectories.recording(duration_s, rate_hz, zero_gravity)
+        if zero_gravity:
+            await self._end_frames()
+        return await self._trajectories.fetch(await recording.run())
+
+    async def record_start(
+        self, rate_hz: float = 100.0, zero_gravity: bool = True, max_samples: int | None = None
+    ) -> dict[str, Any]:
+        """Begin to record in the background, as `record` does; return `trajectory_status()`.
+
+        It ends by `record_stop`, or when `max_samples` (1 to 360 000, which is the default) were
+        due; the jaws then hold.
+        """
+        params = {"rate_hz": number("rate_hz", rate_hz), "zero_gravity": bool(zero_gravity)}
+        if max_samples is not None:
+            params["max_samples"] = integer("max_samples", max_samples)
+        if zero_gravity:
+            await self._end_frames()
+        return await self._trajectories.begin(params)
+
+    async def record_stop(self, allow_empty: bool = False) -> Trajectory:
+        """End the recording and return it.
+
+        Raises `CommandError`, reason recording_failed, for one that was interrupted (by a stop, a
+        fault of the motor, a silent bus, ...), and for one without samples unless `allow_empty`.
+        """
+        return await self._trajectories.end({"allow_empty": bool(allow_empty)})
+
+    async def play(
+        self,
+        trajectory: Trajectory,
+        speed: float = 1.0,
+        kp: float | None = None,
+        kd: float | None = None,
+        align: bool = True,
+        *,
+        loop: bool = False,
+        repeat: int = 1,
+        torque_nm: float | None = None,
+        force: str = "path",
+        progress: ProgressCallback | None = None,
+    ) -> PlayResult:
+        """Replay a trajectory to its end; the jaws then hold there until the next command.
+
+        It commands positions, by the openness and the calibration in use now; the torque that was
+        recorded is never repeated. `speed` is a multiple of the one that was taught, 0.1 to 4;
+        `kp` (5 to 500 N·m/rad) and `kd` (0.1 to 5 N·m·s/rad, and at least kp · 0.002 s) are the
+        calibration's by default; `torque_nm` is what the jaws press with on what is in the way, at
+        most (0.3 to 3, 2 by default). With `align` they first go to where it begins, at
+        `motion_config.speed_mm_s`; without, they must be there, within `motion_config.max_lead_mm`.
+        `repeat` is how often.
+
+        With `force` "replay" the jaws do each of `trajectory.grips` again, as `grasp` does, with
+        the taught force and for as long as it lasted, at `motion_config.grasp_speed_mm_s`; what is
+        not gripped, or lost, ends the replay with `ok` False and outcome no_object or object_lost.
+        A trajectory without grips is then refused (`CommandError`).
+
+        `loop` is for `play_start`. An interrupt, or an error of `progress`, cancels the replay
+        before it is raised. A path that something blocks gives `ok` False.
+        """
+        from litegrip_client.results import PlayResult  # noqa: PLC0415 - see above
+
+        if loop:
+            raise CommandError(
+                "play returns at the end, which a loop does not have",
+                reason="invalid_params",
+                data={"parameter": "loop", "hint": "use play_start(trajectory, loop=True)"},
+            )
+        params = _play_params(speed, kp, kd, align, torque_nm, force)
+        params["repeat"] = integer("repeat", repeat)
+        params["upload"] = await self._trajectories.upload(trajectory)
+        result = await self._run("trajectory.play", self._configured(params), progress)
+        return PlayResult.from_wire(result)
+
+    async def play_start(  # noqa: PLR0917 - the vendor's, by position
+        self,
+        trajectory: Trajectory,
+        speed: float = 1.0,
+        kp: float | None = None,
+        kd: float | None = None,
+        loop: bool = False,
+        align: bool = True,
+        *,
+        torque_nm: float | None = None,
+        force: str = "path",
+    ) -> dict[str, Any]:
+        """Begin to replay in the background, as `play` does; return `trajectory_status()`.
+
+        With `loop` it continues until `play_stop`; a trajectory of one sample is a pose, which is
+        held then. `error` of `trajectory_status` reports later errors.
+        """
+        params = _play_params(speed, kp, kd, align, torque_nm, force)
+        # It shall end with the connection, which a motion for which nobody waits does not.
+        params |= {"loop": bool(loop), "wait": False, "detach": False}
+        params["upload"] = await self._trajectories.upload(trajectory)
+        await self._command("trajectory.play", self._configured(params))
+        return await self.trajectory_status()
+
+    async def play_stop(self, timeout: float = 2.0) -> dict[str, Any]:
+        """End the replay; the jaws hold where they are. Return `trajectory_status()`.
+
+        It does nothing where none runs. Raises `CommandError` when it has not ended after
+        `timeout` seconds.
+        """
+        return await self._trajectories.end_replay(number("timeout", timeout))
+
+    async def trajectory_status(self) -> dict[str, Any]:
+        """Return the status of the running recording or replay, else of the latest one.
+
+        `active`, `kind` ("record", "play" or None), `samples` and `error` are always there; of a
+        recording also `rate_hz`, `zero_gravity`, `loop_hz`, `missed` and `duration_s`, of a replay
+        `frames`, `speed`, `openness`, `completed`, `loops`, `phase` and `grips`.
+        """
+        return await self._trajectories.status()
+
+    @property
+    def _trajectories(self) -> Trajectories:
+        if self._kept_trajectories is None:
+            from litegrip_client.core.trajectories import Trajectories  # noqa: PLC0415 - see above
+
+            self._kept_trajectories = Trajectories(self._session)
+        return self._kept_trajectories
+
+    # Teleoperation: one gripper goes where another one's jaws are moved by hand
+
+    async def teleop_start(
+        self,
+        mode: str,
+        host: str | None = None,
+        *,
+        port: int | None = None,
+        grip_id: str | None = None,
+        link: str | None = None,
+        rate_hz: float | None = None,
+        watchdog_s: float | None = None,
+        torque_limit_nm: float | None = None,
+        force_limit_n: float | None = None,
+        kp: float | None = None,
+        kd: float | None = None,
+        dq_max: float | None = None,
+        reflect: bool = False,
+        reflect_n: float | None = None,
+        reflect_gain: float | None = None,
+        fake_leader: bool = False,
+        transport: object = None,
+    ) -> dict[str, Any]:
+        """Lead ("master") or follow ("slave") until `teleop_stop`; return the first status.
+
+        A master's jaws go slack and are moved by hand. A slave needs the master's `host`; its jaws
+        go where the master's are, as a share of its own travel: calibration and mount may differ.
+        Both ends share `port` (17448) and `grip_id` ("gripA"). `link` is "zenoh" (the default)
+        or "udp", which only a trusted network is for, and with which the master needs the slave's
+        `host`. `rate_hz` is how often a master publishes, the control rate by default.
+
+        After `watchdog_s` (0.2) without a frame a slave holds its last target. At or over
+        `torque_limit_nm` (0: off) for 60 ms it lets go, until the master has reopened by 0.05.
+        With `force_limit_n` it pushes by no more. `kp` and `kd` are the calibration's by default;
+        `dq_max` (10 rad/s) bounds the velocity that is fed forward. `fake_leader` follows a
+        synthetic sweep instead of a master.
+
+        With `reflect` a slave sends its force, and a master with `reflect_n` (0, off, to 10 N)
+        pushes back with the share `reflect_gain` (0.5) of it: the hand feels what is gripped. Over
+        udp a master's `host` may name several slaves, separated by commas.
+
+        `transport` is refused: the link is the daemon's, and there is no `TeleopTransport` here.
+
+        It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
+        enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
+        recorded or replayed) and what `GripperActions` says.
+        """
+        if transport is not None:
+            raise CommandError(
+                "a transport of the caller's own cannot be used: the link is the daemon's, so that"
+                " it goes on while a script is late",
+                reason="unsupported",
+                data={"parameter": "transport", "hint": 'leave it out, or take link="udp"'},
+            )
+        params: dict[str, Any] = {"mode": mode}
+        texts = {"host": host, "grip_id": grip_id, "link": link}
+        params |= {name: value for name, value in texts.items() if value is not None}
+        if port is not None:
+            params["port"] = integer("port", port)
+        params |= given_numbers(
+            rate_hz=rate_hz,
+            watchdog_s=watchdog_s,
+            torque_limit_nm=torque_limit_nm,
+            force_limit_n=force_limit_n,
+            kp=kp,
+            kd=kd,
+            dq_max=dq_max,
+            reflect_n=reflect_n,
+            reflect_gain=reflect_gain,
+        )
+        if reflect:
+            params["reflect"] = True
+        if fake_leader:
+            params["fake_leader"] = True
+        return await self._command("teleop.start", self._configured(params))
+
+    async def teleop_stop(self) -> dict[str, Any]:
+        """End it, if it runs: the jaws hold where they are. Returns the status at the end.
+
+        Jaws that the torque guard has released stay loose: holding would press what it freed.
+        """
+        return await self._session.wire.call("teleop.stop")
+
+    async def teleop_status(self) -> dict[str, Any]:
+        """Return the status of teleoperation, or of the last one.
+
+        A dictionary with `active`, `mode`, `topic`, `frames`, `last_frame_age_ms`, `stale`,
+        `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
+        `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
+        make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
+        and `round_trip_ms`.
+        """
+        return await self._session.wire.call("teleop.status")
+
+    # The calibration: which way closing is, and how far it is. There is one, the daemon's, for all
+    # its clients. Files are the client's, where a path is given or LITEGRIP_CALIB names one.
+    # Every action raises `BusyError` while a motion runs.
+
+    async def config(self) -> GripperConfig:
+        """Return limits, gains and ids as the daemon has them now; not to be changed from here."""
+        from litegrip_client.calibration import GripperConfig  # noqa: PLC0415 - see above
+
+        return GripperConfig.from_wire(await self._session.wire.call("info.get"))
+
+    async def load_calibration(
+        self, path: str | os.PathLike[str] | None = None, template: str | None = None
+    ) -> bool:
+        """Have the daemon use a calibration, for all its clients; false if none was found.
+
+        `path` is a file of this program's; one of `CALIB_TEMPLATES` is that template. `template`
+        is "normal" or "reverse". Without either: the file that LITEGRIP_CALIB of this program's
+        environment names; else what the daemon finds for the channel (its own file, or the user's
+        whom it runs as); else ~/.litegrip/<channel>_calibration.json and
+        ~/.litegrip/litegrip_calibration.json of this program's user; else, for can0, the
+        factory's. While any client's motion runs, only the calibration already in use is accepted.
+
+        Raises `CommandError` when a named calibration cannot be used; never takes another file.
+        The daemon logs the closing direction; `mount` returns it, too.
+        """
+        from litegrip_client.core import calibrations  # noqa: PLC0415 - see above
+
+        return await calibrations.load(self._session, self._command, path, template)
+
+    async def load_template(self, name: str) -> bool:
+        """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
+
+        The daemon logs the closing direction; `mount` returns it, too. Raises `CommandError` for
+        another name, and when the daemon cannot use it.
+        """
+        from litegrip_client.core import calibrations  # noqa: PLC0415 - see above
+
+        return await calibrations.load(self._session, self._command, None, name)
+
+    async def save_calibration(self, path: str | os.PathLike[str] | None = None) -> str:
+        """Save the calibration in use; return the path.
+
+        With `path`, or LITEGRIP_CALIB, to that file of this program's; else the daemon saves it
+        where it finds it at its next start. Raises `CommandError` when there is none, or when
+        the file cannot be written.
+        """
+        from litegrip_client.core import calibrations  # noqa: PLC0415 - see above
+
+        return await calibrations.save_calibration(self._session, path)
+
+    async def zero(
+        self,
+        *,
+        mount: str | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> CalibrationData:
+        """Measure the travel by probing both stops, use it and save it.
+
+        Keep hands and objects out of the jaws. The calibration in use, or `mount`,
+        determines which stop is the closed one. The probe uses `motion_config.calib_*`. The
+        daemon saves the result; this program saves it too if LITEGRIP_CALIB names a file. Prints
+        its progress, unless `progress` is given. Raises `HardwareError` when no plausible travel
+        was found, `CommandError` when it was not saved, and the errors of `GripperActions`.
+        """
+        from litegrip_client import calibration_files as files  # noqa: PLC0415 - see above
+
+        target = files.environment_path()
+        if target is not None:
+            files.check_writable(target)
+        data = await self._probe(self._configured({"save": True}), mount, progress)
+        if target is not None:
+            await self.save_calibration(target)
+        return data
+
+    async def calibrate(
+        self,
+        kp: float | None = None,
+        kd: float | None = None,
+        step_rad: float | None = None,
+        tau_limit: float | None = None,
+        *,
+        stall_delta: float | None = None,
+        stall_cycles: int | None = None,
+        max_iter: int | None = None,
+        mount: str | None = None,
+        progress: ProgressCallback | None = None,
+    ) -> CalibrationData:
+        """Measure the travel as `zero` does and use it, but do not save it.
+
+        The probe uses the arguments (N·m/rad, N·m·s/rad, rad, N·m), not `motion_config`. The
+        daemon's defaults replace arguments that are left out.
+        """
+        config = given_numbers(
+            calib_kp=kp,
+            calib_kd=kd,
+            calib_step_rad=step_rad,
+            calib_tau_limit=tau_limit,
+            calib_stall_delta=stall_delta,
+        )
+        for name, value in (("calib_stall_cycles", stall_cycles), ("calib_max_iter", max_iter)):
+            if value is not None:
+                config[name] = integer(name, value)
+        params: dict[str, Any] = {"save": False}
+        if config:
+            params["config"] = config
+        return await self._probe(params, mount, progress)
+
+    def manual_calibration(self) -> ManualCalibration:
+        """Calibrate by hand, for `async with`: the jaws are loose until its end.
+
+        Move them to each stop and mark it: see `ManualCalibration`.
+        """
+        from litegrip_client.core.calibrations import ManualCalibration  # noqa: PLC0415 - see above
+
+        return ManualCalibration(self._session, self._end_frames)
+
+    async def _probe(
+        self, params: dict[str, Any], mount: str | None, progress: ProgressCallback | None
+    ) -> CalibrationData:
+        from litegrip_client.calibration import CalibrationData  # noqa: PLC0415 - see above
+        from litegrip_client.core.calibrations import ProbePrinter  # noqa: PLC0415
+
+        if mount is not None:
+            params = {**params, "mount": mount}
+        printer = ProbePrinter()
+        result = await self._run("calibration.zero", params, progress or printer.progress)
+        data = CalibrationData.from_result(result)
+        if progress is None:
+            printer.end(data, result.get("path"))
+        return data
+
+    # How a request is made
+
+    def _configured(self, params: dict[str, Any]) -> dict[str, Any]:
+        """Add the tunables that were set to the parameters of a call."""
+        config = self._motion_config.to_wire()
+        return {**params, "config": config} if config else params
+
+    async def _move(
+        self, method: str, params: dict[str, Any], progress: ProgressCallback | None
+    ) -> MoveResult:
+        return MoveResult.from_wire(await self._run(method, self._configured(params), progress))
+
+    async def _run(
+        self, method: str, params: dict[str, Any], progress: ProgressCallback | None
+    ) -> dict[str, Any]:
+        """Wait for a motion's result; whatever else ends the waiting cancels the motion."""
+
+        def report(data: dict[str, Any]) -> None:
+            if progress is not None:
+                progress(MoveProgress.from_wire(data))
+
+        await self._end_frames()
+        return await Motion(self._session.wire, method, params, report).run()
+
+    async def _command(
+        self, method: str, params: dict[str, Any], timeout_s: float | None = None
+    ) -> dict[str, Any]:
+        """Make a call that is answered soon, and that must never act after a stop."""
+        await self._end_frames()
+        return await self._session.command(method, params, timeout_s)
+
+    async def _ask(self, method: str, params: dict[str, Any] | None = None) -> dict[str, Any]:
+        return await self._session.wire.call(method, params, ACTION_TIMEOUT_S)
+
+
+def state_of(result: dict[str, Any]) -> GripperState:
+    """Return the state that comes with a result."""
+    return GripperState.from_wire(result.get("state", {}))
+
+
+def _play_params(  # noqa: PLR0917 - those of `play`, in its order
+    speed: float,
+    kp: float | None,
+    kd: float | None,
+    align: bool,
+    torque_nm: float | None,
+    force: str,
+) -> dict[str, Any]:
+    params: dict[str, Any] = {"speed": number("speed", speed), "align": bool(align)}
+    if force != "path":
+        params["force"] = force
+    return params | given_numbers(kp=kp, kd=kd, torque_nm=torque_nm)

@@ -1,0 +1,288 @@
+"""Trajectories of a program: record for a given time, replay, and move them in pieces.
+
+A recording that did not fill is an error. Contents pass through here unread; what they may be is
+the daemon's to say.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import time
+from collections.abc import Awaitable, Callable, Mapping
+
+from litegrip_client.checks import number
+from litegrip_client.core.session import ACTION_TIMEOUT_S
+from litegrip_client.errors import CommandError, LiteGripError, ProtocolError
+from litegrip_client.warn import warn
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: trajectories are seldom worked with
+    from typing import Any
+
+    from litegrip_client.core.session import DaemonSession
+    from litegrip_client.core.wire import Wire
+    from litegrip_client.trajectory import Trajectory
+
+MOST_MISSED_SHARE = 0.1
+"""More than this share of the samples missing is no recording of the motion."""
+
+_LONGEST_PAUSE_S = 0.1
+_SHORTEST_PAUSE_S = 0.005
+_STAYS = ("recording_failed", "not_saved", "trajectories_full")
+"""Ended by these, a recording is over; the daemon has it until the next one begins."""
+
+_WHATEVER_THERE_IS = {"allow_empty": True, "allow_partial": True}
+
+PIECE_BYTES = 8192
+
+_KEPT_UPLOADS = 2
+"""The one before the latest may still be on its way into a replay."""
+
+_LOOK_S = 0.01
+
+_Share = Callable[[float], None]
+
+
+class Trajectories:
+    """The trajectories of one gripper object: what it records, and what it replays."""
+
+    def __init__(self, session: DaemonSession) -> None:
+        self._session = session
+        self._uploads: list[tuple[Wire, bytes, int]] = []
+        self._ended_job: int | None = None
+
+    def recording(self, duration_s: float, rate_hz: float, zero_gravity: bool) -> Recording:
+        """Return a recording that has not begun; raises `CommandError` for what can be no time."""
+        session = self._session
+        return Recording(
+            session.wire,
+            session.pause,
+            duration_s=duration_s,
+            rate_hz=rate_hz,
+            zero_gravity=zero_gravity,
+        )
+
+    async def begin(self, params: Mapping[str, Any]) -> dict[str, Any]:
+        """Begin to record; return the status."""
+        return await begin(self._session.wire, params)
+
+    async def end(self, params: Mapping[str, Any]) -> Trajectory:
+        """End the recording; return it."""
+        return await self.fetch(await end(self._session.wire, params))
+
+    async def fetch(self, kept: Mapping[str, Any]) -> Trajectory:
+        """Return what the daemon has kept, with its grips, by its description."""
+        from litegrip_client.trajectory import Trajectory  # noqa: PLC0415 - see the package
+
+        session = self._session
+        source = {"recording": kept["recording"]}
+        content = await fetch(session.wire, source)
+        trajectory = await session.aside(Trajectory.from_bytes, content)
+        if not kept.get("grips"):
+            return trajectory
+        beside = await fetch_grips(session.wire, source)
+        return await session.aside(trajectory.with_grips, content, beside)
+
+    async def upload(self, trajectory: Trajectory) -> int:
+        """Send a trajectory, unless the daemon has it from this connection; return its number.
+
+        Raises `CommandError` for what is no `Trajectory`.
+        """
+        from litegrip_client.trajectory import Trajectory  # noqa: PLC0415 - see the package
+
+        given: object = trajectory
+        if not isinstance(given, Trajectory):
+            text = f"{trajectory!r:.60} is no Trajectory"
+            hint = {"hint": 'a saved one: Trajectory.load("pick")'}
+            raise CommandError(text, reason="invalid_params", data=hint)
+        session = self._session
+        wire = session.wire
+        content = await session.aside(trajectory.to_bytes)
+        grips = await session.aside(trajectory.grip_bytes)
+        self._uploads = [upload for upload in self._uploads if upload[0] is wire]
+        for _, known, upload in self._uploads:
+            if known == content + grips:
+                return upload
+        sent = await send(wire, content, grips=grips)
+        self._uploads.append((wire, content + grips, sent["upload"]))
+        if len(self._uploads) > _KEPT_UPLOADS:
+            await wire.call("trajectory.delete", {"upload": self._uploads.pop(0)[2]})
+        return int(sent["upload"])
+
+    async def status(self) -> dict[str, Any]:
+        """Return the status of the running recording or replay, else of the latest one."""
+        status = await self._session.wire.call("trajectory.status")
+        if status["kind"] == "play" and status["job"] == self._ended_job:
+            status["error"] = None  # this program ended it: that is no error
+        return status
+
+    async def end_replay(self, timeout_s: float) -> dict[str, Any]:
+        """End the replay that runs, if one does; return the status.
+
+        Raises `CommandError` when it has not ended after `timeout_s` seconds.
+        """
+        ends_s = time.monotonic() + timeout_s
+        status = await self.status()
+        if not _is_playing(status):
+            return status
+        job = status["job"]
+        await self._session.wire.call("job.cancel", {"job": job})
+        self._ended_job = job
+        while _is_playing(status := await self.status()) and status["job"] == job:
+            if time.monotonic() >= ends_s:
+                text = f"the replay, job {job}, has not ended within {timeout_s:g} s"
+                raise CommandError(text, reason="busy", data={"job": job, "retryable": True})
+            await self._session.pause(_LOOK_S)
+        return status
+
+
+def _is_playing(status: Mapping[str, Any]) -> bool:
+    return status["active"] is True and status["kind"] == "play"
+
+
+async def begin(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
+    """Begin to record; return the status. Who is interrupted meanwhile has begun nothing."""
+    call = wire.prepare_guarded("trajectory.record_start", params)
+    call.keep = True
+    try:
+        return await wire.run(call)
+    except BaseException:
+        wire.abandon(call, lambda _status: ("trajectory.record_stop", _WHATEVER_THERE_IS))
+        raise
+
+
+async def end(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
+    """End the recording and have the daemon keep it; return its description."""
+    return await wire.call("trajectory.record_stop", params, ACTION_TIMEOUT_S)
+
+
+class Recording:
+    """One recording of `duration_s`, to be run once; `name` is what the daemon keeps it under.
+
+    `pause` waits for some seconds. `on_status` is called with `trajectory.status` on the way.
+    """
+
+    def __init__(
+        self,
+        wire: Wire,
+        pause: Callable[[float], Awaitable[None]],
+        *,
+        duration_s: float,
+        rate_hz: float = 100.0,
+        zero_gravity: bool = True,
+        name: str | None = None,
+        on_status: Callable[[dict[str, Any]], None] = lambda _status: None,
+    ) -> None:
+        """Raise `CommandError` for what can be no time."""
+        self._wire = wire
+        self._pause = pause
+        self._rate_hz = number("rate_hz", rate_hz)
+        self._samples = round(number("duration_s", duration_s) * self._rate_hz)
+        if self._samples < 1:
+            text = f"{duration_s!r} s at {rate_hz!r} Hz make no sample: record for longer"
+            raise CommandError(text, reason="invalid_params", data={"parameter": "duration_s"})
+        self._start = {
+            "rate_hz": self._rate_hz,
+            "zero_gravity": bool(zero_gravity),
+            "max_samples": self._samples,
+        }
+        self._name = {} if name is None else {"name": name}
+        self._on_status = on_status
+
+    async def run(self) -> dict[str, Any]:
+        """Record; return the result of `trajectory.record_stop`.
+
+        Raises `CommandError` that tells how many samples there are when it did not fill. Whatever
+        else ends the waiting ends the recording first, so that the jaws hold, and is then raised.
+        """
+        wire = self._wire
+        status = await begin(wire, self._start)
+        try:
+            while status["active"] and status["kind"] == "record":
+                self._on_status(status)
+                due = status["samples"] + status["missed"]
+                left_s = (self._samples - due) / self._rate_hz
+                await self._pause(min(max(left_s, _SHORTEST_PAUSE_S), _LONGEST_PAUSE_S))
+                status = await wire.call("trajectory.status")
+            self._check(status)
+            return await end(wire, self._name)
+        except GeneratorExit:  # the event loop is gone, and nothing can be awaited
+            raise
+        except BaseException as error:
+            if getattr(error, "reason", None) not in _STAYS and not wire.closed:
+                await wire.finish(self._cancel())
+            raise
+
+    def _check(self, status: dict[str, Any]) -> None:
+        """Refuse a recording with holes before it is kept; the daemon refuses a broken one."""
+        got = status["samples"]
+        if status["error"] is None and got < (1.0 - MOST_MISSED_SHARE) * self._samples:
+            raise CommandError(
+                f"the recording did not fill: {got} of {self._samples} samples",
+                reason="recording_failed",
+                data={"samples": got, "expected": self._samples},
+            )
+
+    async def _cancel(self) -> None:
+        try:
+            await end(self._wire, _WHATEVER_THERE_IS)
+        except LiteGripError as error:
+            warn(f"the interrupted recording could not be ended: {error}")
+
+
+async def fetch(
+    wire: Wire, source: Mapping[str, Any], on_share: _Share = lambda _share: None
+) -> bytes:
+    """Return the whole content of what `source` says to `trajectory.get`.
+
+    `on_share` is called with the share that is there. Raises `CommandError` when it is another one
+    in the middle, because somebody has replaced it.
+    """
+    whole = bytearray()
+    told: tuple[int, str] | None = None
+    while told is None or len(whole) < told[0]:
+        params = {**source, "offset": len(whole)}
+        piece = await wire.call("trajectory.get", params, ACTION_TIMEOUT_S)
+        first, told = told, (int(piece["total"]), str(piece["sha256"]))
+        if first not in (None, told):
+            text = "the trajectory was replaced while it was being fetched: fetch it again"
+            raise CommandError(text, reason="trajectory_unreadable", data={"retryable": True})
+        data = base64.b64decode(piece["data"])
+        if not data and len(whole) < told[0]:
+            raise ProtocolError(f"the daemon sent nothing of a trajectory from {len(whole)} on")
+        whole += data
+        on_share(len(whole) / max(told[0], 1))
+    content = bytes(whole)
+    if hashlib.sha256(content).hexdigest() != told[1]:
+        raise ProtocolError("what the daemon sent of a trajectory has not the SHA-256 that it told")
+    return content
+
+
+async def fetch_grips(wire: Wire, source: Mapping[str, Any]) -> bytes:
+    """Return the file of grips of what `source` says, nothing where there is none."""
+    return await fetch(wire, {**source, "format": "grip"})
+
+
+async def send(
+    wire: Wire,
+    content: bytes,
+    more: Mapping[str, Any] | None = None,
+    on_share: _Share = lambda _share: None,
+    grips: bytes = b"",
+) -> dict[str, Any]:
+    """Send a whole content, and the file of its grips; return the answer to the last piece.
+
+    `more` are further parameters of `trajectory.put`: under which name to keep it, say.
+    """
+    content += grips
+    common = {"total": len(content), "sha256": hashlib.sha256(content).hexdigest(), **(more or {})}
+    if grips:
+        common["grip_bytes"] = len(grips)
+    answer: dict[str, Any] = {}
+    for offset in range(0, max(len(content), 1), PIECE_BYTES):
+        data = base64.b64encode(content[offset : offset + PIECE_BYTES]).decode()
+        params = {"offset": offset, "data": data, **common}
+        answer = await wire.call("trajectory.put", params, ACTION_TIMEOUT_S)
+        on_share(min(1.0, (offset + PIECE_BYTES) / max(len(content), 1)))
+    return answer

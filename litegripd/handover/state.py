@@ -1,0 +1,134 @@
+"""The state of a daemon for its successor, in two parts.
+
+`export` returns what the next command depends on; it is small. `export_history` returns what
+clients may ask for later. It is made before, and adopted after, the moment in which nobody
+commands the motor.
+
+Each class declares its own attributes (`model/plain.py`). Only what is a choice of the moment is
+here: which motor can be handed over, the phase, the idle jaws, and a lease that lapses.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Protocol
+
+from litegripd.control.controller import Controller
+from litegripd.control.holds import Grip, GripSettings, Hold, Idle, Slack
+from litegripd.model.errors import Refusal
+from litegripd.model.jobs import Job
+from litegripd.model.motor import MotorPhase
+from litegripd.model.motor_types import MotorType
+from litegripd.model.plain import TYPE_KEY, PlainError, memory, plain_of, restore, value_of
+from litegripd.motor.motor import Motor
+from litegripd.rpc.service import RpcService
+
+FORMAT = 5
+"""The number of the format of what is handed over. A successor rejects any other."""
+
+SETTLED = (MotorPhase.ENABLED, MotorPhase.DISABLED, MotorPhase.FAULT)
+
+_ENDS = Mapping[str, tuple[str, str | None]]
+
+
+class Machine(Protocol):
+    """One motor and the controller that drives it."""
+
+    motor: Motor
+    controller: Controller
+
+
+def why_not_restartable(machine: Machine) -> Refusal | None:
+    """Return why no successor can take over now, or None."""
+    return machine.controller.why_not_restartable() or _motor_refusal(machine.motor)
+
+
+def export(machine: Machine, service: RpcService) -> dict[str, Any]:
+    """Return what a successor needs for its first tick. Raises `PlainError` for a defect.
+
+    The caller has asked `why_not_restartable`.
+    """
+    controller, idle = machine.controller, machine.controller.idle
+    plain = memory(controller)
+    if controller.lease.holder is not None:
+        plain["lease"]["_lapsed"] = plain_of(controller.lease.holder)
+    return {
+        "format": FORMAT,
+        "motor": memory(machine.motor),
+        "controller": plain,
+        "rest": memory(idle) if isinstance(idle, Grip) else plain_of(idle),
+        "phase": plain_of(controller.motor.phase),
+        "service": memory(service),
+    }
+
+
+def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
+    """Adopt the predecessor's state. Raises `PlainError` for a state that cannot be used."""
+    found = plain.get("format") if isinstance(plain, dict) else None
+    if found != FORMAT:
+        raise PlainError(f"the state has format {found}, this version takes over format {FORMAT}")
+    if plain.keys() != {"format", "motor", "controller", "rest", "phase", "service"}:
+        raise PlainError("the state is not of this version")
+    motor, controller = machine.motor, machine.controller
+    restore(motor, plain["motor"])
+    _check_motor(motor, controller.gripper_id.can_id)
+    restore(controller, plain["controller"])
+    controller.idle = _idle_of(plain["rest"], controller.gripper_id.motor_type)
+    # The phase of the predecessor's last tick: the controller must still notice a later change.
+    phase = value_of(plain["phase"], MotorPhase, "phase")
+    controller.motor = replace(motor.view(), phase=phase)
+    restore(service, plain["service"])
+
+
+def export_history(machine: Machine, service: RpcService) -> dict[str, Any]:
+    """Return the ended jobs; clients may still ask for them."""
+    service.reporter.keep_ends()
+    return {"jobs": plain_of(list(machine.controller.jobs)), "ends": service.reporter.memory()}
+
+
+def adopt_history(machine: Machine, service: RpcService, plain: Any) -> None:
+    """Keep the predecessor's jobs. Raises `PlainError` for a history that cannot be used."""
+    if not isinstance(plain, dict) or plain.keys() != {"jobs", "ends"}:
+        raise PlainError("the history is not of this version")
+    ends = value_of(plain["ends"], _ENDS, "ends")
+    machine.controller.jobs.keep(value_of(plain["jobs"], tuple[Job, ...], "jobs"))
+    service.reporter.restore(ends)
+
+
+def _motor_refusal(motor: Motor) -> Refusal | None:
+    view = motor.view()
+    is_settled = view.phase in SETTLED and not motor.is_verifying
+    if is_settled and view.feedback is not None and view.zero.state != "pending":
+        return None
+    reading = "; its registers are being read" if motor.is_verifying else ""
+    text = (
+        f"the motor is {view.phase.value}{reading}: it can be handed over once it answers and is"
+        " settled"
+    )
+    passes_by_itself = motor.is_verifying
+    problem = view.problem or Refusal("busy" if passes_by_itself else "restart_failed", text)
+    hint = (
+        "try again once it answers and is settled, or restart without the hold, which disables"
+        " the motor"
+    )
+    return Refusal(problem.reason, problem.message, {**problem.data, "hint": hint})
+
+
+def _check_motor(motor: Motor, can_id: int) -> None:
+    """Reject a motor that is not settled; a phase counts as the predecessor has confirmed it."""
+    view = motor.view()
+    if view.phase not in SETTLED or view.zero.state == "pending":
+        raise PlainError(f"Motor: {view.phase.value} is no phase in which it is handed over")
+    if view.identity is None or view.identity.can_id != can_id:
+        raise PlainError("Motor: the motor that is handed over has another id")
+    if view.feedback is None:
+        raise PlainError("Motor: there is no measurement of the motor that is handed over")
+
+
+def _idle_of(plain: Any, motor_type: MotorType) -> Idle:
+    if not isinstance(plain, dict) or plain.get(TYPE_KEY) != Grip.__name__:
+        hold: Idle = value_of(plain, Hold | Slack, "rest")
+        return hold
+    settings = value_of(plain.get("_settings"), GripSettings, "Grip._settings")
+    grip = Grip(settings, 0.0, 0.0, motor_type, watched=False)
+    restore(grip, plain)
+    return grip
