@@ -14,8 +14,8 @@ from litegripd.model.bus import UP, BusCondition, CanFrame
 from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
+from litegripd.motor.exchange import SILENT_AFTER_POLLS
 from litegripd.motor.motor import Motor
-from litegripd.motor.silence import SILENT_AFTER_POLLS
 
 _log = logging.getLogger(__name__)
 

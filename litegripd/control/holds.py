@@ -17,9 +17,8 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.detectors import Lasting
+from litegripd.control.detectors import STILL_RAD_S, GripWatch, Lasting, WatchLimits
 from litegripd.control.gains import CALM_KD_NM_S_RAD, Gains
-from litegripd.control.grip_watch import STILL_RAD_S, GripWatch, WatchLimits
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand

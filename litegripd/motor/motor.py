@@ -28,6 +28,14 @@ from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.enabling import Arming, FaultClearing
+from litegripd.motor.exchange import (
+    DISABLE_GIVES_UP_S,
+    USUAL_PERIOD_S,
+    MotorCounters,
+    Silence,
+    Standstill,
+    Traffic,
+)
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identity import STILL_READ, Identification
 from litegripd.motor.phases import ARMING_PHASES, FAULTY, PUBLIC, TRANSITIONS, Event, Phase
@@ -43,8 +51,6 @@ from litegripd.motor.registers import (
     parse_answer,
     parse_write_request,
 )
-from litegripd.motor.silence import DISABLE_GIVES_UP_S, USUAL_PERIOD_S, Silence, Standstill
-from litegripd.motor.traffic import MotorCounters, Traffic
 from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
 
 _JUDGED = frozenset({*ARMING_PHASES, Phase.ENABLED, Phase.LOST})

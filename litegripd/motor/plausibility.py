@@ -15,8 +15,8 @@ from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, Status
 from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
+from litegripd.motor.exchange import USUAL_PERIOD_S
 from litegripd.motor.faults import implausible_refusal
-from litegripd.motor.silence import USUAL_PERIOD_S
 
 CERTAIN_AFTER = 3
 """This many answers in a row other than "enabled" are believed, even if they differ."""
