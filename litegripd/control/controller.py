@@ -613,9 +613,9 @@ class Controller:
 
     def _note_second_master(self, now_s: float, motor: MotorView) -> None:
         """End what runs when another program commands the motor; the jaws keep holding."""
-        told = self.second_master.step(now_s, motor.foreign_commands, motor.foreign_write)
-        if told is not None:
-            self.events.append(told)
+        event = self.second_master.step(now_s, motor.foreign_commands, motor.foreign_write)
+        if event is not None:
+            self.events.append(event)
         refusal, running = self.second_master.refusal(), self.jobs.running
         if refusal is not None and running is not None and running.kind not in _SAFE_JOBS:
             self.end(refusal)

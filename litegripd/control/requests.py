@@ -239,8 +239,8 @@ class MotionRequests:
         """Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
         controller = self._controller
         running, action = controller.jobs.running, controller.action
-        goes_on = running is not None and running.owner.client == owner.client
-        if not (goes_on and isinstance(action, Stream)):
+        is_own = running is not None and running.owner.client == owner.client
+        if not (is_own and isinstance(action, Stream)):
             running, action = None, Stream(controller.gains, controller.period_s)
         geometry = (
             self._ready()

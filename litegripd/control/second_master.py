@@ -13,7 +13,7 @@ from litegripd.model.state import Event
 QUIET_AFTER_S = 2.0
 """Without a frame of theirs for so long, they count as gone."""
 
-TOLD_EVERY_S = 10.0
+REPORT_EVERY_S = 10.0
 
 
 class SecondMaster:
@@ -42,7 +42,7 @@ class SecondMaster:
             self._write = self._known_write = write
         if count != self.count:
             self.count, self._seen_s = count, now_s
-            if self.is_active and not is_new and now_s - self._told_s < TOLD_EVERY_S:
+            if self.is_active and not is_new and now_s - self._told_s < REPORT_EVERY_S:
                 return None
             self.is_active, self._told_s = True, now_s
             return Event("second_master", self._text(), {**self._data(), "active": True})

@@ -94,16 +94,16 @@ class StopLatch:
         is_own = client == self._latest_client
         stopped_s = self._latest_of_others_s if is_own else self._latest_s
         if generation is not None and generation < self.generation:
-            told = f"knew of {generation} stops, there have been {self.generation}"
+            how = f"knew of {generation} stops, there have been {self.generation}"
         elif sent_s is not None and sent_s < self._latest_s:
-            told = f"was sent {self._latest_s - sent_s:.3f} s before the latest stop"
+            how = f"was sent {self._latest_s - sent_s:.3f} s before the latest stop"
         elif received_s < stopped_s:
-            told = f"came {stopped_s - received_s:.3f} s before the latest stop"
+            how = f"came {stopped_s - received_s:.3f} s before the latest stop"
         else:
             return None
         return Refusal(
             "sent_before_stop",
-            f"the request {told}: a stop has come since, so it is not carried out; look at the"
+            f"the request {how}: a stop has come since, so it is not carried out; look at the"
             " state and, when it is safe, send it again",
             {"stop_generation": self.generation},
         )

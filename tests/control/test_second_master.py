@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from litegripd.control.second_master import QUIET_AFTER_S, TOLD_EVERY_S, SecondMaster
+from litegripd.control.second_master import QUIET_AFTER_S, REPORT_EVERY_S, SecondMaster
 from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase
 from tests.world import CAN_ID, Client, World
@@ -81,7 +81,7 @@ def test_a_stream_of_frames_is_told_now_and_then_with_the_count() -> None:
         if event is not None:
             assert isinstance(event.data["frames"], int)
             told.append(event.data["frames"])
-    assert [round(frames, -2) for frames in told] == [0, 100 * TOLD_EVERY_S, 200 * TOLD_EVERY_S]
+    assert [round(frames, -2) for frames in told] == [0, 100 * REPORT_EVERY_S, 200 * REPORT_EVERY_S]
 
 
 def test_an_answer_whose_id_was_damaged_is_no_command() -> None:

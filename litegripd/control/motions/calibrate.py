@@ -108,7 +108,7 @@ class Stroke:
         self._lead_rad = min(config.calib_step_rad, left_nm / config.calib_kp)
         self._probe = Probe(sign, config)
         self._probing = False
-        self._led: tuple[float, float] | None = None
+        self._sent: tuple[float, float] | None = None
         self._began_s: float | None = None
         self._window: deque[tuple[float, float]] = deque()
         self._fastest_rad_s = 0.0
@@ -139,16 +139,16 @@ class Stroke:
         if self._fastest_rad_s >= LEAST_RAD_S:
             self._torque_sum_nm += pushed_nm
             self._torques += 1
-        return self._led_on(now_s, feedback.position_rad), None
+        return self._lead_command(now_s, feedback.position_rad), None
 
-    def _led_on(self, now_s: float, position_rad: float) -> MitCommand:
+    def _lead_command(self, now_s: float, position_rad: float) -> MitCommand:
         """Advance the target by the speed, but never beyond the largest lead."""
-        since_s, target_rad = self._led or (now_s, position_rad)
+        since_s, target_rad = self._sent or (now_s, position_rad)
         ahead_rad = (target_rad - position_rad) * self._sign
         ahead_rad += self._speed_rad_s * (now_s - since_s)
         ahead_rad = min(max(ahead_rad, -self._lead_rad), self._lead_rad)
         target_rad = position_rad + self._sign * ahead_rad
-        self._led = (now_s, target_rad)
+        self._sent = (now_s, target_rad)
         return self._gains.at(target_rad, self._sign * self._fed_rad_s)
 
     def _has_slowed(self, now_s: float, feedback: Feedback) -> bool:

@@ -232,7 +232,7 @@ class MoveToStop(PlainAction):
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
         self._command_rad = self._capped(ramp_rad, feedback)
         outcome = self._judge(now_s, feedback, self._ramp)
-        command = self._led(velocity_rad_s, ramp_rad, feedback.position_rad)
+        command = self._lead_command(velocity_rad_s, ramp_rad, feedback.position_rad)
         self._command_rad = command.position_rad
         if self._phase == "release":
             command = Slack().command(now_s, feedback)
@@ -265,7 +265,9 @@ class MoveToStop(PlainAction):
         lead_rad = max_lead_rad(short_rad, self._geometry, self._config)
         return clamp_lead(command_rad, feedback.position_rad, lead_rad)
 
-    def _led(self, velocity_rad_s: float, ramp_rad: float, position_rad: float) -> MitCommand:
+    def _lead_command(
+        self, velocity_rad_s: float, ramp_rad: float, position_rad: float
+    ) -> MitCommand:
         """Return the command for a velocity (rad/s), with gains that keep it within its torque."""
         kp, kd = self._gains.kp_nm_rad, self._gains.kd_nm_s_rad
         if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
