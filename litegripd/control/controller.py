@@ -368,7 +368,7 @@ class Controller:
         before = self.stop_latch.latched
         stop = self.stop_latch.raise_to(level, by, why, now_s)
         refusal = self.stop_latch.refusal()
-        self._owed = None  # the wish of a lost client would undo the stop
+        self._owed = None  # the choice of a lost client would undo the stop
         if refusal is not None:
             running = self.jobs.running
             if running is not None and running.kind != "disable":
@@ -421,7 +421,7 @@ class Controller:
     ) -> Grant:
         """Take the lease from its holder; the caller has checked that `owner` may.
 
-        All that runs ends, whoever owns it, also if it is detached. Only a disabling continues, and
+        All that runs ends, also another client's and a detached one. Only a disabling continues, and
         the taker's own motion without a lease. Then the jaws do what the taker says (`left`), not
         what the loser said, unless something continues.
         """

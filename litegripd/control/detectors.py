@@ -10,7 +10,7 @@ counts. `TorqueGuard` detects a jam that yields slowly, which that test never ca
 torque, and jaws slower than half of the commanded speed, for several samples in a row (field use of
 the gripper).
 
-`GripWatch` decides whether a gripped object is still there, by where the jaws stop. Jaws that close
+`GripWatch` decides if a gripped object is still there, by where the jaws stop. Jaws that close
 fast while nothing takes their torque are a suspicion and not a verdict: they may come back after a
 push, or follow an object that has given way by a millimetre. The squeezing continues with little
 torque (`is_searching`) until the jaws press on something again, or are too far beyond the last

@@ -22,21 +22,21 @@ _CANCELLED_BY = frozenset({"cancelled", "client_lost", "lease_lost", "replaced",
 
 
 Start: TypeAlias = Callable[[], Job | Refusal]
-"""Asks for a motion again, as its request did: it may be refused by now."""
+"""Asks for a motion again, as its request did; by now it may be rejected."""
 
 
 @dataclass(frozen=True, slots=True)
 class QueuedJob:
-    """A job that waits for the end of the running one, and what begins it then."""
+    """A job that waits for the end of the running one, and the function that starts it then."""
 
     job: Job
     start: Start
 
 
 class JobBook:
-    """Numbers the jobs, knows the running one and those that wait, and keeps the last `KEPT_JOBS`.
+    """Numbers the jobs, knows the running and the waiting ones, and keeps the last `KEPT_JOBS`.
 
-    A queued job is known by its number, too; the controller starts it.
+    A queued job has a number, too; the controller starts it.
     """
 
     _last: Carried[int] = 0
@@ -49,20 +49,20 @@ class JobBook:
         self._ended: list[Job] = []
 
     def __iter__(self) -> Iterator[Job]:
-        """Iterate over what is kept, the oldest first."""
+        """Iterate over the kept jobs, the oldest first."""
         return iter(self._jobs.values())
 
     def get(self, number: int) -> Job | None:
-        """Return a job that is still kept."""
+        """Return a kept job, or None."""
         return self._jobs.get(number)
 
     def latest(self, *kinds: JobKind) -> Job | None:
-        """Return the job of these kinds that began last, of those that are still kept."""
+        """Return the kept job of these kinds that began last."""
         begun = (job for job in self if job.kind in kinds and job.state is not JobState.QUEUED)
         return max(begun, key=lambda job: (job.started_s, job.number), default=None)
 
     def find(self, owner: Owner, key: str) -> Job | None:
-        """Return the kept job to which the same program has given this key."""
+        """Return the kept job to which the same program gave this key."""
         jobs = (job for job in self if job.key == key and _is_same_program(job.owner, owner))
         return next(jobs, None)
 
@@ -83,7 +83,7 @@ class JobBook:
     def enqueue(
         self, kind: JobKind, owner: Owner, detached: bool, now_s: float, start: Start
     ) -> Job | Refusal:
-        """Let a motion wait for its turn; return a refusal where `MOST_QUEUED` wait already."""
+        """Let a motion wait for its turn; return a refusal if `MOST_QUEUED` wait already."""
         if len(self.queue) >= MOST_QUEUED:
             text = f"{MOST_QUEUED} motions wait for their turn already"
             return Refusal("too_many_requests", text, {"limit": MOST_QUEUED})
@@ -98,12 +98,12 @@ class JobBook:
         return taken
 
     def begin(self, job: Job, now_s: float) -> None:
-        """Make a job the running one; the caller has made sure that none is running."""
+        """Make a job the running one; the caller has checked that none is running."""
         job.state, job.started_s = JobState.RUNNING, now_s
         self.running = job
 
     def end(self, job: Job, outcome: Result | Refusal, now_s: float) -> None:
-        """End a job with a result, or with the reason why it could not go on."""
+        """End a job with a result, or with the reason why it could not continue."""
         if job is self.running:
             self.running = None
         job.ended_s = now_s
@@ -123,10 +123,10 @@ class JobBook:
 
 
 def _is_same_program(one: Owner, other: Owner) -> bool:
-    """Return whether two requests are of one process, maybe by two connections.
+    """Return True if two requests are of one process, perhaps by two connections.
 
-    Processes of another pid namespace have no number here (pid 0): only a connection tells them
-    apart.
+    Processes of another pid namespace have no number here (pid 0), so only their connections
+    distinguish them.
     """
     if one.pid == 0 or other.pid == 0:
         return one.client == other.client
@@ -145,14 +145,14 @@ class _RegisterRead:
 
 
 class RegisterReads:
-    """The row of registers to be read."""
+    """The queue of registers to be read."""
 
     def __init__(self) -> None:
         self._row: deque[_RegisterRead] = deque()
         self._last = 0
 
     def add(self, number: int, on_reply: OnReply) -> Refusal | None:
-        """Put a register at the end of the row; `on_reply` is called once, in a tick."""
+        """Add a register to the queue; `on_reply` is called once, in a tick."""
         if len(self._row) >= MOST_WAITING:
             text = f"{MOST_WAITING} registers are waiting to be read already: try again"
             return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
@@ -161,7 +161,7 @@ class RegisterReads:
         return None
 
     def step(self, reply: RegisterReply | None) -> RegisterRequest | None:
-        """Hand over the motor's latest reply; return what is to be asked for now."""
+        """Pass on the motor's latest reply; return the register to ask for now."""
         row = self._row
         if row and reply is not None and reply.identity == row[0].request.identity:
             row.popleft().on_reply(reply)

@@ -1,7 +1,7 @@
-"""Somebody else who commands our motor: noticed, told, and a reason to refuse motions.
+"""Another program that commands our motor: detected, reported, and a reason to reject motions.
 
-Two programs that interleave frames on one motor fight over it, and neither can know what the
-jaws do. Nothing can keep the other from sending; it can only be told of. A program that writes the
+Two programs that interleave frames on one motor fight over it, and neither can know what the jaws
+do. Nothing can keep the other one from sending; it can only be reported. A program that writes the
 motor's registers changes what every frame means, and counts the same.
 """
 
@@ -11,13 +11,13 @@ from litegripd.model.plain import Carried
 from litegripd.model.state import Event
 
 QUIET_AFTER_S = 2.0
-"""Without a frame of theirs for so long, they count as gone."""
+"""Without a frame for this time, the other program counts as gone."""
 
 REPORT_EVERY_S = 10.0
 
 
 class SecondMaster:
-    """Keeps when a frame that is not ours was last seen, and how many there were."""
+    """Counts the frames of others, and knows when the last one came."""
 
     is_active: Carried[bool] = False
     _seen_s: Carried[float] = 0.0
@@ -28,13 +28,13 @@ class SecondMaster:
         self.is_tolerated = is_tolerated
         self.count = 0
         self._write: RegisterWrite | None = None
-        """The latest write of one that is active."""
+        """The latest write while another program is active."""
         self._known_write: RegisterWrite | None = None
 
     def step(self, now_s: float, count: int, write: RegisterWrite | None = None) -> Event | None:
         """Take the number of frames so far, and the latest of them that wrote registers.
 
-        Return what is to be told: begin, another write, go on, and end.
+        Return an event to report: a begin, another write, a reminder, or the end.
         """
         is_other = write is not None and write is not self._known_write
         is_new = is_other and write != self._write

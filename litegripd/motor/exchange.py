@@ -191,7 +191,7 @@ class Traffic:
     def unstore(self, position_rad: float, ranges: Ranges) -> list[CanFrame]:
         """Return zero gains once after commands, for a motor that is off or about to be.
 
-        The motor stores its last command: whoever enables it next, with another program, would
+        The motor stores its last command: another program that enables it next would
         start what is left of a motion. It is sent only once, because any command feeds the motor's
         own watchdog.
         """
