@@ -421,9 +421,9 @@ class Controller:
     ) -> Grant:
         """Take the lease from its holder; the caller has checked that `owner` may.
 
-        All that runs ends, also another client's and a detached one. Only a disabling continues, and
-        the taker's own motion without a lease. Then the jaws do what the taker says (`left`), not
-        what the loser said, unless something continues.
+        All that runs ends, also another client's and a detached one. Only a disabling continues,
+        and the taker's own motion without a lease. Then the jaws do what the taker says (`left`),
+        not what the loser said, unless something continues.
         """
         grant, loss = self.lease.take(owner, options, why, left, self.now_s)
         running = self.jobs.running

@@ -191,9 +191,8 @@ class Traffic:
     def unstore(self, position_rad: float, ranges: Ranges) -> list[CanFrame]:
         """Return zero gains once after commands, for a motor that is off or about to be.
 
-        The motor stores its last command: another program that enables it next would
-        start what is left of a motion. It is sent only once, because any command feeds the motor's
-        own watchdog.
+        The motor stores its last command: another program that enables it next would start what is
+        left of a motion. It is sent only once, because any command feeds the motor's own watchdog.
         """
         self.is_stored = False
         return [CanFrame(self._can_id, codec.encode_zero_gains(position_rad, ranges))]
