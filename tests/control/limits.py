@@ -1,6 +1,6 @@
 """The limits of every command, written down a second time, and watched tick by tick.
 
-Nothing here uses the last-word filter: what it promises is computed anew from the calibration, the
+Nothing here uses the limiter: what it promises is computed independently from the calibration, the
 configuration and the measurement. `slack` is what the codes of a frame may add by rounding.
 """
 

@@ -144,10 +144,10 @@ class Follower:
         assert feedback is not None
         return abs(float(self.command().position_rad) - feedback.position_rad) * MM_RAD
 
-    def told(self) -> list[str]:
+    def reported(self) -> list[str]:
         self.client.read()
-        told = [n["params"] for n in self.client.notifications if n["method"] == "event"]
-        return [str(event["message"]) for event in told]
+        reported = [n["params"] for n in self.client.notifications if n["method"] == "event"]
+        return [str(event["message"]) for event in reported]
 
 
 def following(

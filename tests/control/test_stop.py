@@ -141,8 +141,8 @@ def test_a_clear_that_was_sent_before_a_stop_does_not_clear_it(mark: str) -> Non
     world.controller.stop("disable", None, "a hand in the jaws", world.now_s)
     error = client.call("stop.clear", **{mark: before[mark]})["error"]
     generation = world.state.stop_generation
-    told = {"reason": "sent_before_stop", "retryable": False, "stop_generation": generation}
-    assert error["data"] == told
+    reported = {"reason": "sent_before_stop", "retryable": False, "stop_generation": generation}
+    assert error["data"] == reported
     assert "a stop has come since" in error["message"]
     stop = world.state.stop
     assert stop is not None
@@ -161,7 +161,7 @@ def test_a_clear_that_does_not_say_when_it_was_sent_clears() -> None:
 
 
 def stop_events(world: World) -> list[Event]:
-    """Return what there is to be told about stops since the last call."""
+    """Return the events about stops since the last call."""
     found: list[Event] = []
     while events := world.service.take_events():
         found += events

@@ -1,4 +1,4 @@
-"""Reading what the motor tells about itself, and refusing what does not fit."""
+"""Reading what the motor reports about itself, and rejecting what does not fit."""
 
 import random
 import struct

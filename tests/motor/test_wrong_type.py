@@ -1,4 +1,4 @@
-"""A motor of another type than the configured one: it is told, and not enabled."""
+"""A motor of another type than the configured one: it is reported, and not enabled."""
 
 import math
 import struct
