@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from bench.rig import DEFAULTS, Rig, VendorGrasp, ours
-from litegripd.control.actions.grasp import GraspRequest
+from litegripd.control.motions.grasp import GraspRequest
 from litegripd.model.results import GraspResult
 
 

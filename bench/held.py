@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from bench.hand import Hand
 from bench.rig import DEFAULTS, Rig, ours
-from litegripd.control.actions.grasp import GraspRequest
 from litegripd.control.holds import HoldBy
+from litegripd.control.motions.grasp import GraspRequest
 from litegripd.sim.parameters import MOUNTS, SimulatorParameters
 
 WIDTH_MM = 50.0

@@ -11,7 +11,7 @@ import statistics
 import sys
 import time
 
-from litegripd.model.events import Event
+from litegripd.model.state import Event
 from litegripd.recorder.mcap import to_mcap
 from litegripd.recorder.reader import read
 from tests.world import World

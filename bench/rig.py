@@ -8,13 +8,13 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from litegripd.app.machine import Machine
-from litegripd.control.actions.base import Action, PlainAction, Step
-from litegripd.control.actions.grasp import Grasp, GraspRequest
-from litegripd.control.actions.move import Ramp
-from litegripd.control.actions.power import Enable
 from litegripd.control.detectors import StallDetector
 from litegripd.control.gains import DEFAULT_GAINS, Gains
-from litegripd.control.holds import Grip, GripSettings, Rest
+from litegripd.control.holds import Grip, GripSettings, Idle
+from litegripd.control.motions.base import Action, PlainAction, Step
+from litegripd.control.motions.grasp import Grasp, GraspRequest
+from litegripd.control.motions.move import Ramp
+from litegripd.control.motions.power import Enable
 from litegripd.model.bus import CanFrame
 from litegripd.model.calibration import Calibration
 from litegripd.model.geometry import Geometry
@@ -171,7 +171,7 @@ class VendorGrasp(PlainAction):
             return Step(command, outcome=self._result("no_object"))
         return Step(command)
 
-    def rest(self) -> Rest | None:
+    def idle_after(self) -> Idle | None:
         return self._grip
 
     def _take(self) -> Grip:

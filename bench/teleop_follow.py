@@ -8,14 +8,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bench.rig import DEFAULTS, PERIOD_S, Rig
-from litegripd.control.actions.base import Action, PlainAction, Step
 from litegripd.control.gains import DEFAULT_GAINS
+from litegripd.control.motions.base import Action, PlainAction, Step
 from litegripd.model.geometry import Geometry
 from litegripd.model.motor import MitCommand, MotorView
 from litegripd.model.teleop import (
     Arrival,
+    LinkOptions,
     LinkStatus,
-    LinkWish,
     TeleopFrame,
     TeleopSettings,
     decode_frame,
@@ -152,7 +152,7 @@ def action_of(way: Way, geometry: Geometry, link: ScriptedLeader) -> Action:
         return VendorFollow(geometry, link)
     settings = TeleopSettings(dq_max_rad_s=way.dq_max_rad_s)
     course = Course(geometry, DEFAULTS, DEFAULT_GAINS, settings, PERIOD_S)
-    return TeleopFollower(link, LinkWish("slave", "none"), lambda _event: None, course)
+    return TeleopFollower(link, LinkOptions("slave", "none"), lambda _event: None, course)
 
 
 def judge(

@@ -1,4 +1,4 @@
-"""JSON as its standard has it: no NaN, no infinity; and no key twice, on which readers differ."""
+"""JSON by its standard: no NaN, no infinity, and no key twice, which readers treat differently."""
 
 import json
 from json import scanner
@@ -21,7 +21,7 @@ _scan = scanner.make_scanner(cast(Any, _decoder))
 
 
 def decode(text: str) -> Any:
-    """Return the value; raises `ValueError`, or `RecursionError` for what is nested too deeply."""
+    """Return the value; raises `ValueError`, or `RecursionError` for too deep nesting."""
     try:
         value, end = _scan(text, 0)
     except StopIteration:

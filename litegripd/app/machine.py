@@ -14,8 +14,8 @@ from litegripd.model.bus import UP, BusCondition, CanFrame
 from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
+from litegripd.motor.exchange import SILENT_AFTER_POLLS
 from litegripd.motor.motor import Motor
-from litegripd.motor.silence import SILENT_AFTER_POLLS
 
 _log = logging.getLogger(__name__)
 
@@ -61,8 +61,8 @@ class Machine:
         self.controller.note_bus(bus)
         must_disable = self.controller.must_disable
         try:
-            order = self.controller.step(now_s, view)
-            self._sent = self.motor.step(now_s, order)
+            wanted = self.controller.step(now_s, view)
+            self._sent = self.motor.step(now_s, wanted)
         except Exception as error:
             self.controller.break_off(error)
             self.controller.must_disable |= must_disable  # the step may have failed before

@@ -16,9 +16,9 @@ from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
-from litegripd.model.events import Event
 from litegripd.model.motor import MotorIdentity, MotorPhase
 from litegripd.model.motor_types import MotorType
+from litegripd.model.state import Event
 from litegripd.motor.identity import warnings
 from litegripd.rpc.facts import (
     CalibrationFacts,

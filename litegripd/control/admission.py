@@ -1,4 +1,4 @@
-"""True if a motion may begin, and if not, why and what to do."""
+"""Admission of motions: refusals that say why a motion may not begin, and what to do."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
 
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0
-"""Further outside the calibrated travel no jaw can be. The motor loses its count of turns in a
-power cycle: its position can come back off by 2π."""
+"""No jaw can be further outside the calibrated travel. The motor loses its count of turns in a
+power cycle, and its position can come back off by 2π."""
 
 _ROUNDING = 1e-6
 
@@ -51,16 +51,16 @@ ZERO_MOVED = Refusal(
 
 _BUSY_BY: Mapping[JobKind, str] = {"teleop": "teleop_busy"}
 _ENDED_BY: Mapping[JobKind, str] = {"teleop": "end it by teleop.stop"}
-"""What is busy by a name of its own, and does not end by itself."""
+"""How to end a job that does not end by itself; its refusal has a name of its own."""
 
 
 def busy_refusal(running: Job | None) -> Refusal | None:
-    """Return who is moving, if anybody is."""
+    """Return a refusal that names who is moving, None if nobody is."""
     return None if running is None else busy_with(running)
 
 
 def busy_with(running: Job) -> Refusal:
-    """Return who is moving."""
+    """Return a refusal that names the running job and its owner."""
     owner = running.owner
     how = _ENDED_BY.get(running.kind, "wait for it (job.wait), cancel it (job.cancel) or stop")
     return Refusal(
@@ -85,7 +85,7 @@ def trajectory_or_teleop_refusal(running: Job | None) -> Refusal | None:
 
 
 def stopped_under_way(running: Job, stopped: Refusal) -> Refusal:
-    """Say that a stop has broken off what was running, which must not read as never begun."""
+    """Return the reason for a job that a stop ended; it must not read as if it never began."""
     return Refusal(
         stopped.reason,
         f"job {running.number}, {running.kind}, was broken off: {stopped.message}",
@@ -94,7 +94,7 @@ def stopped_under_way(running: Job, stopped: Refusal) -> Refusal:
 
 
 def motor_refusal(motor: MotorView) -> Refusal | None:
-    """Return why no motion may begin or go on, or None."""
+    """Return why no motion may begin or continue, or None."""
     if motor.phase is MotorPhase.ENABLED:
         return None
     if motor.phase is MotorPhase.FAULT and motor.fault is not None:
@@ -103,7 +103,7 @@ def motor_refusal(motor: MotorView) -> Refusal | None:
 
 
 def conflict_refusal(conflict: Conflict | None) -> Refusal | None:
-    """Make a refusal of settings that do not go together."""
+    """Return a refusal of settings that do not fit together, or None."""
     if conflict is None:
         return None
     data = {"field": conflict.field, "requested": conflict.requested, "limit": conflict.limit}
@@ -112,7 +112,7 @@ def conflict_refusal(conflict: Conflict | None) -> Refusal | None:
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """Where the jaws shall go, in the caller's own quantity."""
+    """Where to move the jaws, in the caller's own quantity."""
 
     quantity: Literal["opening_mm", "position_rad", "openness"]
     value: float
@@ -133,7 +133,7 @@ class Target:
 
 
 def target_refusal(target: Target, geometry: Geometry) -> Refusal | None:
-    """Return why a target cannot be gone to, or None."""
+    """Return why a target cannot be reached, or None."""
     low, high = target.limits(geometry)
     if low - _ROUNDING <= target.value <= high + _ROUNDING:
         return None
@@ -145,7 +145,7 @@ def target_refusal(target: Target, geometry: Geometry) -> Refusal | None:
 
 
 def duration_refusal(duration_s: float, shortest_s: float, distance_mm: float) -> Refusal:
-    """Say that a time is too short for its distance."""
+    """Return a refusal because a time is too short for its distance."""
     return Refusal(
         "out_of_limits",
         f"duration_s is {duration_s:g}, for {distance_mm:.1f} mm it must be at least"

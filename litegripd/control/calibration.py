@@ -1,17 +1,17 @@
-"""The calibration in use, and how it is saved."""
+"""The calibration in use, and how a new one is saved."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from litegripd.control.actions.base import Adopted, Step
 from litegripd.control.admission import CALIBRATION_COMING, NOT_CALIBRATED, ZERO_MOVED
 from litegripd.control.gains import DEFAULT_GAINS, Gains, gains_of
+from litegripd.control.motions.base import Adopted, Step
 from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, measured
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
-from litegripd.model.helper_tasks import HelperTask, TaskResult
+from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import damping_conflict
 from litegripd.model.motor import MotorView, ZeroView
 from litegripd.model.plain import Carried
@@ -19,7 +19,7 @@ from litegripd.model.results import ZeroOutcome, ZeroResult
 
 
 class CalibrationInUse:
-    """Knows the travel and the gains of the hold; `file` is None for what has none."""
+    """Knows the travel and the gains of the hold; `file` is None for a calibration in no file."""
 
     calibration: Carried[Calibration | None] = None
     file: Carried[str | None] = None
@@ -35,17 +35,17 @@ class CalibrationInUse:
 
     @property
     def is_coming(self) -> bool:
-        """True from the start until it is known whether there is a calibration."""
+        """True from the start until a calibration was read, or found missing."""
         return self.calibration is None and self.problem.reason == CALIBRATION_COMING.reason
 
     def expect(self) -> None:
-        """Say that one is being read, until `use`."""
+        """Report that a calibration is being read, until `use`."""
         self.problem = CALIBRATION_COMING
 
     def use(
         self, calibration: Calibration | None, problem: Refusal | None, file: str | None
     ) -> None:
-        """Take a calibration and its file, or the reason why there is none."""
+        """Use a calibration and its file, or the reason why there is none."""
         self.calibration, self.file = calibration, file
         self.problem = problem or NOT_CALIBRATED
         before, self.gains = self.gains, DEFAULT_GAINS
@@ -53,11 +53,11 @@ class CalibrationInUse:
             return
         gains = gains_of(calibration, before)
         if damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad) is not None:
-            gains = gains_of(calibration, DEFAULT_GAINS)  # one was given, and fits the usual other
+            gains = gains_of(calibration, DEFAULT_GAINS)  # one was given; take the default other
         self.gains = gains
 
     def note_saved(self, calibration: Calibration, channel: str, file: str, saved_s: float) -> None:
-        """Note that `calibration`, if it is still in use, is in the file of `channel` now."""
+        """Note that `calibration`, if still in use, is now in the file of `channel`."""
         if self.calibration is calibration:
             self.calibration = replace(calibration, channel=channel, saved_s=saved_s)
             self.file = file
@@ -65,7 +65,7 @@ class CalibrationInUse:
     def note_zero(self, zero: ZeroView) -> Calibration | None:
         """Give a calibration up as soon as positions may count from another zero.
 
-        Returns what its file shall hold from now on, so that a restart does not bring it back.
+        Returns the new content for its file, so that a restart does not bring the old one back.
         """
         before, self._zero = self._zero, zero
         moved = zero.is_uncertain or zero.state == "done"
@@ -78,15 +78,16 @@ class CalibrationInUse:
 
 
 PLAUSIBLE_TRAVEL = (0.8, 1.25)
-"""Of the travel known before: something between the jaws, or a stop that was not one, else."""
+"""The range of a new travel as a share of the known one. Outside it something was between the
+jaws, or a stop was not one."""
 
 SAVE_WITHIN_S = 10.0
 
 
 class Saving:
-    """Makes the calibration of two measured stops the gripper's own, saved unless `keep` is false.
+    """Makes the calibration of two measured stops the gripper's own; saves it if `keep` is true.
 
-    `step` gives the task once, and the outcome when it is done.
+    `step` returns the task once, and the outcome when it is done.
     """
 
     def __init__(
@@ -108,19 +109,19 @@ class Saving:
 
     @property
     def rad_to_mm(self) -> float:
-        """The scale known before, or the nominal one: for speeds and run-ups, not to be saved."""
+        """The scale known before, or the nominal one: for speeds and run-ups only, never saved."""
         known = NOMINAL[0] if self._before is None else self._before.geometry
         return known.rad_to_mm
 
     @property
     def kp_nm_rad(self) -> float:
-        """The stiffness that the motions have."""
+        """The stiffness of motions."""
         return self._gains.kp_nm_rad
 
     def begin(self, closed_rad: float, open_rad: float, *, plausible: bool) -> ZeroResult | None:
-        """Take the stops; return how it ended already, where they cannot be right.
+        """Take the stops; return a failure if they cannot be right.
 
-        `plausible` asks for a travel that is like the one known before.
+        With `plausible` the travel must be close to the one known before.
         """
         try:
             found = measured(
@@ -144,7 +145,7 @@ class Saving:
         return None
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Have it written, wait for that, and adopt it."""
+        """Have the file written, wait for it, and adopt the calibration."""
         calibration = self._calibration
         if calibration is None:
             return Step(outcome=failed("not_found", "no stops were measured"))
@@ -152,7 +153,7 @@ class Saving:
             self._began_s = now_s
             self._content = content_of(calibration, self._gripper_id, self._gains, motor)
             if self._keep:
-                return Step(task=save_errand(self._gripper_id, self._content, self._note))
+                return Step(task=save_task(self._gripper_id, self._content, self._note))
         if not self._keep:
             return _adopt(calibration, self._content, None)
         if self._saved is None:
@@ -172,7 +173,7 @@ class Saving:
 def content_of(
     calibration: Calibration, gripper_id: GripperId, gains: Gains, motor: MotorView
 ) -> dict[str, Any]:
-    """Return what the file of this gripper holds for a calibration."""
+    """Return the content of this gripper's file for a calibration."""
     return calibration.file_content(
         channel=gripper_id.channel,
         can_id=gripper_id.can_id,
@@ -183,7 +184,7 @@ def content_of(
     )
 
 
-def save_errand(
+def save_task(
     gripper_id: GripperId, content: Mapping[str, Any], on_result: Callable[[TaskResult], None]
 ) -> HelperTask:
     """Return the helper task that writes the daemon's own calibration file."""
@@ -193,7 +194,7 @@ def save_errand(
 
 
 def failed(outcome: ZeroOutcome, message: str) -> ZeroResult:
-    """Return a result that says why there is no new calibration."""
+    """Return a result with the reason why there is no new calibration."""
     return ZeroResult(False, outcome, None, None, None, None, None, None, message)
 
 

@@ -1,8 +1,8 @@
-"""The controller: the one place that decides, in every tick, what the motor is told.
+"""The controller: the one place that decides, in every tick, what the motor gets.
 
-Pure: `step(now_s, motor)` returns the order for this tick. Between ticks clients ask for motions
-(`Motions` and `Calibrating` begin them), for a stop, or are lost; nothing of that reaches the
-motor but through `step`.
+Pure: `step(now_s, motor)` returns what the motor is to do in this tick. Between ticks clients ask
+for motions (`requests` begins them), ask for a stop, or are lost. All of that reaches the motor
+only through `step`.
 """
 
 import math
@@ -10,8 +10,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Protocol, TypeVar
 
-from litegripd.control import announce
-from litegripd.control.actions.base import Action
+from litegripd.control import events
 from litegripd.control.admission import (
     ENDING,
     NOT_ENABLED,
@@ -21,29 +20,27 @@ from litegripd.control.admission import (
     motor_refusal,
     stopped_under_way,
 )
-from litegripd.control.calibration import CalibrationInUse, content_of, save_errand
+from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.gains import Gains
-from litegripd.control.holds import Grip, Hold, Rest, Slack
-from litegripd.control.inquiries import Inquiries
-from litegripd.control.jobs import JobBook, Start
-from litegripd.control.lease import Grant, Lease, Loss, LossCause, OnAnswer, Wish
+from litegripd.control.holds import Grip, Hold, Idle, Slack
+from litegripd.control.jobs import JobBook, RegisterReads, Start
+from litegripd.control.lease import Grant, Lease, LeaseOptions, Loss, LossCause, OnAnswer
 from litegripd.control.limiter import Output, bounds_of
+from litegripd.control.motions.base import Action
 from litegripd.control.second_master import SecondMaster
 from litegripd.control.stop import StopLatch
 from litegripd.model.bus import NOT_OPENED, BusCondition
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
-from litegripd.model.helper_tasks import HelperTask, TaskResult
-from litegripd.model.jobs import Job, JobKind, OnLost, Owner, StopLevel
+from litegripd.model.jobs import HelperTask, Job, JobKind, OnLost, Owner, StopLevel, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,
     Feedback,
     MitCommand,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     MotorRequest,
     MotorView,
@@ -51,21 +48,22 @@ from litegripd.model.motor import (
 )
 from litegripd.model.plain import Carried
 from litegripd.model.results import Progress, Result
+from litegripd.model.state import Event
 
 _SAFE_JOBS = ("disable", "clear_fault")
-"""What goes on though another program commands the motor: it energises nothing."""
+"""The jobs that continue while another program commands the motor: they energise nothing."""
 
 _Begun = TypeVar("_Begun")
 
 
 class Recording(Protocol):
-    """A recording of the jaws' motion: what the controller needs to know of one."""
+    """A recording of the jaws' motion, as far as the controller needs it."""
 
     is_over: bool
 
     @property
     def would_be_lost(self) -> bool:
-        """True if it is good and not kept anywhere else."""
+        """True if it is good and kept nowhere else."""
 
     def step(
         self,
@@ -75,14 +73,14 @@ class Recording(Protocol):
         grip: Grip | None,
         jobs: JobBook,
     ) -> None:
-        """Take a tick's measurement, and what the jaws hold."""
+        """Take a tick's measurement, and the present grip."""
 
 
 class Controller:
-    """Runs one gripper: at most one job, else a rest that holds the jaws or lets them go.
+    """Runs one gripper: at most one job, else idle jaws: a hold, a grip, or slack.
 
-    It also says who may: the stop, the lease, and clients that are lost. Whatever is asked between
-    two ticks reaches the motor only by the next `step`.
+    It also has the authority: the software stop, the lease, and lost clients. All requests between
+    two ticks reach the motor only by the next `step`.
     """
 
     config: Carried[MotionConfig]
@@ -103,11 +101,11 @@ class Controller:
         "events",
         "gripper_id",
         "has_stepped",
-        "inquiries",
+        "register_reads",
         "motor",  # only its phase, beside this
         "must_disable",
         "period_s",
-        "rest",  # beside this
+        "idle",  # beside this
         "tasks",
         "_is_ending",
         "_owed",
@@ -129,10 +127,10 @@ class Controller:
         self.stop_latch = StopLatch()
         self.action: Action | None = None
         self.has_stepped = False
-        """True if the present or latest action has had any say in what the motor is told."""
-        self.rest: Rest = Slack()
+        """True if the present or latest action has had any effect on what the motor gets."""
+        self.idle: Idle = Slack()
         self.output = Output(self.gripper_id.motor_type)
-        self.inquiries = Inquiries()
+        self.register_reads = RegisterReads()
         self.capture: Recording | None = None
         self.events: list[Event] = []
         self.tasks: list[HelperTask] = []
@@ -154,16 +152,16 @@ class Controller:
 
     @property
     def grip(self) -> Grip | None:
-        """The hold by force, if there is one, be it a grasp's or what one has left."""
+        """The present hold by force, of a running grasp or after one; None without one."""
         if self._replaced is not None:
-            rest: Rest | None = self._left()
+            idle: Idle | None = self._left()
         else:
-            rest = self.rest if self.action is None else self.action.rest()
-        return rest if isinstance(rest, Grip) else None
+            idle = self.idle if self.action is None else self.action.idle_after()
+        return idle if isinstance(idle, Grip) else None
 
     @property
     def in_the_way(self) -> Job | None:
-        """The running job, but for one that the next motion replaces."""
+        """The running job, unless the next motion replaces it."""
         return None if self._replaced is not None else self.jobs.running
 
     @property
@@ -172,7 +170,7 @@ class Controller:
         return self._is_ending
 
     def progress(self) -> Progress | None:
-        """Return where the running job is."""
+        """Return the progress of the running job."""
         return None if self.action is None else self.action.progress()
 
     def take_events(self) -> list[Event]:
@@ -186,33 +184,33 @@ class Controller:
         problem: Refusal | None = None,
         file: str | None = None,
     ) -> None:
-        """Take a calibration and its file, or the reason why there is none."""
+        """Use a calibration and its file, or the reason why there is none."""
         self.calibrated.use(calibration, problem, file)
         if calibration is not None:
-            self.events.append(announce.calibrated(calibration, file))
+            self.events.append(events.calibrated(calibration, file))
 
     def note_bus(self, bus: BusCondition) -> None:
-        """Take the state of the bus; a change of it is told once, whatever its errors say.
+        """Take the state of the bus; report each change of it once, whatever its errors say.
 
-        What the first attempt to open it leads to is told as well, though that be "down".
+        The result of the first attempt to open the bus is reported as well, even if it is "down".
         """
         is_first = self.bus == NOT_OPENED and bus != NOT_OPENED
         if is_first or bus.state != self.bus.state:
-            self.events.append(announce.bus_changed(self.bus, bus, self.gripper_id.bus_channel))
+            self.events.append(events.bus_changed(self.bus, bus, self.gripper_id.bus_channel))
         self.bus = bus
 
-    # Why not
+    # Refusals
 
     def why_busy(self) -> Refusal | None:
-        """Return why no motion may be asked for: the end, a stop, another master or a motion."""
+        """Return why no motion may begin, or None: the end, a stop, another sender or a motion."""
         ending = ENDING if self._is_ending else None
         refused = ending or self.stop_latch.refusal() or self.second_master.refusal()
         return refused or busy_refusal(self.in_the_way)
 
     def why_not_restartable(self) -> Refusal | None:
-        """Return why no successor can take over now, if so.
+        """Return why no successor can take over now, or None.
 
-        That is the daemon's end, a motion, a disabling, or a recording that would be lost.
+        The reasons are the daemon's end, a motion, a disabling, and a recording that would be lost.
         """
         ending = ENDING if self._is_ending else None
         refusal = ending or busy_refusal(self.jobs.running)
@@ -224,7 +222,7 @@ class Controller:
         return refusal
 
     def recording_refusal(self) -> Refusal | None:
-        """Return a refusal if a recording is under way: replay and teleoperation wait for it."""
+        """Return a refusal while a recording is under way: replay and teleoperation exclude it."""
         if self.capture is None or self.capture.is_over:
             return None
         text = "a recording is under way: end it (trajectory.record_stop)"
@@ -233,28 +231,28 @@ class Controller:
     # Jobs
 
     def begin(self, kind: JobKind, action: Action, owner: Owner, detached: bool) -> Job:
-        """Begin a job; the caller has made sure that it may."""
+        """Begin a job; the caller has checked that it may begin."""
         self._end_replaced()
         job = self._new_job(kind, owner, detached)
         self.jobs.begin(job, self.now_s)
         self.action, self.has_stepped = action, False
-        self.events.append(announce.job_started(job))
+        self.events.append(events.job_started(job))
         return job
 
-    def settle(self, kind: JobKind, rest: Rest, owner: Owner, result: Result) -> Job:
-        """Change at once what the jaws do without a motion; the job has ended when it returns."""
+    def settle(self, kind: JobKind, idle: Idle, owner: Owner, result: Result) -> Job:
+        """Change at once what idle jaws do; the job has ended when this returns."""
         self._end_replaced()
-        self.rest = rest
+        self.idle = idle
         job = self._new_job(kind, owner, detached=True)
         self.jobs.begin(job, self.now_s)
-        self.events.append(announce.job_started(job))
+        self.events.append(events.job_started(job))
         self.end(result)
         return job
 
     def replace(self, reason: Refusal, start: Callable[[], _Begun]) -> _Begun:
-        """Begin another motion in the place of the running one, which ends by `reason`.
+        """Begin another motion in place of the running one, which ends with `reason`.
 
-        It ends when the other one begins: one that is refused leaves it running.
+        The running one ends when the other one begins. If the other one is rejected, it continues.
         """
         self._replaced = reason
         try:
@@ -263,11 +261,11 @@ class Controller:
             self._replaced = None
 
     def queue(self, kind: JobKind, owner: Owner, detached: bool, start: Start) -> Job | Refusal:
-        """Let a motion wait for the end of the running one; `start` is called then."""
+        """Let a motion wait for the end of the running one; then `start` is called."""
         return self.jobs.enqueue(kind, owner, detached, self.now_s, start)
 
     def cancel(self, number: int, by: Owner) -> Job | Refusal:
-        """End a job; the jaws go on holding what they hold, else where they are."""
+        """End a job; the jaws keep holding what they hold, else they hold where they are."""
         job = self.jobs.get(number)
         if job is None:
             return Refusal("unknown_job", f"there is no job {number}, or it is no longer kept")
@@ -280,30 +278,30 @@ class Controller:
         return job
 
     def end(self, outcome: Result | Refusal, *, by_defect: bool = False) -> None:
-        """End the running job; what the jaws do then is its action's to say, else they hold.
+        """End the running job; its action decides what the jaws do then, else they hold.
 
-        An action that failed `by_defect` is not asked: they hold where they are.
+        An action that failed `by_defect` does not decide: the jaws hold where they are.
         """
         job, action = self.jobs.running, self.action
         if job is None:
             self.action = None
             return
         self.jobs.end(job, outcome, self.now_s)
-        self.rest, self.action = self._left(by_defect=by_defect), None
+        self.idle, self.action = self._left(by_defect=by_defect), None
         broken_off = job.kind == "enable" and isinstance(outcome, Refusal)
         if broken_off and self.motor.phase is not MotorPhase.ENABLED:
             self.must_disable = True  # it may still take effect
         owed, self._owed = self._owed, None
         if owed is not None:
             self._settle_into(owed)
-        self.events += announce.job_ended(job, outcome)
+        self.events += events.job_ended(job, outcome)
         if action is not None:
             action.close()
 
     def break_off(self, error: Exception) -> None:
-        """End the job that runs, or was to begin, in the tick in which a defect raised `error`.
+        """End the running or starting job in the tick in which a defect raised `error`.
 
-        It would fail in every tick, and the motor be told nothing.
+        It would fail in every tick, and the motor would get no commands.
         """
         starting, self._starting = self._starting, None
         if starting is not None:
@@ -314,7 +312,7 @@ class Controller:
             self.end(_defect(running, error), by_defect=True)
 
     def shut_down(self) -> None:
-        """Begin the daemon's end: what runs is cancelled, the motor disabled, all else refused."""
+        """Begin the daemon's end: cancel what runs, disable the motor, and reject all else."""
         self._is_ending = True
         self.must_disable = True
         self.end(ENDING)
@@ -325,16 +323,16 @@ class Controller:
         if reason is not None:
             self.end(reason)
 
-    def _left(self, *, by_defect: bool = False) -> Rest:
-        """Return what the jaws do if the running action ends now."""
+    def _left(self, *, by_defect: bool = False) -> Idle:
+        """Return what the jaws would do if the running action ended now."""
         action, feedback = self.action, self.motor.feedback
         if action is None or feedback is None or not (action.needs_power and self.has_stepped):
-            return self.rest
-        rest = None if by_defect else action.rest()
-        return rest or Hold(feedback.position_rad, self.calibrated.gains)
+            return self.idle
+        idle = None if by_defect else action.idle_after()
+        return idle or Hold(feedback.position_rad, self.calibrated.gains)
 
     def _new_job(self, kind: JobKind, owner: Owner, detached: bool) -> Job:
-        """Return the queued job whose turn it is, else a new one, under the present lease."""
+        """Return the queued job whose turn it is, or a new one, under the present lease."""
         job, self._starting = self._starting, None
         job = job or self.jobs.add(kind, owner, detached, self.now_s)
         holder = self.lease.holder
@@ -342,7 +340,7 @@ class Controller:
         return job
 
     def _start_queued(self) -> None:
-        """Start the motion whose turn it is; one that is refused by now ends so."""
+        """Start the queued motion whose turn it is; if it is rejected now, it ends with that."""
         while self.jobs.queue and self.jobs.running is None:
             entry = self.jobs.queue.popleft()
             self._starting = entry.job
@@ -357,79 +355,81 @@ class Controller:
 
     def _end_queued(self, job: Job, refusal: Refusal) -> None:
         self.jobs.end(job, refusal, self.now_s)
-        self.events += announce.job_ended(job, refusal)
+        self.events += events.job_ended(job, refusal)
 
     # The stop
 
     def stop(self, level: StopLevel, by: Owner | None, why: str | None, now_s: float) -> None:
-        """Stop, in force with the next command that is sent, and latched.
+        """Latch a stop, which takes effect with the next command.
 
-        One that raises nothing takes effect all the same, but is only counted: a flood of stops
-        is no flood of events.
+        A stop that does not raise the level takes effect, too, but is only counted: many stops must
+        not make as many events.
         """
         before = self.stop_latch.latched
         stop = self.stop_latch.raise_to(level, by, why, now_s)
         refusal = self.stop_latch.refusal()
-        self._owed = None  # what a client who is gone wished for the jaws would undo the stop
+        self._owed = None  # the choice of a lost client would undo the stop
         if refusal is not None:
             running = self.jobs.running
             if running is not None and running.kind != "disable":
                 self.end(stopped_under_way(running, refusal))
             self._drop_queued(refusal, lambda _job: True)
             if stop is not before:
-                self.events.append(announce.stopped(stop.level, refusal))
+                self.events.append(events.stopped(stop.level, refusal))
         self._settle_into(stop.level)
-        if isinstance(self.rest, Grip):
-            self.rest.freeze()  # no more torque than there is now, but not a dropped object either
+        if isinstance(self.idle, Grip):
+            self.idle.freeze()  # no more torque than now, but nothing is dropped
 
     def clear_stop(self, by: Owner) -> None:
         """Allow motions again; the jaws stay as they are."""
         if self.stop_latch.latched is not None:
-            self.events.append(announce.stop_cleared(by, self.stop_latch.clear()))
+            self.events.append(events.stop_cleared(by, self.stop_latch.clear()))
 
     # The lease
 
-    def acquire(self, owner: Owner, wish: Wish) -> Grant | Refusal:
-        """Grant the lease, where it is free and nobody else's motion runs."""
+    def acquire(self, owner: Owner, options: LeaseOptions) -> Grant | Refusal:
+        """Grant the lease if it is free and no other client's motion runs."""
         before, running = self.lease.holder, self.jobs.running
         if before is None and running is not None and running.owner.client != owner.client:
             return busy_with(running)
-        answer = self.lease.acquire(owner, wish, self.now_s)
+        answer = self.lease.acquire(owner, options, self.now_s)
         is_new = isinstance(answer, Grant) and (before is None or answer.number != before.number)
         return self._granted(answer) if is_new else answer
 
     def await_lease(
-        self, owner: Owner, wish: Wish, wait_s: float, on_answer: OnAnswer
+        self, owner: Owner, options: LeaseOptions, wait_s: float, on_answer: OnAnswer
     ) -> Refusal | None:
         """Let `owner` wait for the lease, first come, first served."""
 
         def granted(answer: Grant | Refusal) -> None:
             on_answer(self._granted(answer))
 
-        return self.lease.wait(owner, wish, self.now_s + wait_s, granted)
+        return self.lease.wait(owner, options, self.now_s + wait_s, granted)
 
     def release(self, owner: Owner) -> Refusal | None:
-        """Give the lease back; a motion that runs under it goes on."""
+        """Release the lease; a motion that runs under it continues."""
         holder, running = self.lease.holder, self.jobs.running
         refusal = self.lease.release(owner)
         if refusal is None and holder is not None:
-            self.events.append(announce.lease_released(holder, owner))
+            self.events.append(events.lease_released(holder, owner))
             if running is not None and running.grant == holder.number:
                 running.grant = None
         return refusal
 
-    def take_over(self, owner: Owner, wish: Wish, why: str, left: OnLost = "hold") -> Grant:
-        """Take the lease from whoever has it; the caller has made sure that `owner` may.
+    def take_over(
+        self, owner: Owner, options: LeaseOptions, why: str, left: OnLost = "hold"
+    ) -> Grant:
+        """Take the lease from its holder; the caller has checked that `owner` may.
 
-        What runs ends, whoever's it is and also what is detached, but for disabling and for the
-        taker's own motion without a lease. What the jaws do then is the taker's to say (`left`),
-        not the loser's, unless something goes on.
+        All that runs ends, also another client's and a detached one. Only a disabling continues,
+        and the taker's own motion without a lease. Then the jaws do what the taker says (`left`),
+        not what the loser said, unless something continues.
         """
-        grant, loss = self.lease.take(owner, wish, why, left, self.now_s)
+        grant, loss = self.lease.take(owner, options, why, left, self.now_s)
         running = self.jobs.running
         is_anothers = running is not None and running.owner.client != owner.client
         if running is not None and is_anothers and running.kind != "disable":
-            self.end(announce.taken_refusal(owner, why, left))
+            self.end(events.taken_refusal(owner, why, left))
         if loss is not None:
             self.lose(loss, loss.grant.owner.client)
         elif self.jobs.running is None:
@@ -438,16 +438,16 @@ class Controller:
         return grant
 
     def resume(self, number: int, owner: Owner) -> Grant | Refusal:
-        """Grant a lapsed lease again to who reconnected, if nobody has had one since."""
+        """Grant a lapsed lease again after its client reconnected, if nobody has had one since."""
         return self._granted(self.lease.resume(number, owner, self.now_s))
 
     def _granted(self, answer: Grant | Refusal) -> Grant | Refusal:
-        """Tell of a grant; what a lost client wished for the jaws counts no more from then on."""
+        """Report a grant; from then on, what a lost client wanted for the jaws does not count."""
         if isinstance(answer, Grant):
             if self._owed is not None:
                 self._owed = None
-                self.events.append(announce.left_to_holder())
-            self.events.append(announce.lease_granted(answer))
+                self.events.append(events.left_to_holder())
+            self.events.append(events.lease_granted(answer))
         return answer
 
     # Lost clients and lost leases
@@ -457,13 +457,13 @@ class Controller:
         self.lose(self.lease.lose(client, cause), client)
 
     def lose(self, loss: Loss | None, client: int) -> None:
-        """End the motion of a lost client or lease; then the jaws do what was wished.
+        """End the motion of a lost client or lease; then the jaws do what its options say.
 
-        That is done at once, or when the motion has ended that goes on without its client: a
-        detached one, or another client's. Disabling always goes on.
+        They do so at once, or after the end of a motion that continues: a detached one, or another
+        client's. A disabling always continues.
         """
         running = self.jobs.running
-        refusal = announce.loss_refusal(loss)
+        refusal = events.loss_refusal(loss)
         self._drop_queued(refusal, lambda job: _falls(job, loss, client))
         ends = running is not None and running.kind != "disable" and _falls(running, loss, client)
         if ends:
@@ -472,19 +472,18 @@ class Controller:
         cause = None if loss is None else loss.cause
         later = loss is not None and self.jobs.running is not None
         if loss is not None:
-            self.events.append(announce.lease_lost(loss))
+            self.events.append(events.lease_lost(loss))
         if ends or loss is not None:
-            self.events.append(announce.client_lost(on_lost, cause, later=later))
+            self.events.append(events.client_lost(on_lost, cause, later=later))
         if later:
             self._owed = on_lost
         elif ends or loss is not None:
             self._settle_into(on_lost)
 
     def _step_authority(self, now_s: float) -> None:
-        """Take what time brings: a lease that runs out, and whose turn it is.
+        """Advance the authority: a lease that expires, and the next motion in the queue.
 
-        A motion under a lease that is not the present one never goes on, whatever the way;
-        disabling always does.
+        A motion under a lease that is not the present one never continues; a disabling always does.
         """
         loss = self.lease.expire(now_s)
         if loss is not None:
@@ -497,23 +496,26 @@ class Controller:
             and running.kind != "disable"
             and running.grant not in (None, present)
         ):
-            self.end(announce.loss_refusal(None))
+            self.end(events.loss_refusal(None))
         self._start_queued()
         self.lease.step(now_s, may_grant=self.jobs.running is None and not self.jobs.queue)
 
     def _settle_into(self, level: StopLevel) -> None:
-        """Go into what a stop or a lost client leaves behind; a hold is kept, force included."""
+        """Do what a stop or a lost client leaves behind; a hold is kept, with its force."""
         if level == "disable" or (level == "relax" and self.motor.phase is MotorPhase.SILENT):
-            self.must_disable = True  # a motor that does not answer can only be told to let go
+            self.must_disable = True  # a motor that does not answer can only be disabled
         elif level == "relax":
-            self.rest = Slack()
-        elif isinstance(self.rest, Grip):
-            self.rest.stay()
+            self.idle = Slack()
+        elif isinstance(self.idle, Grip):
+            self.idle.stay()
 
     # The tick
 
-    def step(self, now_s: float, motor: MotorView) -> MotorOrder:
-        """Decide. In this order: power, fault, stop, lost client, the action, the rest."""
+    def step(self, now_s: float, motor: MotorView) -> MotorInput:
+        """Return the input of the motor for this tick.
+
+        The order of decisions is: power, fault, stop, lost client, the action, the idle jaws.
+        """
         motor = _finite(motor)
         self._note_phase(motor)
         self._note_zero(motor.zero)
@@ -523,23 +525,23 @@ class Controller:
         self._note_second_master(now_s, motor)
         if self.capture is not None:
             self.capture.step(now_s, motor, self.geometry, self.grip, self.jobs)
-        inquiry = self.inquiries.step(motor.register)
+        register = self.register_reads.step(motor.register)
         if self.must_disable:
             self.must_disable = False
             self._send_nothing(now_s)
-            return MotorOrder(request=DisableMotor(), register=inquiry)
+            return MotorInput(request=DisableMotor(), register=register)
         command, request = self._act(now_s)
         feedback = motor.feedback
         if motor.phase is not MotorPhase.ENABLED or feedback is None:
             self._send_nothing(now_s)
-            return MotorOrder(request=request, register=inquiry)
+            return MotorInput(request=request, register=register)
         is_motion = command is not None
-        command = command or self._rest_command(now_s, feedback)
+        command = command or self._idle_command(now_s, feedback)
         self._note_moved_object(feedback)
-        return MotorOrder(self._send(now_s, command, feedback), request, is_motion, inquiry)
+        return MotorInput(self._send(now_s, command, feedback), request, is_motion, register)
 
     def _act(self, now_s: float) -> tuple[MitCommand | None, MotorRequest | None]:
-        """Step the running action, if its motor is still there."""
+        """Step the running action, if the motor is still enabled."""
         action, motor = self.action, self.motor
         if action is None:
             return None, None
@@ -556,18 +558,18 @@ class Controller:
             self.end(step.outcome)
         return step.command, step.request
 
-    def _rest_command(self, now_s: float, feedback: Feedback) -> MitCommand:
-        rest, geometry = self.rest, self.geometry
-        if isinstance(rest, Hold) and geometry is not None:
-            self.rest = rest = rest.eased(feedback.position_rad, geometry)
-        command = rest.command(now_s, feedback)
-        if isinstance(rest, Grip) and rest.is_lost:
-            if rest.watched:
-                self.events.append(announce.object_lost(None))
+    def _idle_command(self, now_s: float, feedback: Feedback) -> MitCommand:
+        idle, geometry = self.idle, self.geometry
+        if isinstance(idle, Hold) and geometry is not None:
+            self.idle = idle = idle.eased(feedback.position_rad, geometry)
+        command = idle.command(now_s, feedback)
+        if isinstance(idle, Grip) and idle.is_lost:
+            if idle.watched:
+                self.events.append(events.object_lost(None))
             # On some motors the damping of a position hold would shake running jaws.
-            caught_rad = rest.caught_rad(feedback.position_rad, self.period_s)
-            self.rest = Hold(caught_rad, self.gains.calmed())
-            return self.rest.command(now_s, feedback)
+            caught_rad = idle.caught_rad(feedback.position_rad, self.period_s)
+            self.idle = Hold(caught_rad, self.gains.calmed())
+            return self.idle.command(now_s, feedback)
         return command
 
     def _note_moved_object(self, feedback: Feedback) -> None:
@@ -575,17 +577,17 @@ class Controller:
         moved_mm = None if grip is None else grip.take_moved_mm()
         if grip is not None and grip.is_holding and moved_mm is not None and geometry is not None:
             width_mm = geometry.opening_mm(feedback.position_rad)
-            self.events.append(announce.object_moved(moved_mm, width_mm))
+            self.events.append(events.object_moved(moved_mm, width_mm))
 
     def _send(self, now_s: float, command: MitCommand, feedback: Feedback) -> MitCommand | None:
-        """Return what is sent in place of `command`."""
+        """Return the command that is sent in place of `command`."""
         identity, action = self.motor.identity, self.action
         ranges = self.gripper_id.motor_type.ranges if identity is None else identity.ranges
         own_bounds = None if action is None else action.bounds
         bounds = own_bounds or bounds_of(self.geometry, self.config)
         change = self.output.send(now_s, command, feedback, bounds, ranges)
         if change is not None:
-            self.events.append(announce.heat_changed(change))
+            self.events.append(events.heat_changed(change))
         grip, sent = self.grip, self.output.command
         if grip is not None and sent is not None:
             grip.note_sent(sent.torque_nm)
@@ -594,48 +596,48 @@ class Controller:
     def _send_nothing(self, now_s: float) -> None:
         change = self.output.unpowered(now_s, self.motor.feedback)
         if change is not None:
-            self.events.append(announce.heat_changed(change))
+            self.events.append(events.heat_changed(change))
 
     def _note_zero(self, zero: ZeroView) -> None:
         useless = self.calibrated.note_zero(zero)
         if useless is not None:
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
-            self.tasks.append(save_errand(self.gripper_id, content, self._saved))
-            self.events.append(announce.calibrated(useless, self.calibrated.file))
+            self.tasks.append(save_task(self.gripper_id, content, self._saved))
+            self.events.append(events.calibrated(useless, self.calibrated.file))
             if self.action is not None and self.action.needs_power:
-                self.end(ZERO_MOVED)  # its travel is known no longer
+                self.end(ZERO_MOVED)  # its travel is no longer known
 
     def _saved(self, result: TaskResult) -> None:
         if result.error is not None:
-            self.events.append(announce.not_saved(result.error))
+            self.events.append(events.not_saved(result.error))
 
     def _note_second_master(self, now_s: float, motor: MotorView) -> None:
-        """End what runs when another commands the motor; the jaws go on holding."""
-        told = self.second_master.step(now_s, motor.foreign_commands, motor.foreign_write)
-        if told is not None:
-            self.events.append(told)
+        """End what runs when another program commands the motor; the jaws keep holding."""
+        event = self.second_master.step(now_s, motor.foreign_commands, motor.foreign_write)
+        if event is not None:
+            self.events.append(event)
         refusal, running = self.second_master.refusal(), self.jobs.running
         if refusal is not None and running is not None and running.kind not in _SAFE_JOBS:
             self.end(refusal)
 
     def _note_phase(self, motor: MotorView) -> None:
-        """Whenever the motor becomes enabled, or answers again, hold what is measured now.
+        """Hold what is measured now when the motor becomes enabled, or answers again.
 
-        Jaws that were slack before a silence stay slack: a hand may be in them. Those that held
-        by force go on, or they would drop what they hold: a motor that says that it is still
-        enabled has gone on squeezing meanwhile.
+        Jaws that were slack before a silence stay slack: a hand may be in them. A hold by force
+        continues, or it would drop its object: a motor that reports that it is still enabled has
+        kept squeezing.
         """
-        self.events += announce.motor_changed(self.motor, motor)
+        self.events += events.motor_changed(self.motor, motor)
         before, self.motor = self.motor.phase, motor
         if motor.phase is before:
             return
         if motor.phase is not MotorPhase.ENABLED or motor.feedback is None:
             return
         was_silent = before is MotorPhase.SILENT
-        if was_silent and isinstance(self.rest, Grip):
-            self.rest.resume()
-        elif not (was_silent and isinstance(self.rest, Slack)):
-            self.rest = Hold(motor.feedback.position_rad, self.gains)
+        if was_silent and isinstance(self.idle, Grip):
+            self.idle.resume()
+        elif not (was_silent and isinstance(self.idle, Slack)):
+            self.idle = Hold(motor.feedback.position_rad, self.gains)
 
 
 def _defect(job: Job, error: Exception) -> Refusal:
@@ -644,7 +646,7 @@ def _defect(job: Job, error: Exception) -> Refusal:
 
 
 def _falls(job: Job, loss: Loss | None, client: int) -> bool:
-    """Return whether a job ends with its client, or with the lease that it runs under."""
+    """Return True if a job ends with its client, or with the lease that it runs under."""
     if job.detached:
         return False
     under = loss is not None and job.grant == loss.grant.number
@@ -652,7 +654,7 @@ def _falls(job: Job, loss: Loss | None, client: int) -> bool:
 
 
 def _finite(motor: MotorView) -> MotorView:
-    """Leave out a measurement that is no number: nothing may be derived from it."""
+    """Drop a measurement that is no number: nothing may be derived from it."""
     feedback = motor.feedback
     if feedback is None:
         return motor

@@ -1,32 +1,42 @@
-"""Detectors of what the jaws do, from measured positions and in time: none counts ticks.
+"""Detectors of what the jaws do, from measured positions. They count time, not ticks.
 
-`Lasting` tells that something has been so for a while, `SpeedWindow` the speed over a short window
-(the motor's own speed is filtered by it, and may be noisy; positions are exact to 0.4 mrad).
+`Lasting` detects that a condition has held for some time. `SpeedWindow` returns the speed over a
+short window: the motor filters its own speed by more than that, and may report a noisy one;
+positions are exact to 0.4 mrad.
 
 `StallDetector` is the vendor's windowed test. The DM4310 has no stall protection. A test of single
 samples would misfire on the stick-slip of the closing side, so the net movement over a whole window
-counts. `TorqueGuard` notices a jam that yields slowly, which that test never calls a stall: much
-torque, and the jaws slower than half of what is commanded, for several samples in a row (field use
-of the gripper).
+counts. `TorqueGuard` detects a jam that yields slowly, which that test never calls a stall: a large
+torque, and jaws slower than half of the commanded speed, for several samples in a row (field use of
+the gripper).
+
+`GripWatch` decides if a gripped object is still there, by where the jaws stop. Jaws that close
+fast while nothing takes their torque are a suspicion and not a verdict: they may come back after a
+push, or follow an object that has given way by a millimetre. The squeezing continues with little
+torque (`is_searching`) until the jaws press on something again, or are too far beyond the last
+contact. Only then is the object lost. Each measurement counts once.
 """
 
 from collections import deque
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import Feedback
 from litegripd.model.plain import Carried
 
 
 class Lasting:
-    """Tells when a condition has held for `duration_s` at every time at which it was asked."""
+    """Detects that a condition has held for `duration_s` at every time at which it was asked."""
 
     _since_s: Carried[float | None] = None
     NOT_CARRIED = ("_duration_s",)
 
     def __init__(self, duration_s: float) -> None:
-        self._duration_s = duration_s * 0.999  # ticks fall a rounding error short of their period
+        self._duration_s = duration_s * 0.999  # ticks may be a rounding error too short
 
     def step(self, is_so: bool, at_s: float) -> bool:
-        """Take whether it is so at `at_s`; return True once it has been so for long enough."""
+        """Take the condition at `at_s`; return True once it has held for long enough."""
         if not is_so:
             self._since_s = None
             return False
@@ -35,7 +45,7 @@ class Lasting:
         return self.has_lasted(at_s)
 
     def has_lasted(self, at_s: float) -> bool:
-        """Return True if it has been so for long enough at `at_s`, since the last `step`."""
+        """Return True if the condition has held for long enough at `at_s`."""
         return self._since_s is not None and at_s - self._since_s >= self._duration_s
 
     def reset(self) -> None:
@@ -44,8 +54,8 @@ class Lasting:
 
 
 WINDOW_S = 0.010
-"""Long enough to resolve 0.04 rad/s (3 mm/s) from the codes of a frame's position, short enough to
-notice within two periods of 5 ms that the jaws have stopped or run away."""
+"""Long enough to resolve 0.04 rad/s (3 mm/s) from the codes of a frame's position. Short enough
+to detect within two periods of 5 ms that the jaws have stopped or run away."""
 
 
 class SpeedWindow:
@@ -75,7 +85,7 @@ class SpeedWindow:
         return self._samples[0][1]
 
     def clear(self) -> None:
-        """Forget what was measured: what comes next does not continue it."""
+        """Forget all measurements: the next one does not continue them."""
         self._samples.clear()
 
 
@@ -88,10 +98,10 @@ class StallDetector:
         self._samples: deque[tuple[float, float]] = deque(maxlen=config.stall_cycles + 1)
 
     def add(self, now_s: float, position_rad: float) -> bool:
-        """Take the position of this tick; tell whether the latest full window is a stall.
+        """Take the position of this tick; return True if the latest full window is a stall.
 
-        The expected distance follows from the window's own duration, so that samples of late
-        ticks neither hide a stall nor feign one.
+        The expected distance follows from the window's own duration, so that samples of late ticks
+        neither hide a stall nor feign one.
         """
         samples = self._samples
         if samples and now_s - samples[-1][0] < self._config.sample_interval * 0.999:
@@ -118,7 +128,7 @@ class TorqueGuard:
         self._cycles = 0
 
     def add(self, now_s: float, position_rad: float, torque_nm: float) -> bool:
-        """Take what was measured in this tick; tell whether the jaws must let go."""
+        """Take the measurement of this tick; return True if the jaws must let go."""
         if self._sampled is None:
             self._sampled = (now_s, position_rad)
             return False
@@ -132,6 +142,200 @@ class TorqueGuard:
         self._cycles = self._cycles + 1 if slow and strong else 0
         return self._cycles >= self._config.stop_torque_cycles
 
-    def rest(self) -> None:
-        """Forget what was seen: where the jaws are now, torque and stillness are expected."""
+    def reset(self) -> None:
+        """Forget all samples: where the jaws are now, torque and stillness are expected."""
         self._sampled, self._cycles = None, 0
+
+
+WatchState: TypeAlias = Literal["held", "searching", "recovering"]
+"""`held`: the jaws press. `searching`: they close, and have met nothing yet. `recovering`: they
+press again, and the force comes back."""
+
+AGREE_S = 0.004
+"""Two measurements at 100 and 200 Hz, five at 1000 Hz: a single one may be disturbed."""
+CLOSED_S = 0.010
+"""How long jaws must be seen fully closed."""
+TOUCH_S = 0.015
+"""How long jaws must stand and press to count as having touched something again."""
+SETTLED_S = 0.05
+"""How long the force must be back before the object counts as held again."""
+
+STILL_RAD_S = 0.1
+"""Standing jaws are slower than this, 7 mm/s. A noise of one code over the window is 0.08 rad/s."""
+
+RESIST_SHARE = 0.4
+RESIST_FRICTIONS = 1.3
+RESIST_NM = 0.2
+"""An object that resists takes this share of the commanded torque, and this amount more than
+friction. With a larger share a soft object would seem lost when jaws that stuck near the closed
+stop break away into it."""
+TOUCH_TORQUE_SHARE = 0.5
+TOUCH_SPEED_SHARE = 0.4
+"""Share of the speed of a search. Jaws that meet nothing exceed it, even with twice the
+friction."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """One measurement, counted in the closing direction, with the torque commanded at that time."""
+
+    at_s: float
+    closed_rad: float
+    speed_rad_s: float
+    torque_nm: float
+    applied_nm: float
+
+
+@dataclass(frozen=True, slots=True)
+class WatchLimits:
+    """The limits of a watch; positions count in the closing direction."""
+
+    fast_rad_s: float
+    """Jaws that press are slower than this, or something takes their torque."""
+    search_rad_s: float
+    far_rad: float
+    """This far beyond the last contact there is nothing between the jaws."""
+    lost_at_rad: float
+    """Closed this far, there is nothing between the jaws, wherever the last contact was."""
+    friction_nm: float
+    moved_rad: float
+    """A change of the contact by this distance or more is reported."""
+
+
+class GripWatch:
+    """Watches one grip; `moved_rad` is how far the object has moved, once that is certain."""
+
+    limits: Carried[WatchLimits]
+    state: Carried[WatchState] = "held"
+    is_lost: Carried[bool] = False
+    moved_rad: Carried[float | None] = None
+    contact_rad: Carried[float | None] = None
+    """The most closed position at which the jaws have pressed lately."""
+    _pressed_rad: Carried[float | None] = None
+    takes_nothing: Carried[bool] = False
+    """True while nothing resists the commanded torque, at any speed."""
+    speed_rad_s: Carried[float | None] = None
+    """The closing speed over the last few measurements, None while there are too few."""
+    _seen_s: Carried[float] = 0.0
+    _speed: Carried[SpeedWindow]
+    _free: Carried[Lasting]
+    _far: Carried[Lasting]
+    _closed: Carried[Lasting]
+    _touching: Carried[Lasting]
+    _settled: Carried[Lasting]
+
+    def __init__(self, limits: WatchLimits) -> None:
+        self.limits = limits
+        self._speed = SpeedWindow()
+        self._free = Lasting(AGREE_S)
+        self._far = Lasting(AGREE_S)
+        self._closed = Lasting(CLOSED_S)
+        self._touching = Lasting(TOUCH_S)
+        self._settled = Lasting(SETTLED_S)
+
+    @property
+    def is_searching(self) -> bool:
+        """True while the jaws close and have met nothing yet."""
+        return self.state == "searching"
+
+    @property
+    def stands(self) -> bool:
+        """True while the jaws are known to stand."""
+        return self.speed_rad_s is not None and abs(self.speed_rad_s) < STILL_RAD_S
+
+    def continue_from(self, before: "GripWatch") -> None:
+        """Take over the state of another watch of the same object."""
+        self.state, self.is_lost = before.state, before.is_lost
+        self.contact_rad = before.contact_rad
+
+    def resume(self) -> None:
+        """Continue after a silence; earlier measurements do not count."""
+        self._speed.clear()
+        self.speed_rad_s = self._pressed_rad = None
+        for lasting in (self._free, self._far, self._closed, self._touching, self._settled):
+            lasting.reset()
+
+    def see(self, feedback: Feedback, sign: int, applied_nm: float, *, is_full: bool) -> bool:
+        """Judge a measurement, each once; return True for a new one.
+
+        `applied_nm` is the commanded torque; `is_full` is True if that is the whole torque asked
+        for.
+        """
+        at_s = feedback.at_s
+        if at_s == self._seen_s:
+            return False
+        self._seen_s = at_s
+        closed_rad = sign * feedback.position_rad
+        torque_nm = sign * feedback.torque_nm
+        self.takes_nothing = torque_nm < self._resist_nm(applied_nm)
+        if self.contact_rad is None:
+            self.contact_rad = closed_rad
+        if self._closed.step(closed_rad >= self.limits.lost_at_rad, at_s):
+            self.is_lost = True
+        self.speed_rad_s = speed_rad_s = self._speed.add(at_s, closed_rad)
+        if speed_rad_s is not None:
+            seen = _Seen(at_s, closed_rad, speed_rad_s, torque_nm, applied_nm)
+            self._judge(seen, is_full=is_full)
+        return True
+
+    def _judge(self, seen: _Seen, *, is_full: bool) -> None:
+        is_free = seen.speed_rad_s > self.limits.fast_rad_s and self.takes_nothing
+        is_suspicious = self._free.step(is_free, seen.at_s)
+        if self.state == "searching":
+            self._search(seen)
+        elif is_suspicious:
+            self._enter("searching")
+        elif self.state == "recovering":
+            self._recover(seen, is_settled=is_full and not is_free)
+        elif not is_free:
+            self._keep_contact()
+
+    def _resist_nm(self, applied_nm: float) -> float:
+        friction_nm = RESIST_FRICTIONS * self.limits.friction_nm
+        return max(RESIST_SHARE * applied_nm, friction_nm + RESIST_NM)
+
+    def _enter(self, state: WatchState) -> None:
+        self.state = state
+        for lasting in (self._far, self._touching, self._settled):
+            lasting.reset()
+
+    def _keep_contact(self) -> None:
+        """Keep the position where the jaws press; a hand that opens them does not move the object.
+
+        Two windows must agree: a single measurement may be disturbed.
+        """
+        before_rad, self._pressed_rad = self._pressed_rad, self._speed.began_rad
+        pressed_rad = (
+            self._pressed_rad if before_rad is None else min(before_rad, self._pressed_rad)
+        )
+        if self.contact_rad is not None:
+            self.contact_rad = max(self.contact_rad, pressed_rad)
+
+    def ease_contact(self, most_rad: float) -> None:
+        """Move the contact back to where the jaws press now, by at most `most_rad`.
+
+        A soft object opens the jaws by itself when the force on it is lowered.
+        """
+        if self.contact_rad is not None and self._pressed_rad is not None:
+            self.contact_rad = max(self.contact_rad - most_rad, self._pressed_rad)
+
+    def _search(self, seen: _Seen) -> None:
+        """Judge where searching jaws stop: on something again, or too far."""
+        contact_rad, limits = self.contact_rad, self.limits
+        is_far = contact_rad is not None and seen.closed_rad - contact_rad > limits.far_rad
+        if self._far.step(is_far, seen.at_s):
+            self.is_lost = True
+        is_slow = abs(seen.speed_rad_s) < TOUCH_SPEED_SHARE * limits.search_rad_s
+        presses = is_slow and seen.torque_nm >= TOUCH_TORQUE_SHARE * seen.applied_nm
+        if self._touching.step(presses, seen.at_s):
+            self._enter("recovering")
+
+    def _recover(self, seen: _Seen, *, is_settled: bool) -> None:
+        """Wait until the whole force holds; jaws that only stuck would have moved on."""
+        if not self._settled.step(is_settled, seen.at_s):
+            return
+        self._enter("held")
+        if self.contact_rad is not None:
+            moved_rad = seen.closed_rad - self.contact_rad
+            self.moved_rad = moved_rad if moved_rad >= self.limits.moved_rad else None
+        self._keep_contact()

@@ -10,7 +10,7 @@ from litegripd.model.motor import MitCommand
 CALM_KD_NM_S_RAD = 1.0
 """Stable with a reserve of 1.4 on a motor that filters its speed by 2 ms, with a current loop of
 1 ms and half the inertia: J·(1/T_filter + 1/T_current) is 1.4 there, and 2.8 with the whole
-inertia. More damping shakes on such motors as soon as something moves the jaws."""
+inertia. With more damping such motors shake as soon as something moves the jaws."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +21,11 @@ class Gains:
     kd_nm_s_rad: float
 
     def at(self, position_rad: float, velocity_rad_s: float = 0.0) -> MitCommand:
-        """Return the command that goes to a position, without torque of its own."""
+        """Return the command for a position, without a torque of its own."""
         return MitCommand(position_rad, velocity_rad_s, self.kp_nm_rad, self.kd_nm_s_rad, 0.0)
 
     def calmed(self) -> "Gains":
-        """Return these gains with no more damping than free jaws bear on every motor."""
+        """Return these gains with no more damping than free jaws allow on every motor."""
         return Gains(self.kp_nm_rad, min(self.kd_nm_s_rad, CALM_KD_NM_S_RAD))
 
 
@@ -33,7 +33,7 @@ DEFAULT_GAINS = Gains(kp_nm_rad=100.0, kd_nm_s_rad=2.0)
 
 
 def gains_of(calibration: Calibration, before: Gains) -> Gains:
-    """Return a calibration's gains; one that it does not give, as a template does not, stays."""
+    """Return a calibration's gains; one that it leaves out keeps its value from `before`."""
     kp, kd = calibration.kp_nm_rad, calibration.kd_nm_s_rad
     return Gains(
         before.kp_nm_rad if kp is None else kp,
@@ -42,7 +42,7 @@ def gains_of(calibration: Calibration, before: Gains) -> Gains:
 
 
 def is_in_press_zone(short_rad: float, geometry: Geometry, config: MotionConfig) -> bool:
-    """Return whether jaws that are `short_rad` short of the stop are to press on it gently."""
+    """Return True if jaws `short_rad` short of the stop must press gently from now on."""
     return short_rad <= geometry.to_rad(config.press_zone_mm)
 
 
@@ -53,13 +53,13 @@ def max_lead_rad(short_rad: float, geometry: Geometry, config: MotionConfig) -> 
 
 
 def clamp_lead(wanted_rad: float, position_rad: float, lead_rad: float) -> float:
-    """Return the position nearest to the wanted one that leads the jaws by `lead_rad` at most."""
+    """Return the position nearest to the wanted one that leads the jaws by at most `lead_rad`."""
     return min(max(wanted_rad, position_rad - lead_rad), position_rad + lead_rad)
 
 
 DAMPING_SHARE = 0.4
 LEAD_PERIODS = 3.0
-"""The lead leaves room for what the jaws travel while a measurement is on its way."""
+"""The lead must cover what the jaws travel while a measurement is on its way."""
 SOFTEST_KP_NM_RAD = 5.0
 
 
@@ -68,7 +68,7 @@ def budgeted(
 ) -> tuple[Gains, float]:
     """Return gains and the largest lead (rad) for a command that moves at `speed_rad_s`.
 
-    Jaws that are stopped at once are pushed by kp·lead + kd·speed: that is the budget. Both gains
+    Jaws that are stopped at once are pushed by kp·lead + kd·speed, which is the budget. Both gains
     are at most the given ones, so that the motion is no stiffer than without a budget.
     """
     kd = min(gains.kd_nm_s_rad, DAMPING_SHARE * budget_nm / speed_rad_s)

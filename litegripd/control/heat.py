@@ -1,8 +1,8 @@
-"""How warm the motor's coil gets, and how much torque it may be asked for long.
+"""How warm the motor's coil gets, and how much torque is allowed for long.
 
-`HeatModel` estimates the coil between and ahead of the reported whole degrees; `HeatGuard` lowers
-what commands may ask for before the coil passes its limit. Neither changes a command: the guard
-says what it allows and returns every change of that, so that whoever applies it can announce it.
+`HeatModel` estimates the coil between and ahead of the reported whole degrees. `HeatGuard` lowers
+the allowed torque before the coil passes its limit. Neither changes a command: the guard returns
+each change of the allowed torque, and its caller applies and reports it.
 """
 
 import math
@@ -13,32 +13,32 @@ from litegripd.model.motor import Feedback
 from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 
-_WINDOW_S = 0.5  # the model advances by the mean loss of such a window
+_WINDOW_S = 0.5  # the model advances by the mean loss of a window
 _RECENT_WINDOWS = 6  # "the last seconds"
-_SETTLED = 1.2  # the loss of a window over that of the one before
-_STALE_S = 0.5  # an older measurement says nothing about now
+_SETTLED = 1.2  # the largest ratio of a window's loss to the one before
+_STALE_S = 0.5  # an older measurement does not describe the present
 _UNKNOWN_AFTER_S = 0.5  # in a longer gap the motor's own watchdog has disarmed it
 _PLAUSIBLE_STEP_C = 2  # between two readings
-_PERSISTS_S, _PERSISTS_TICKS = 1.0, 10  # how long any other reading must go on to be believed
+_PERSISTS_S, _PERSISTS_TICKS = 1.0, 10  # how long any other reading must last to be believed
 
-# The filter: how far its two figures and a reading may be off (standard deviations, squared).
+# The filter: the possible errors of its two figures and of a reading (variances).
 _BASE_VARIANCE, _SHARE_VARIANCE, _READING_VARIANCE = 2.0**2, 0.3**2, 0.3**2
-_FORGET_S = 1800.0  # for about so long it trusts what the readings taught
+_FORGET_S = 1800.0  # it trusts old readings for about this long
 _LEAST_SHARE, _MOST_SHARE = 0.5, 2.0
-_STRAYS_K = 1.0  # the estimate leaves the reported degree by no more
+_STRAYS_K = 1.0  # the largest distance of the estimate from the reported degree
 _HORIZON_S = 3600.0
 _LOOK_AHEAD_S, _COOLS_WITHIN_S = 10.0, 60.0
 _STEP, _STEP_EVERY_S, _STEP_SOONER_S = 0.9, 4.0, 2.0
-_FAR_ABOVE_K = 2.0  # from the limit, as those below
+_FAR_ABOVE_K = 2.0  # from the limit, as the next two
 _RAISE_BELOW_K, _COOL_BELOW_K = 5.0, 20.0
 _RAISE_EVERY_S, _RAISE_EVERY_AT_MOST_S = 20.0, 320.0
 _RAISED_LASTS = 5.0  # times the winding's time constant
-_IN_EFFECT = 0.98  # of the allowance: a command that asks for more is limited by it
+_IN_EFFECT = 0.98  # share of the allowance: a command that asks for more is limited
 
 
 @dataclass(frozen=True, slots=True)
 class HeatChange:
-    """A change of the allowance; `from_nm` or `to_nm` is infinite where nothing is limited."""
+    """A change of the allowance; `from_nm` or `to_nm` is infinite for no limit."""
 
     from_nm: float
     to_nm: float
@@ -62,7 +62,7 @@ class Course:
         return self.end_c + winding_k + self.housing_k * math.exp(-ahead_s / self.housing_s)
 
     def passes_s(self, limit_c: float, within_s: float) -> float | None:
-        """Return when the coil first reaches `limit_c`, None if not `within_s`."""
+        """Return when the coil first reaches `limit_c`, None if not in `within_s`."""
         if self.at(0.0) >= limit_c:
             return 0.0
         low_s, high_s = 0.0, self._rises_until_s(within_s)
@@ -75,7 +75,7 @@ class Course:
         return high_s
 
     def _rises_until_s(self, within_s: float) -> float:
-        """Return when a rise of the winding gives way to the cooling of the housing."""
+        """Return when the rise of the winding is overtaken by the cooling of the housing."""
         if not self.winding_k < 0.0 < self.housing_k:
             return within_s
         ratio_log = math.log(-self.winding_k) - math.log(self.housing_k)  # a ratio may overflow
@@ -85,15 +85,15 @@ class Course:
 
 
 class Readings:
-    """Tells which readings of the coil to believe: those near the last, or those that persist."""
+    """Decides which readings of the coil to believe: those near the last, or those that persist."""
 
     believed_c: Carried[int | None] = None
-    doubtful_c: Carried[int | None] = None  # unlike the believed one, and not yet persistent
+    doubtful_c: Carried[int | None] = None  # unlike the believed one, and too recent to count
     _since_s: Carried[float] = 0.0
     _ticks: Carried[int] = 0
 
     def add(self, now_s: float, reading_c: int) -> bool:
-        """Take a reading; tell whether one far from those before is believed from now on."""
+        """Take a reading; return True if one far from the former ones is believed from now on."""
         doubtful_c = self.doubtful_c
         if self.believed_c is not None and abs(reading_c - self.believed_c) <= _PLAUSIBLE_STEP_C:
             self.believed_c, self.doubtful_c = reading_c, None
@@ -111,8 +111,8 @@ class Readings:
 class HeatModel:
     """Estimates the coil from the torque and the reported whole degrees, which are truncated.
 
-    The coil is `base` + `share` · (what the nominal resistances make of the losses so far). The
-    base stands for the room and for heat from before; the share for resistances other than the
+    The coil is `base` + `share` · (the rise that the losses cause at the nominal resistances). The
+    base stands for the room and for earlier heat; the share for resistances that differ from the
     nominal ones. A Kalman filter of these two, which forgets slowly, follows the readings.
     """
 
@@ -123,7 +123,7 @@ class HeatModel:
     _square_nm2_s: Carried[float] = 0.0
     _elapsed_s: Carried[float] = 0.0
     _recent_w: Carried[deque[float]]
-    _winding_w: Carried[float] = 0.0  # the losses, as each of the two has taken them up
+    _winding_w: Carried[float] = 0.0  # the losses, smoothed by the lag of each
     _housing_w: Carried[float] = 0.0
     _base_c: Carried[float] = 0.0
     _share: Carried[float] = 1.0
@@ -136,7 +136,7 @@ class HeatModel:
         self._recent_w = deque(maxlen=_RECENT_WINDOWS)
 
     def update(self, now_s: float, feedback: Feedback) -> None:
-        """Take the measurement of this tick; one that is stale is ignored."""
+        """Take the measurement of this tick; an old one is ignored."""
         if now_s - feedback.at_s > _STALE_S:
             return
         elapsed_s = 0.0 if self._last_s is None else max(now_s - self._last_s, 0.0)
@@ -152,15 +152,15 @@ class HeatModel:
             self._advance()
 
     def time_to_limit_s(self) -> float | None:
-        """Return when the coil reaches its limit if the loss of the last seconds goes on.
+        """Return when the coil reaches its limit if the loss of the last seconds continues.
 
-        0.0 at or over it, None if not within an hour, or while no reading is known.
+        0.0 at or above it; None if not within an hour, or while no reading is known.
         """
         limit_c = self.motor_type.coil_limit_c
         return None if self.coil_c is None else self.course().passes_s(limit_c, _HORIZON_S)
 
     def settled_nm(self) -> float | None:
-        """Return the largest torque of the last seconds, None while it has only begun to act.
+        """Return the largest torque of the last seconds; None while it has only just begun.
 
         It is the root mean square of a window, so that a single frame does not count.
         """
@@ -170,7 +170,7 @@ class HeatModel:
         return math.sqrt(max(recent_w) / self.motor_type.watts_per_nm2)
 
     def course(self, torque_nm: float | None = None) -> Course:
-        """Return how the coil goes on at a torque, or with the loss of the last seconds."""
+        """Return the future of the coil at a torque, or with the loss of the last seconds."""
         motor = self.motor_type
         watts = sum(self._recent_w) / max(len(self._recent_w), 1)
         if torque_nm is not None:
@@ -204,7 +204,7 @@ class HeatModel:
         self.windows += 1
 
     def _correct(self, coil_c: float, reading_c: int) -> None:
-        """Follow the reading, which says no more than between which degrees the coil is."""
+        """Follow the reading, which only says between which degrees the coil is."""
         rise_k = self._rise_k()
         keep = math.exp(-self._elapsed_s / _FORGET_S)
         base, both, share = (keep * variance for variance in self._variances)
@@ -221,13 +221,14 @@ class HeatModel:
             share -= share_part**2 / total
         self._variances = (base, both, share)
         self.coil_c = min(max(coil_c, reading_c - _STRAYS_K), reading_c + 1.0 + _STRAYS_K)
-        self._base_c = self.coil_c - self._share * rise_k  # takes what the share may not
+        self._base_c = self.coil_c - self._share * rise_k  # takes what the share's bounds leave
 
 
 class HeatGuard:
     """Decides how much torque commands may ask for, so that the coil stays below its limit.
 
-    `allowance_nm` is infinite while nothing is limited, and changes only when `update` says so.
+    `allowance_nm` is infinite while nothing is limited, and changes only when `update` returns a
+    change.
     """
 
     model: Carried[HeatModel]
@@ -237,7 +238,7 @@ class HeatGuard:
     _changed_s: Carried[float] = -math.inf
     _was_raised: Carried[bool] = False
     _raise_every_s: Carried[float] = _RAISE_EVERY_S
-    _top_nm: Carried[float] = 0.0  # what was applied when the limiting began
+    _top_nm: Carried[float] = 0.0  # the applied torque when the limiting began
     NOT_CARRIED = ("limit_c", "least_nm", "_raised_lasts_s")
 
     def __init__(self, motor_type: MotorType = DM4310) -> None:
@@ -247,10 +248,10 @@ class HeatGuard:
         self._raised_lasts_s = _RAISED_LASTS * motor_type.winding_s
 
     def update(self, now_s: float, feedback: Feedback, torque_bound_nm: float) -> HeatChange | None:
-        """Take this tick's measurement and the most torque that its command asks for.
+        """Take this tick's measurement and the largest torque that its command asks for.
 
-        `torque_bound_nm` may be that before or after it was limited to the allowance. Returns
-        the change of `allowance_nm`, if there is one; it wants to be announced.
+        `torque_bound_nm` may be the torque before or after it was limited to the allowance. Returns
+        the change of `allowance_nm`, which the caller must report, or None.
         """
         self.model.update(now_s, feedback)
         self._asked_nm = max(self._asked_nm, torque_bound_nm)
@@ -279,7 +280,7 @@ class HeatGuard:
             return None
         applied_nm = min(settled_nm, self.allowance_nm)
         if applied_nm <= self.least_nm:
-            return None  # this torque is not what heats the coil
+            return None  # this torque does not heat the coil
         to_nm = max(_STEP * applied_nm, self.least_nm)
         why = (
             f"the coil is at {coil_c:.1f} °C, in {_LOOK_AHEAD_S:.0f} s at {ahead_c:.1f} °C with "
@@ -304,7 +305,7 @@ class HeatGuard:
         return HeatChange(self.allowance_nm, to_nm, coil_c, why)
 
     def _learn(self, change: HeatChange, waited_s: float) -> None:
-        """Learn from a change: after a raise that did not last, be slower to raise again."""
+        """Learn from a change: after a raise that did not last, wait longer for the next one."""
         was_raised, self._was_raised = self._was_raised, change.to_nm > change.from_nm
         if was_raised and waited_s >= self._raised_lasts_s:
             self._raise_every_s = _RAISE_EVERY_S

@@ -1,24 +1,24 @@
-"""What the jaws do while no action runs: held in place, held by force, or slack. Always something.
+"""What idle jaws do: hold a position, hold by force, or be slack. There is always one of them.
 
 `Grip` holds by force: how hard, how fast, and whether the object is still there. The force is a
 torque, not a stiffness: around an old position reading, kp = 150 turned 20 N into 5 N when the
-object yielded at 3 mm/s. The motor damps what is faster than the object yields: the damping expects
-the measured speed, as far as that is slow, and so costs a yielding object no force.
+object yielded at 3 mm/s. The motor damps movement that is faster than the object yields. The
+damping expects the measured speed, as far as that is slow, so it costs a yielding object no force.
 
-Friction keeps what a contact put in: jaws that pressed with 10 N and are told 2 N go on pressing
-with more. So a force that is lowered goes below its value once, by the friction, and then up to it.
+Friction keeps the force of a contact: jaws that pressed with 10 N and get a command for 2 N keep
+pressing with more. So a lowered force first goes below its new value, by the friction, and then up
+to it.
 
-A grip that closes on nothing searches: with no more torque than lets the jaws travel at a bounded
-speed. `GripWatch` says when, and whether the object is lost.
+A grip that closes on nothing searches: its torque lets the jaws travel only at a bounded speed.
+`GripWatch` decides when, and whether the object is lost.
 """
 
 import math
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.detectors import Lasting
+from litegripd.control.detectors import STILL_RAD_S, GripWatch, Lasting, WatchLimits
 from litegripd.control.gains import CALM_KD_NM_S_RAD, Gains
-from litegripd.control.grip_watch import STILL_RAD_S, GripWatch, WatchLimits
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
@@ -26,22 +26,22 @@ from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 
 STEADY = (0.7, 1.3)
-"""Shares of the commanded speed between which the jaws travel steadily."""
+"""Jaws travel steadily between these shares of the commanded speed."""
 AVERAGE_S = 0.03
 LARGEST = 4.0
-"""Times the motor's usual friction; more is something that the jaws press on from the beginning.
-Where nothing was measured, what bounds a speed counts on no more than the usual friction itself."""
+"""Times the motor's usual friction. With more, the jaws have pressed on something from the
+beginning. Without a measurement, the bounds of speeds count on the usual friction only."""
 LARGE = 3.0
-"""Where nothing was measured, no less is relied on."""
+"""Without a measurement, the detection of a loss counts on no less."""
 ASSUMED = 2.0
-"""Where nothing was measured, what lets go of no object counts on no less."""
+"""Without a measurement, the judgements that must not drop an object count on no less."""
 
 
 class FrictionGauge:
     """Takes torques of a free travel; the smallest mean over `AVERAGE_S` counts.
 
-    Something soft that the jaws press on while they still travel takes torque, too: its part of
-    the way is not the smallest.
+    A soft object that the jaws press while they still travel takes torque, too: that part of the
+    way does not give the smallest mean.
     """
 
     def __init__(self, motor_type: MotorType = DM4310) -> None:
@@ -53,7 +53,7 @@ class FrictionGauge:
 
     @property
     def friction_nm(self) -> float | None:
-        """The friction, at least 0; None where the jaws have not travelled freely long enough."""
+        """The friction, at least 0; None if the jaws have not travelled freely for long enough."""
         least_nm = self._least_nm
         return None if least_nm is None or least_nm > self._largest_nm else max(least_nm, 0.0)
 
@@ -87,38 +87,38 @@ SEARCH_SHARE = 1.8
 LEAST_SEARCH_MM_S = 85.0
 LEAST_DAMPED_MM_S = 50.0
 MOST_FREE_SHARE = 1.75
-"""A search travels at `SEARCH_SHARE` of the grasp speed, but no slower than so many mm/s, as far as
-that is at most `MOST_FREE_SHARE`, or what the damping of the hold lets free jaws reach in any case:
-a loss is to be known within 50 ms."""
+"""A search travels at `SEARCH_SHARE` of the grasp speed, but at least at `LEAST_SEARCH_MM_S`, so
+that a loss is known within 50 ms. It exceeds neither `MOST_FREE_SHARE` nor what the damping of
+the hold lets free jaws reach in any case."""
 FAR_S = 0.028
 FAR_MM = (1.15, 4.0)
-"""Too far for an object that gave way: what a search travels in so long, less the time in which
-free jaws gather speed; within these bounds."""
+"""Too far for an object that gave way: the distance that a search travels in this time, less the
+time in which free jaws accelerate; within these bounds."""
 MOVED_MM = 0.3
 BELOW_WITHIN_S = 0.1
-"""So long at most the jaws may take to stand again where a force is lowered."""
+"""The longest time for the jaws to stand again when a force is lowered."""
 RETURN_NM_S = 10.0
-"""The torque returns this fast where it was before: there is no contact to come."""
+"""The torque returns this fast to an earlier value: there is no contact to come."""
 
 CLOSES_ON_S = 0.010
 EASED_S = 0.05
-"""So long jaws must stand before an object counts as having followed a lowered force."""
+"""How long jaws must stand before the object counts as having followed a lowered force."""
 SOFTEST_NM_RAD = 20.0
-"""Of the objects that are worth the name; a softer one is known to have followed only in part."""
+"""The softest object that is considered. A softer one has followed only in part."""
 
 BREAKAWAY_SHARE = 1.6
-"""Standing jaws are held by so much more than travelling ones (0.21 against 0.15 N·m); the tenth
-beyond 1.5 is what the estimate of the friction may lack."""
+"""Standing jaws are held by this much more than travelling ones (0.21 against 0.15 N·m). The
+tenth beyond 1.5 covers an error of the estimated friction."""
 NOTICED_SHARE = 2.0
 NOTICED_NM = 0.05
-"""From this multiple of the friction, and this much more, free jaws are sure to run."""
+"""From this multiple of the friction, plus this amount, free jaws are certain to run."""
 STICK_NM, STICK_MM = 1.1, 10.0
-"""Near the closed stop jaws that stand are held by up to 0.95 N·m (field use of the gripper)."""
+"""Near the closed stop standing jaws are held by up to 0.95 N·m (field use of the gripper)."""
 
 
 @dataclass(frozen=True, slots=True)
 class GripSettings:
-    """What a grip is made of; speeds and positions count in the motor's radians."""
+    """The settings of a grip; speeds and positions count in the motor's radians."""
 
     geometry: Geometry
     grasp_speed_rad_s: float
@@ -130,7 +130,7 @@ class GripSettings:
     kp_nm_rad: float
     kd_nm_s_rad: float
     friction_nm: float | None = None
-    """What the jaws were measured to take while they closed freely; None: not measured."""
+    """The torque that the jaws took while they closed freely; None: not measured."""
 
     @classmethod
     def of(
@@ -141,7 +141,7 @@ class GripSettings:
         by: HoldBy,
         friction_nm: float | None = None,
     ) -> "GripSettings":
-        """Take the settings from a configuration."""
+        """Return the settings from a configuration."""
         return cls(
             geometry=geometry,
             grasp_speed_rad_s=geometry.to_rad(speed_mm_s),
@@ -155,7 +155,7 @@ class GripSettings:
         )
 
     def likely_friction_nm(self, motor_type: MotorType) -> float:
-        """Return the measured friction, or more than is usual."""
+        """Return the measured friction, or an unusually large one."""
         return ASSUMED * motor_type.coulomb_nm if self.friction_nm is None else self.friction_nm
 
     def least_friction_nm(self, motor_type: MotorType) -> float:
@@ -186,7 +186,7 @@ class GripSettings:
         return torque_nm, damping, speed_rad_s
 
     def watch_limits(self, force_n: float, motor_type: MotorType) -> WatchLimits:
-        """Return what a watch of a grip by `force_n` judges by."""
+        """Return the limits for the watch of a grip by `force_n`."""
         torque_nm, damping, speed_rad_s = self.search(force_n, motor_type)
         friction_nm = self.least_friction_nm(motor_type)
         driving_nm = force_n / FORCE_PER_TORQUE_N_NM - friction_nm
@@ -209,8 +209,8 @@ class GripSettings:
 class Grip:
     """A hold by `force_n`, ramped from the torque in flight; `is_lost` once it holds nothing.
 
-    A grip that is not `watched` squeezes from wherever the jaws are, and may drive them there: it
-    holds nothing until they have met something. Once it is to `stay`, it ends as they close on.
+    A grip that is not `watched` squeezes from wherever the jaws are, and may drive them: it holds
+    nothing until they have met something. After `stay`, it ends as soon as they close further.
     """
 
     force_n: Carried[float]
@@ -219,12 +219,12 @@ class Grip:
     _sign: Carried[int]
     _applied_nm: Carried[float]
     _return_nm: Carried[float]
-    """Up to here the torque returns fast, for it was there before a search."""
+    """Up to this value the torque returns fast, because it was there before a search."""
     _below_nm: Carried[float | None] = None
-    """Where a force that is being lowered goes first, so that friction lets it out."""
+    """The value to which a lowered force goes first, so that friction releases it."""
     _below_s: Carried[float] = 0.0
     _lowered_nm: Carried[float] = 0.0
-    """By so much the force was lowered; 0 once the object has followed."""
+    """By how much the force was lowered; 0 once the object has followed."""
     _eased: Carried[Lasting]
     _sent_nm: Carried[float | None] = None
     _ramped_at_s: Carried[float | None] = None
@@ -260,12 +260,12 @@ class Grip:
 
     @property
     def applied_n(self) -> float:
-        """The force that is commanded now, on its way to `force_n`."""
+        """The commanded force, on its way to `force_n`."""
         return self._applied_nm * FORCE_PER_TORQUE_N_NM
 
     @property
     def is_lost(self) -> bool:
-        """True once there is nothing between the jaws, or what was to stay has moved on."""
+        """True once there is nothing between the jaws, or they moved on after `stay`."""
         return (self.watched and self._watch.is_lost) or self._has_moved_on
 
     @property
@@ -274,7 +274,7 @@ class Grip:
         return self.watched and not self.is_lost
 
     def caught_rad(self, position_rad: float, period_s: float) -> float:
-        """Return where to hold the jaws after a loss: they still run, and on for a control period.
+        """Return where to hold the jaws after a loss: where they run to in a control period.
 
         A hold where they were measured would throw them back.
         """
@@ -283,20 +283,20 @@ class Grip:
 
     @property
     def _effective_nm(self) -> float:
-        """The torque that the motor is told: limits, as by heat, may have left less of it."""
+        """The torque that the motor gets; limits, for example by heat, may have reduced it."""
         applied_nm = self._applied_nm
         return applied_nm if self._sent_nm is None else min(applied_nm, self._sent_nm)
 
     def note_sent(self, torque_nm: float) -> None:
-        """Take the torque that was sent in place of the one that the last command asked for."""
+        """Take the torque that was sent in place of the last command's."""
         self._sent_nm = abs(torque_nm) if abs(torque_nm) < 0.99 * self._applied_nm else None
 
     @property
     def clamp_n(self) -> tuple[float, float]:
-        """The least and the most force that the object may feel: friction hides the difference.
+        """The smallest and the largest force on the object: friction hides the exact value.
 
-        While the jaws search for it, it may feel none; nor is there a lower bound of a stiff hold
-        (`by` "gains"), around a position at which the object may no longer be.
+        While the jaws search for the object, the smallest is 0. So it is for a stiff hold (`by`
+        "gains") around a position at which the object may no longer be.
         """
         friction_nm = self._settings.likely_friction_nm(self._motor_type)
         hidden_n = BREAKAWAY_SHARE * friction_nm * FORCE_PER_TORQUE_N_NM
@@ -306,10 +306,10 @@ class Grip:
         return low_n, commanded_n + hidden_n
 
     def loss_detected_from_n(self, opening_mm: float) -> float | None:
-        """Return the set force from which on the loss of an object so wide is noticed.
+        """Return the smallest set force with which the loss of an object this wide is noticed.
 
         With less, friction may keep the jaws where they are when the object vanishes. None for a
-        stiff hold (`by` "gains"), which hardly moves then, whatever the force.
+        stiff hold (`by` "gains"): it hardly moves then, whatever the force.
         """
         if self._settings.by == "gains":
             return None
@@ -327,7 +327,7 @@ class Grip:
         return None if moved_rad is None else moved_rad * self._settings.geometry.rad_to_mm
 
     def squeeze(self, force_n: float) -> None:
-        """Change to another force, closing on for it where nothing is watched."""
+        """Change to another force; an unwatched grip closes further for it."""
         if force_n != self.force_n:
             self._aim(force_n)
         self._stays = False
@@ -342,20 +342,20 @@ class Grip:
         return grip
 
     def stay(self) -> None:
-        """Hold what is held; jaws that are still closing, or begin to, have met nothing."""
+        """Hold the present object; jaws that are closing, or begin to, have met nothing."""
         if not self.watched and not self._stays:
             self._stays = self._decides_next = True
 
     def freeze(self) -> None:
-        """Let the force rise no further: what is in flight is what is held.
+        """Keep the force from rising: the torque in flight is held.
 
-        The torque of before a search was in flight, and comes back.
+        The torque from before a search counts as in flight, and comes back.
         """
         had_nm = max(self._return_nm, self._applied_nm)
         self.force_n = min(self.force_n, had_nm * FORCE_PER_TORQUE_N_NM)
 
     def resume(self) -> None:
-        """Continue after a silence, in which the motor kept its last command: from what is now."""
+        """Continue from the present state after a silence; the motor kept its last command."""
         self._ramped_at_s = None
         self._slice_rad = None
         self._watch.resume()
@@ -400,15 +400,15 @@ class Grip:
     def _expected_rad_s(self) -> float:
         """Return the speed that the damping lets pass: that of a yielding object.
 
-        It comes from positions over two periods or more: what is echoed to the motor of a noisy
-        speed, or of a vibration at half the control rate, would feed it.
+        It comes from positions over two periods or more. A noisy speed, or a vibration at half the
+        control rate, would grow if it were sent back to the motor.
         """
         limit_rad_s = FREE_SPEED_SHARE * self._settings.grasp_speed_rad_s
         closing_rad_s = self._watch.speed_rad_s or 0.0
         return self._sign * min(max(closing_rad_s, -limit_rad_s), limit_rad_s)
 
     def _around_reading(self, now_s: float, feedback: Feedback) -> MitCommand:
-        """Hold as the vendor's SDK does: stiff around a position that is read now and then."""
+        """Hold as the vendor's SDK does: stiff around a position that is read at intervals."""
         settings = self._settings
         if self._slice_rad is None or now_s - self._slice_began_s >= settings.interval_s:
             self._slice_began_s, self._slice_rad = now_s, feedback.position_rad
@@ -416,7 +416,7 @@ class Grip:
         return MitCommand(self._slice_rad, 0.0, settings.kp_nm_rad, settings.kd_nm_s_rad, torque_nm)
 
     def _aim(self, force_n: float) -> None:
-        """Take another force; one that is lowered goes below it once, by the friction."""
+        """Take another force; a lowered one goes below its value once, by the friction."""
         self.force_n = force_n
         if self._watch.state == "held":
             self._return_nm = self._applied_nm
@@ -430,7 +430,7 @@ class Grip:
         self._watch.limits = self._settings.watch_limits(force_n, self._motor_type)
 
     def _ramp(self, elapsed_s: float) -> None:
-        """Bring the torque closer to the one that is wanted now."""
+        """Move the torque towards the one that is wanted now."""
         wanted_nm = self.force_n / FORCE_PER_TORQUE_N_NM
         rate_nm_s = self._settings.rate_nm_s
         if self._watch.is_searching and self._settings.by == "torque":
@@ -453,12 +453,12 @@ STANDING_RAD_S = 0.05
 """Jaws that press on something are slower than this, 4 mm/s."""
 PRESSING_SHARE = 0.5
 FAINT_NM = 0.1
-"""What friction leaves of the way to a target does not count."""
+"""The part of a way to a target that friction leaves does not count."""
 
 
 @dataclass(frozen=True, slots=True)
 class Hold:
-    """Hold a position."""
+    """Holds a position."""
 
     position_rad: float
     gains: Gains
@@ -468,9 +468,9 @@ class Hold:
         return self.gains.at(self.position_rad)
 
     def presses(self, feedback: Feedback) -> bool:
-        """Check if jaws that stand are where this hold leaves them: its torque is there already.
+        """Return True if standing jaws are where this hold leaves them: its torque acts already.
 
-        A command that leads jaws which it has not reached yet would move them further.
+        A command that leads jaws which have not arrived would move them further.
         """
         asked_nm = self.gains.kp_nm_rad * (self.position_rad - feedback.position_rad)
         sign = 1.0 if asked_nm > 0.0 else -1.0
@@ -480,8 +480,9 @@ class Hold:
     def eased(self, position_rad: float, geometry: Geometry) -> "Hold":
         """Return the hold for jaws that are at `position_rad` now.
 
-        One that a hand has pressed beyond a calibrated stop comes back as far as the stop springs
-        back: the motor must not press on for ever with what the hand has done. It never leads.
+        After a hand has pressed the jaws beyond a calibrated stop, the hold comes back as far as
+        the stop springs back: the motor must not keep pressing there for ever. The hold never leads
+        the jaws.
         """
         low_rad, high_rad = sorted((geometry.closed_rad, geometry.open_rad))
         low_rad, high_rad = min(low_rad, position_rad), max(high_rad, position_rad)
@@ -492,11 +493,11 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Slack:
-    """Let the jaws be moved by hand: no stiffness, no damping, no torque."""
+    """Lets the jaws be moved by hand: no stiffness, no damping, no torque."""
 
     def command(self, _now_s: float, feedback: Feedback) -> MitCommand:
         """Return the command of this tick."""
         return MitCommand(feedback.position_rad, 0.0, 0.0, 0.0, 0.0)
 
 
-Rest: TypeAlias = Hold | Slack | Grip
+Idle: TypeAlias = Hold | Slack | Grip

@@ -1,4 +1,7 @@
-"""The jobs: at most one runs; those that ended are kept for a while, for clients that come back."""
+"""The jobs, of which at most one runs, and the registers that clients read beside them.
+
+Jobs that ended are kept for a while, for clients that come back.
+"""
 
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterable, Iterator
@@ -7,6 +10,7 @@ from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, JobKind, JobState, Owner
+from litegripd.model.motor import RegisterReply, RegisterRequest
 from litegripd.model.plain import Carried
 from litegripd.model.results import Result
 
@@ -18,21 +22,21 @@ _CANCELLED_BY = frozenset({"cancelled", "client_lost", "lease_lost", "replaced",
 
 
 Start: TypeAlias = Callable[[], Job | Refusal]
-"""Asks for a motion again, as its request did: it may be refused by now."""
+"""Asks for a motion again, as its request did; by now it may be rejected."""
 
 
 @dataclass(frozen=True, slots=True)
 class QueuedJob:
-    """A job that waits for the end of the running one, and what begins it then."""
+    """A job that waits for the end of the running one, and the function that starts it then."""
 
     job: Job
     start: Start
 
 
 class JobBook:
-    """Numbers the jobs, knows the running one and those that wait, and keeps the last `KEPT_JOBS`.
+    """Numbers the jobs, knows the running and the waiting ones, and keeps the last `KEPT_JOBS`.
 
-    A queued job is known by its number, too; the controller starts it.
+    A queued job has a number, too; the controller starts it.
     """
 
     _last: Carried[int] = 0
@@ -45,20 +49,20 @@ class JobBook:
         self._ended: list[Job] = []
 
     def __iter__(self) -> Iterator[Job]:
-        """Iterate over what is kept, the oldest first."""
+        """Iterate over the kept jobs, the oldest first."""
         return iter(self._jobs.values())
 
     def get(self, number: int) -> Job | None:
-        """Return a job that is still kept."""
+        """Return a kept job, or None."""
         return self._jobs.get(number)
 
     def latest(self, *kinds: JobKind) -> Job | None:
-        """Return the job of these kinds that began last, of those that are still kept."""
+        """Return the kept job of these kinds that began last."""
         begun = (job for job in self if job.kind in kinds and job.state is not JobState.QUEUED)
         return max(begun, key=lambda job: (job.started_s, job.number), default=None)
 
     def find(self, owner: Owner, key: str) -> Job | None:
-        """Return the kept job to which the same program has given this key."""
+        """Return the kept job to which the same program gave this key."""
         jobs = (job for job in self if job.key == key and _is_same_program(job.owner, owner))
         return next(jobs, None)
 
@@ -79,7 +83,7 @@ class JobBook:
     def enqueue(
         self, kind: JobKind, owner: Owner, detached: bool, now_s: float, start: Start
     ) -> Job | Refusal:
-        """Let a motion wait for its turn; return a refusal where `MOST_QUEUED` wait already."""
+        """Let a motion wait for its turn; return a refusal if `MOST_QUEUED` wait already."""
         if len(self.queue) >= MOST_QUEUED:
             text = f"{MOST_QUEUED} motions wait for their turn already"
             return Refusal("too_many_requests", text, {"limit": MOST_QUEUED})
@@ -94,12 +98,12 @@ class JobBook:
         return taken
 
     def begin(self, job: Job, now_s: float) -> None:
-        """Make a job the running one; the caller has made sure that none is running."""
+        """Make a job the running one; the caller has checked that none is running."""
         job.state, job.started_s = JobState.RUNNING, now_s
         self.running = job
 
     def end(self, job: Job, outcome: Result | Refusal, now_s: float) -> None:
-        """End a job with a result, or with the reason why it could not go on."""
+        """End a job with a result, or with the reason why it could not continue."""
         if job is self.running:
             self.running = None
         job.ended_s = now_s
@@ -119,11 +123,46 @@ class JobBook:
 
 
 def _is_same_program(one: Owner, other: Owner) -> bool:
-    """Return whether two requests are of one process, maybe by two connections.
+    """Return True if two requests are of one process, perhaps by two connections.
 
-    Processes of another pid namespace have no number here (pid 0): only a connection tells them
-    apart.
+    Processes of another pid namespace have no number here (pid 0), so only their connections
+    distinguish them.
     """
     if one.pid == 0 or other.pid == 0:
         return one.client == other.client
     return (one.pid, one.uid) == (other.pid, other.uid)
+
+
+MOST_WAITING = 16
+
+OnReply: TypeAlias = Callable[[RegisterReply], None]
+
+
+@dataclass(frozen=True, slots=True)
+class _RegisterRead:
+    request: RegisterRequest
+    on_reply: OnReply
+
+
+class RegisterReads:
+    """The queue of registers to be read."""
+
+    def __init__(self) -> None:
+        self._row: deque[_RegisterRead] = deque()
+        self._last = 0
+
+    def add(self, number: int, on_reply: OnReply) -> Refusal | None:
+        """Add a register to the queue; `on_reply` is called once, in a tick."""
+        if len(self._row) >= MOST_WAITING:
+            text = f"{MOST_WAITING} registers are waiting to be read already: try again"
+            return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
+        self._last += 1
+        self._row.append(_RegisterRead(RegisterRequest(self._last, number), on_reply))
+        return None
+
+    def step(self, reply: RegisterReply | None) -> RegisterRequest | None:
+        """Pass on the motor's latest reply; return the register to ask for now."""
+        row = self._row
+        if row and reply is not None and reply.identity == row[0].request.identity:
+            row.popleft().on_reply(reply)
+        return row[0].request if row else None

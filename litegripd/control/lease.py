@@ -1,6 +1,6 @@
-"""Who may move the gripper: one lease, granted first come, first served, lost in several ways.
+"""Who may move the gripper: one lease, granted in the order of requests, lost in several ways.
 
-It knows no motion: the controller ends what a lost lease ran. Times are arguments; a callback
+It knows no motion: the controller ends what ran under a lost lease. Times are arguments; a callback
 answers waiting requests.
 """
 
@@ -28,10 +28,10 @@ MOST_WAITING = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Wish:
-    """What somebody wants of a lease.
+class LeaseOptions:
+    """The options of a lease.
 
-    With `ttl_s` it is lost when its holder sends no request for so long; `on_lost` is what the
+    With `ttl_s` it is lost when its holder sends no request for that time; `on_lost` is what the
     jaws do then.
     """
 
@@ -42,11 +42,11 @@ class Wish:
 
 @dataclass(frozen=True, slots=True)
 class Grant:
-    """A lease that somebody holds; `number` counts the grants of this start of the daemon."""
+    """A lease that a client holds; `number` counts the grants since the daemon's start."""
 
     number: int
     owner: Owner
-    wish: Wish
+    options: LeaseOptions
     since_s: float
 
 
@@ -65,16 +65,16 @@ class _LossData(TypedDict):
 
 
 class LossData(_LossData, total=False):
-    """Why a lease was lost, for programs; `by` is there where it was taken."""
+    """Why a lease was lost, for programs; `by` exists only if it was taken."""
 
     by: Taker
 
 
 @dataclass(frozen=True, slots=True)
 class Loss:
-    """A lease that was lost, why, and to whom, if it was taken.
+    """A lost lease: the reason, and the taker if it was taken.
 
-    `left` is what the jaws do then, where the taker has said it.
+    `left` is what the jaws do then, if the taker chose it.
     """
 
     grant: Grant
@@ -85,12 +85,12 @@ class Loss:
 
     @property
     def on_lost(self) -> OnLost:
-        """What the jaws do: as the taker says, else as the loser wished."""
-        return self.left or self.grant.wish.on_lost
+        """What the jaws do: the taker's choice, otherwise the former holder's."""
+        return self.left or self.grant.options.on_lost
 
     @property
     def text(self) -> str:
-        """Why it was lost, and to whom."""
+        """Why it was lost, and who took it."""
         if self.by is None:
             return LOSS_TEXTS[self.cause]
         by = self.by
@@ -111,7 +111,7 @@ OnAnswer: TypeAlias = Callable[[Grant | Refusal], None]
 @dataclass(frozen=True, slots=True)
 class _Waiting:
     owner: Owner
-    wish: Wish
+    options: LeaseOptions
     until_s: float
     on_answer: OnAnswer
 
@@ -119,8 +119,8 @@ class _Waiting:
 class Lease:
     """The one lease of a gripper.
 
-    Who has lost it, and is still connected, moves nothing more by that connection until it asks
-    for the lease again: a program that slept through its loss must not act as if it had it.
+    A connection that has lost it moves nothing until it asks for the lease again: a program that
+    slept through its loss must not act as if it had it.
     """
 
     _last: Carried[int] = 0
@@ -135,14 +135,15 @@ class Lease:
 
     @property
     def waiting(self) -> int:
-        """How many wait for it."""
+        """The number of waiting requests."""
         return len(self._waiting)
 
     def refusal(self, owner: Owner) -> Refusal | None:
         """Return why `owner` may not move the gripper, or None.
 
-        Who names a grant must name the present one; who names none may where the lease is held
-        by the same connection, or is free and was not lost by this connection.
+        A request that names a grant must name the present one. A request that names none is
+        admitted if its own connection holds the lease, or if the lease is free and was not lost by
+        this connection.
         """
         holder = self.holder
         if owner.grant is not None and (holder is None or holder.number != owner.grant):
@@ -157,11 +158,11 @@ class Lease:
             return None
         return held_refusal(holder)
 
-    def acquire(self, owner: Owner, wish: Wish, now_s: float) -> Grant | Refusal:
-        """Grant the lease where it is free; its holder may change what it wished."""
+    def acquire(self, owner: Owner, options: LeaseOptions, now_s: float) -> Grant | Refusal:
+        """Grant the lease if it is free; its holder may change its options."""
         holder = self.holder
         if holder is not None and holder.owner.client == owner.client:
-            self.holder = replace(holder, wish=wish)
+            self.holder = replace(holder, options=options)
             self._renew(now_s)
             return self.holder
         if holder is not None:
@@ -169,18 +170,20 @@ class Lease:
         if self._waiting:
             text = f"{len(self._waiting)} are waiting for the lease already: wait, too (wait_s)"
             return Refusal("lease_held", text, {"waiting": len(self._waiting)})
-        return self._grant(owner, wish, now_s)
+        return self._grant(owner, options, now_s)
 
-    def wait(self, owner: Owner, wish: Wish, until_s: float, on_answer: OnAnswer) -> Refusal | None:
+    def wait(
+        self, owner: Owner, options: LeaseOptions, until_s: float, on_answer: OnAnswer
+    ) -> Refusal | None:
         """Wait for the lease; `on_answer` is called once, from `step` or another's request."""
         if len(self._waiting) >= MOST_WAITING:
             text = f"{MOST_WAITING} are waiting for the lease already: try again later"
             return Refusal("too_many_requests", text, {"limit": MOST_WAITING})
-        self._waiting.append(_Waiting(owner, wish, until_s, on_answer))
+        self._waiting.append(_Waiting(owner, options, until_s, on_answer))
         return None
 
     def release(self, owner: Owner) -> Refusal | None:
-        """Give the lease back, if `owner` has it: nothing is lost by that."""
+        """Release the lease if `owner` has it; this is no loss."""
         holder = self.holder
         if holder is None:
             return Refusal("lease_lost", "there is no lease to release")
@@ -190,17 +193,17 @@ class Lease:
         return refusal
 
     def take(
-        self, owner: Owner, wish: Wish, why: str, left: OnLost, now_s: float
+        self, owner: Owner, options: LeaseOptions, why: str, left: OnLost, now_s: float
     ) -> tuple[Grant, Loss | None]:
-        """Take the lease over; the caller has made sure that `owner` may."""
+        """Take the lease over; the caller has checked that `owner` may."""
         holder = self.holder
         loss = None if holder is None else Loss(holder, "taken", owner, why, left)
         if loss is not None:
             self._losses[loss.grant.owner.client] = loss
-        return self._grant(owner, wish, now_s), loss
+        return self._grant(owner, options, now_s), loss
 
     def resume(self, number: int, owner: Owner, now_s: float) -> Grant | Refusal:
-        """Grant a lapsed lease again to who shows its number, if nobody has acquired one since."""
+        """Grant a lapsed lease again for its number, if nobody has acquired one since."""
         lapsed = self._lapsed
         if self.holder is not None or lapsed is None or lapsed.number != number or self._waiting:
             text = (
@@ -208,15 +211,15 @@ class Lease:
                 " the lease since; acquire it anew (lease.acquire)"
             )
             return Refusal("lease_lost", text)
-        return self._grant(owner, lapsed.wish, now_s)
+        return self._grant(owner, lapsed.options, now_s)
 
     def renew(self, client: int, now_s: float) -> None:
-        """Note a request: its sender does not hang."""
+        """Take note of a request: its sender does not hang."""
         if self.holder is not None and self.holder.owner.client == client:
             self._renew(now_s)
 
     def lose(self, client: int, cause: LossCause) -> Loss | None:
-        """Forget a client that is gone; return what it lost."""
+        """Forget a lost client; return what it lost."""
         self._waiting = deque(entry for entry in self._waiting if entry.owner.client != client)
         holder = self.holder
         loss = None
@@ -224,11 +227,11 @@ class Lease:
             loss = Loss(holder, cause)
             self._lapse(loss)
         if cause == "connection":
-            self._losses.pop(client, None)  # it asks for nothing any more
+            self._losses.pop(client, None)  # it sends no more requests
         return loss
 
     def expire(self, now_s: float) -> Loss | None:
-        """Return what is lost because its holder sent nothing for too long."""
+        """Return the loss of a lease whose holder sent nothing for too long, or None."""
         holder = self.holder
         if holder is None or self._expires_s is None or now_s < self._expires_s:
             return None
@@ -237,24 +240,24 @@ class Lease:
         return loss
 
     def step(self, now_s: float, *, may_grant: bool) -> None:
-        """Answer who has waited long enough, or is next; `may_grant`: no motion runs by now."""
+        """Answer waiting requests: those whose time is over, and the next if `may_grant`."""
         for entry in [entry for entry in self._waiting if now_s >= entry.until_s]:
             self._waiting.remove(entry)
             entry.on_answer(_waited_in_vain(self.holder))
         if may_grant and self.holder is None and self._waiting:
             entry = self._waiting.popleft()
-            entry.on_answer(self._grant(entry.owner, entry.wish, now_s))
+            entry.on_answer(self._grant(entry.owner, entry.options, now_s))
 
-    def _grant(self, owner: Owner, wish: Wish, now_s: float) -> Grant:
+    def _grant(self, owner: Owner, options: LeaseOptions, now_s: float) -> Grant:
         self._last += 1
-        self.holder = Grant(self._last, replace(owner, grant=None), wish, now_s)
+        self.holder = Grant(self._last, replace(owner, grant=None), options, now_s)
         self._lapsed = None
         self._losses.pop(owner.client, None)
         self._renew(now_s)
         return self.holder
 
     def _renew(self, now_s: float) -> None:
-        ttl_s = None if self.holder is None else self.holder.wish.ttl_s
+        ttl_s = None if self.holder is None else self.holder.options.ttl_s
         self._expires_s = None if ttl_s is None else now_s + ttl_s
 
     def _lapse(self, loss: Loss) -> None:
@@ -268,7 +271,7 @@ class Lease:
 
 def held_refusal(holder: Grant) -> Refusal:
     """Return who has the lease, and what for."""
-    owner, purpose = holder.owner, holder.wish.purpose
+    owner, purpose = holder.owner, holder.options.purpose
     what = "" if purpose is None else f" for {purpose}"
     return Refusal(
         "lease_held",
@@ -293,7 +296,7 @@ def _held_by(holder: Grant | None) -> dict[str, object]:
 
 
 def _owner_data(holder: Grant) -> dict[str, object]:
-    purpose, since_s = holder.wish.purpose, holder.since_s
+    purpose, since_s = holder.options.purpose, holder.since_s
     return {**_who(holder.owner), "purpose": purpose, "since_s": since_s}
 
 

@@ -1,7 +1,7 @@
-"""The way of every command to the motor: through a limiter, with an eye on the coil's heat.
+"""The way of every command to the motor: through a limiter, with regard to the coil's heat.
 
-`CommandLimiter` bounds each command before it is packed, whatever the action above it asked for.
-What it changes it names: the names appear as `limited` in the state.
+`CommandLimiter` bounds each command before it is packed, whatever the action asked for. It names
+the limits that changed a command: they appear as `limited` in the state.
 """
 
 import math
@@ -17,21 +17,21 @@ from litegripd.model.plain import Carried
 VENDOR_KD_NM_S_RAD = 2.0
 """The damping of the vendor's SDK, for every command."""
 UNSEEN_RAD_S = 1.0
-"""By so much the true speed may differ from the measured one: free jaws gain it from 20 N in 1 ms,
-and the motor's own filter hides 1 to 2 ms."""
+"""The largest difference of the true speed from the measured one: free jaws gain it from 20 N in
+1 ms, and the motor's own filter hides 1 to 2 ms."""
 
 _KP_MAX = 500.0
 _KD_MAX = 5.0
 _BRAKE_KD_NM_S_RAD = 1.0
 _DAMPING_BACK_S = 0.1
-"""Damping that follows a speed which is measured late, up and down, throws the jaws to and fro."""
+"""Damping that follows a late measurement of the speed, up and down, throws the jaws to and fro."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """Where commands may lie: the widened travel, or a lead and a torque where none is known.
+    """The bounds of commands: the widened travel; a lead and a torque where no travel is known.
 
-    The torque is within the motor's in any case.
+    The torque never exceeds the motor's.
     """
 
     low_rad: float
@@ -51,15 +51,15 @@ def bounds_of(geometry: Geometry | None, config: MotionConfig) -> Bounds:
 
 
 def probe_bounds(config: MotionConfig) -> Bounds:
-    """Return the bounds where no travel is known: little lead and little torque."""
+    """Return the bounds without a known travel: little lead and little torque."""
     return Bounds(-math.inf, math.inf, config.calib_step_rad, config.calib_tau_limit)
 
 
 class CommandLimiter:
-    """Keeps commands finite, inside the travel and within the torque that the motor bears.
+    """Keeps commands finite, inside the travel and within the torque that the motor can bear.
 
-    The torque of a command is bounded by what of kp·lead, kd·dv and torque pulls one way. Where
-    that is too much, these terms are lowered alike.
+    The torque of a command is bounded by the sum of those of kp·lead, kd·dv and torque that pull
+    one way. If the sum is too large, these terms are lowered by the same share.
     """
 
     _impulse_nm_s: Carried[float] = 0.0
@@ -84,7 +84,7 @@ class CommandLimiter:
     ) -> tuple[MitCommand, tuple[str, ...]]:
         """Return the command that may be sent, and the names of the limits that changed it.
 
-        `allowance_nm` is the most that the coil's heat allows.
+        `allowance_nm` is the largest torque that the coil's heat allows.
         """
         limited: list[str] = []
         if not all(map(math.isfinite, _fields(command))):
@@ -105,21 +105,21 @@ class CommandLimiter:
         within = _within_peak(within, feedback, motor.peak_nm)
         if within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
-        within = _within_ranges(within, ranges)  # scaling may round to just beyond a range
+        within = _within_ranges(within, ranges)  # scaling may round to just outside a range
         self._last_nm = torque_bound_nm(within, feedback)
         return within, tuple(limited)
 
     def unpowered(self, now_s: float) -> None:
-        """Note that the motor is told nothing from now on."""
+        """Take note that the motor gets no command from now on."""
         self._damping = self._most_damping(self._charge(now_s))
         self._last_nm = 0.0
 
     def _most_damping(self, elapsed_s: float) -> float:
-        """Return the share of the damping that may be sent: once lowered, it comes back slowly."""
+        """Return the allowed share of the damping: once lowered, it comes back slowly."""
         return min(self._damping + elapsed_s / _DAMPING_BACK_S, 1.0)
 
     def _charge(self, now_s: float) -> float:
-        """Keep the impulse above the rating; once used up, it must drain before the next peak.
+        """Sum up the impulse above the rating; once used up, it must drain before the next peak.
 
         Returns the seconds since the last command.
         """
@@ -135,15 +135,15 @@ class CommandLimiter:
 
 
 def torque_bound_nm(command: MitCommand, feedback: Feedback) -> float:
-    """Return the most torque that a command can ask for, given what the motor does now.
+    """Return the largest torque that a command can ask for, given what the motor does now.
 
-    Lead, damping and torque that oppose each other do not add up, but one may end before another.
+    Opposed lead, damping and torque do not add up, but one may end before another.
     """
     return max(_sums_nm(_terms_nm(command, feedback)))
 
 
 def _terms_nm(command: MitCommand, feedback: Feedback) -> tuple[float, float, float]:
-    """Return what lead, damping and torque make of their own (MIT protocol)."""
+    """Return the torques of lead, damping and torque, each by itself (MIT protocol)."""
     return (
         command.kp_nm_rad * (command.position_rad - feedback.position_rad),
         command.kd_nm_s_rad * (command.velocity_rad_s - feedback.velocity_rad_s),
@@ -152,7 +152,7 @@ def _terms_nm(command: MitCommand, feedback: Feedback) -> tuple[float, float, fl
 
 
 def _sums_nm(terms_nm: tuple[float, float, float]) -> tuple[float, float]:
-    """Return what the terms make together in the motor's positive direction, and in the other."""
+    """Return the sums of the terms in the motor's positive direction, and in the other."""
     up_nm = sum(term_nm for term_nm in terms_nm if term_nm > 0.0)
     return up_nm, up_nm - sum(terms_nm)
 
@@ -168,9 +168,9 @@ def _fields(command: MitCommand) -> tuple[float, ...]:
 
 
 def _inside(command: MitCommand, feedback: Feedback, bounds: Bounds) -> MitCommand:
-    """Keep the target in the bounds; a jaw that is outside may stay, but is not led further.
+    """Keep the target in the bounds; a jaw that is outside may stay, but is not led further out.
 
-    A velocity that leads beyond the same bound goes with it: damping turns it into torque.
+    A velocity that leads beyond the same bound becomes 0, because damping turns it into torque.
     """
     measured_rad = feedback.position_rad
     low_rad = max(min(bounds.low_rad, measured_rad), measured_rad - bounds.lead_rad)
@@ -189,8 +189,8 @@ def _within_torque(
 ) -> tuple[MitCommand, float]:
     """Lower the terms that exceed the budget on one side; return the share of the damping, too.
 
-    The aim of the damping stays: what was measured is filtered by the motor and two ticks old, and
-    damping towards that velocity would drive on what it should brake, to and fro, for ever.
+    The velocity of the damping stays. The measured one is filtered by the motor and two ticks old:
+    damping towards it would drive what it should brake, to and fro, for ever.
     """
     terms_nm = _terms_nm(command, feedback)
     up_nm, down_nm = _sums_nm(terms_nm)
@@ -214,7 +214,7 @@ def _share(budget_nm: float, asked_nm: float) -> float:
 
 
 def _within_peak(command: MitCommand, feedback: Feedback, peak_nm: float) -> MitCommand:
-    """Lower hard damping so far that at the true speed, too, it makes no more than the peak torque.
+    """Lower hard damping until it makes at most the peak torque at the true speed, too.
 
     The measured speed is filtered by the motor, and up to two ticks old. The vendor's own damping
     stays: a stiff command with less of it would swing.
@@ -229,7 +229,7 @@ def _within_peak(command: MitCommand, feedback: Feedback, peak_nm: float) -> Mit
 
 
 def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:
-    """Keep every field within what a frame can carry; the encoder refuses what is outside."""
+    """Keep every field within what a frame can carry; the encoder rejects other values."""
     return MitCommand(
         _clamp(command.position_rad, ranges.position_rad),
         _clamp(command.velocity_rad_s, ranges.velocity_rad_s),
@@ -244,7 +244,7 @@ def _clamp(value: float, limit: float) -> float:
 
 
 class Output:
-    """Keeps what was wanted and what is sent in its place, and why they differ."""
+    """Keeps the wanted command, the sent one, and why they differ."""
 
     requested: Carried[MitCommand | None] = None
     command: Carried[MitCommand | None] = None
@@ -259,7 +259,7 @@ class Output:
     def send(
         self, now_s: float, command: MitCommand, feedback: Feedback, bounds: Bounds, ranges: Ranges
     ) -> HeatChange | None:
-        """Make `command` what may be sent; tell of a change in what the heat allows."""
+        """Limit `command` to what may be sent; return a change of what the heat allows."""
         self.requested = command
         self.command, self.limited = self._limiter.apply(
             now_s, command, feedback, bounds, ranges, allowance_nm=self.heat.allowance_nm
@@ -267,7 +267,7 @@ class Output:
         return self.heat.update(now_s, feedback, torque_bound_nm(self.command, feedback))
 
     def unpowered(self, now_s: float, feedback: Feedback | None) -> HeatChange | None:
-        """Note that the motor is told nothing from now on."""
+        """Take note that the motor gets no command from now on."""
         self.requested, self.command, self.limited = None, None, ()
         self._limiter.unpowered(now_s)
         return None if feedback is None else self.heat.update(now_s, feedback, 0.0)

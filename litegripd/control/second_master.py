@@ -1,23 +1,23 @@
-"""Somebody else who commands our motor: noticed, told, and a reason to refuse motions.
+"""Another program that commands our motor: detected, reported, and a reason to reject motions.
 
-Two programs that interleave frames on one motor fight over it, and neither can know what the
-jaws do. Nothing can keep the other from sending; it can only be told of. A program that writes the
+Two programs that interleave frames on one motor fight over it, and neither can know what the jaws
+do. Nothing can keep the other one from sending; it can only be reported. A program that writes the
 motor's registers changes what every frame means, and counts the same.
 """
 
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
 from litegripd.model.motor import RegisterWrite
 from litegripd.model.plain import Carried
+from litegripd.model.state import Event
 
 QUIET_AFTER_S = 2.0
-"""Without a frame of theirs for so long, they count as gone."""
+"""Without a frame for this time, the other program counts as gone."""
 
-TOLD_EVERY_S = 10.0
+REPORT_EVERY_S = 10.0
 
 
 class SecondMaster:
-    """Keeps when a frame that is not ours was last seen, and how many there were."""
+    """Counts the frames of others, and knows when the last one came."""
 
     is_active: Carried[bool] = False
     _seen_s: Carried[float] = 0.0
@@ -28,13 +28,13 @@ class SecondMaster:
         self.is_tolerated = is_tolerated
         self.count = 0
         self._write: RegisterWrite | None = None
-        """The latest write of one that is active."""
+        """The latest write while another program is active."""
         self._known_write: RegisterWrite | None = None
 
     def step(self, now_s: float, count: int, write: RegisterWrite | None = None) -> Event | None:
         """Take the number of frames so far, and the latest of them that wrote registers.
 
-        Return what is to be told: begin, another write, go on, and end.
+        Return an event to report: a begin, another write, a reminder, or the end.
         """
         is_other = write is not None and write is not self._known_write
         is_new = is_other and write != self._write
@@ -42,7 +42,7 @@ class SecondMaster:
             self._write = self._known_write = write
         if count != self.count:
             self.count, self._seen_s = count, now_s
-            if self.is_active and not is_new and now_s - self._told_s < TOLD_EVERY_S:
+            if self.is_active and not is_new and now_s - self._told_s < REPORT_EVERY_S:
                 return None
             self.is_active, self._told_s = True, now_s
             return Event("second_master", self._text(), {**self._data(), "active": True})

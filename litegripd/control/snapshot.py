@@ -11,7 +11,7 @@ from litegripd.model.state import GripperState, JobSummary, Mode, StopSummary
 
 STALE_AFTER_PERIODS = 4.0
 STALE_AFTER_POLL_S = 0.15
-"""A disabled motor is asked at 20 Hz; three unanswered questions make its state stale."""
+"""A disabled motor is asked 20 times a second. Three unanswered requests make its state stale."""
 
 _MODES: dict[MotorPhase, Mode] = {
     MotorPhase.UNKNOWN: "offline",
@@ -24,7 +24,7 @@ _MODES: dict[MotorPhase, Mode] = {
 
 
 def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperState:
-    """Return the state at `now_s`; what is not known is None, what is too old is marked stale."""
+    """Return the state at `now_s`; unknown values are None, and old ones are marked stale."""
     motor, bus = controller.motor, controller.bus
     feedback, geometry = motor.feedback, controller.geometry
     enabled = motor.phase is MotorPhase.ENABLED
@@ -48,7 +48,7 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
         status=None if feedback is None else status_name(feedback.status),
         enabled=_enabled(motor),
         mode=mode_of(
-            motor.phase, controller.jobs.running is not None, isinstance(controller.rest, Slack)
+            motor.phase, controller.jobs.running is not None, isinstance(controller.idle, Slack)
         ),
         position_rad=None if feedback is None else feedback.position_rad,
         velocity_rad_s=None if feedback is None else feedback.velocity_rad_s,
@@ -83,14 +83,14 @@ def snapshot(controller: Controller, now_s: float, period_s: float) -> GripperSt
 def _loss_detected_from_n(
     held: Grip | None, geometry: Geometry | None, feedback: Feedback | None
 ) -> float | None:
-    """Return the force from which on the loss of what is held is noticed, None without a hold."""
+    """Return the smallest force with which a loss of the object is noticed, or None."""
     if held is None or geometry is None or feedback is None:
         return None
     return held.loss_detected_from_n(geometry.opening_mm(feedback.position_rad))
 
 
 def _enabled(motor: MotorView) -> bool | None:
-    """Return whether the motor is enabled, None where it has not said so, or that it is not."""
+    """Return True if the motor is enabled, False if it is not, None while that is unknown."""
     if motor.phase is MotorPhase.ENABLED:
         return True
     if motor.phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
@@ -100,7 +100,7 @@ def _enabled(motor: MotorView) -> bool | None:
 
 
 def mode_of(phase: MotorPhase, has_job: bool, is_slack: bool) -> Mode:
-    """Return the gripper's mode, from the motor's phase, whether a job runs, and the rest."""
+    """Return the gripper's mode, from the motor's phase, the job, and the idle jaws."""
     if phase is not MotorPhase.ENABLED:
         return _MODES[phase]
     if has_job:
@@ -113,7 +113,7 @@ def _geometric(
     geometry: Geometry | None,
     feedback: Feedback | None,
 ) -> float | None:
-    """Convert what was measured, where a calibration says how."""
+    """Return a measured quantity in the calibration's units, None without a calibration."""
     if geometry is None or feedback is None:
         return None
     if quantity == "force_n":

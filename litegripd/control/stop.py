@@ -1,4 +1,4 @@
-"""The software stop: latched, raised by anybody, lowered only by clearing it."""
+"""The software stop: anybody latches it; it ends only when it is cleared."""
 
 from collections.abc import Callable
 
@@ -10,11 +10,11 @@ from litegripd.model.plain import Carried
 class StopLatch:
     """Keeps the latched stop and counts the stops in `generation`.
 
-    A request tells the generation that its sender knew; one from before the latest stop never
-    runs and clears nothing, though it lay unread in the kernel when the stop came. `repeats` counts
-    the stops that raised nothing since the first one that is latched. `on_stop` is called with the
-    time of each stop: whatever has come by then has come before it. `stopped_by` are the users
-    (uid, None for the daemon itself) who have stopped since the present level was latched.
+    A request names the generation that its sender knew. One from before the latest stop never runs
+    and clears nothing, even if it lay unread in the kernel when the stop came. `repeats` counts the
+    stops since the latched one that did not raise the level. `on_stop` is called with the time of
+    each stop: all that has come by then came before it. `stopped_by` are the users (uid, None for
+    the daemon itself) who have stopped since the present level was latched.
     """
 
     latched: Carried[Stop | None] = None
@@ -30,7 +30,7 @@ class StopLatch:
         self._latest_of_others_s = float("-inf")
 
     def raise_to(self, level: StopLevel, by: Owner | None, why: str | None, now_s: float) -> Stop:
-        """Latch a stop; one no stronger than is latched already changes nothing but the counts."""
+        """Latch a stop; one that is no stronger than the latched one changes only the counts."""
         self.generation += 1
         client = None if by is None else by.client
         if client != self._latest_client:
@@ -44,15 +44,15 @@ class StopLatch:
             self.repeats += 1
             if uid not in self.stopped_by:
                 self.stopped_by += (uid,)
-        self.on_stop(now_s)  # after it is latched, whatever comes of this
+        self.on_stop(now_s)  # called after the latch, in case it fails
         return latched
 
     def may_be_cleared_by(self, uid: int, *, alone: bool) -> bool:
-        """Check if a user clears what that user has stopped; `alone`: nobody else has, too."""
+        """Return True if a user has stopped, and may clear it; `alone`: only if nobody else has."""
         return self.stopped_by == (uid,) if alone else uid in self.stopped_by
 
     def clear(self) -> int:
-        """Let motions be asked for again; return the repeats that there were."""
+        """Allow requests for motions again; return the number of repeats."""
         repeats, self.repeats = self.repeats, 0
         self.latched, self.stopped_by = None, ()
         return repeats
@@ -71,7 +71,7 @@ class StopLatch:
         )
 
     def clearing_refusal(self, lease_held: Refusal) -> Refusal:
-        """Return who may clear the stop, to one who may not: somebody else has the lease."""
+        """Return who may clear the stop, for a client that may not: another one has the lease."""
         owner = lease_held.data.get("owner")
         holder = f"{owner['program']} (pid {owner['pid']})" if isinstance(owner, dict) else "nobody"
         uids = [uid for uid in self.stopped_by if uid is not None]
@@ -88,22 +88,22 @@ class StopLatch:
     ) -> Refusal | None:
         """Return a refusal if a request is older than the latest stop, by any of its marks.
 
-        `received_s` is when the daemon received it. What a client sent behind its own stop is newer
-        than that, though both were received at once.
+        `received_s` is when the daemon received it. What a client sent after its own stop is newer
+        than that stop, even if both were received at once.
         """
         is_own = client == self._latest_client
         stopped_s = self._latest_of_others_s if is_own else self._latest_s
         if generation is not None and generation < self.generation:
-            told = f"knew of {generation} stops, there have been {self.generation}"
+            how = f"knew of {generation} stops, there have been {self.generation}"
         elif sent_s is not None and sent_s < self._latest_s:
-            told = f"was sent {self._latest_s - sent_s:.3f} s before the latest stop"
+            how = f"was sent {self._latest_s - sent_s:.3f} s before the latest stop"
         elif received_s < stopped_s:
-            told = f"came {stopped_s - received_s:.3f} s before the latest stop"
+            how = f"came {stopped_s - received_s:.3f} s before the latest stop"
         else:
             return None
         return Refusal(
             "sent_before_stop",
-            f"the request {told}: a stop has come since, so it is not carried out; look at the"
+            f"the request {how}: a stop has come since, so it is not carried out; look at the"
             " state and, when it is safe, send it again",
             {"stop_generation": self.generation},
         )

@@ -5,7 +5,7 @@ clients may ask for later. It is made before, and adopted after, the moment in w
 commands the motor.
 
 Each class declares its own attributes (`model/plain.py`). Only what is a choice of the moment is
-here: which motor can be handed over, the phase, the rest, and a lease that lapses.
+here: which motor can be handed over, the phase, the idle jaws, and a lease that lapses.
 """
 
 from collections.abc import Mapping
@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any, Protocol
 
 from litegripd.control.controller import Controller
-from litegripd.control.holds import Grip, GripSettings, Hold, Rest, Slack
+from litegripd.control.holds import Grip, GripSettings, Hold, Idle, Slack
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job
 from litegripd.model.motor import MotorPhase
@@ -47,7 +47,7 @@ def export(machine: Machine, service: RpcService) -> dict[str, Any]:
 
     The caller has asked `why_not_restartable`.
     """
-    controller, rest = machine.controller, machine.controller.rest
+    controller, idle = machine.controller, machine.controller.idle
     plain = memory(controller)
     if controller.lease.holder is not None:
         plain["lease"]["_lapsed"] = plain_of(controller.lease.holder)
@@ -55,7 +55,7 @@ def export(machine: Machine, service: RpcService) -> dict[str, Any]:
         "format": FORMAT,
         "motor": memory(machine.motor),
         "controller": plain,
-        "rest": memory(rest) if isinstance(rest, Grip) else plain_of(rest),
+        "rest": memory(idle) if isinstance(idle, Grip) else plain_of(idle),
         "phase": plain_of(controller.motor.phase),
         "service": memory(service),
     }
@@ -72,7 +72,7 @@ def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
     restore(motor, plain["motor"])
     _check_motor(motor, controller.gripper_id.can_id)
     restore(controller, plain["controller"])
-    controller.rest = _rest_of(plain["rest"], controller.gripper_id.motor_type)
+    controller.idle = _idle_of(plain["rest"], controller.gripper_id.motor_type)
     # The phase of the predecessor's last tick: the controller must still notice a later change.
     phase = value_of(plain["phase"], MotorPhase, "phase")
     controller.motor = replace(motor.view(), phase=phase)
@@ -124,9 +124,9 @@ def _check_motor(motor: Motor, can_id: int) -> None:
         raise PlainError("Motor: there is no measurement of the motor that is handed over")
 
 
-def _rest_of(plain: Any, motor_type: MotorType) -> Rest:
+def _idle_of(plain: Any, motor_type: MotorType) -> Idle:
     if not isinstance(plain, dict) or plain.get(TYPE_KEY) != Grip.__name__:
-        hold: Rest = value_of(plain, Hold | Slack, "rest")
+        hold: Idle = value_of(plain, Hold | Slack, "rest")
         return hold
     settings = value_of(plain.get("_settings"), GripSettings, "Grip._settings")
     grip = Grip(settings, 0.0, 0.0, motor_type, watched=False)

@@ -1,6 +1,6 @@
-"""A CAN frame, and the state of the CAN bus by name with what to do about each.
+"""A CAN frame, and the states of the CAN bus by name, with what to do about each.
 
-The names of states are part of the protocol: `state.get`, `health` and the events carry them.
+The names of the states are part of the protocol: `state.get`, `health` and the events carry them.
 """
 
 import shlex
@@ -15,7 +15,7 @@ class CanFrame:
     """One classic CAN data frame with an 11-bit identifier.
 
     `can_id` is 0 to 0x7FF and `data` at most 8 bytes. Error, remote and extended frames never
-    become a `CanFrame`: the bus drops and counts them, for the masked id of an error frame can
+    become a `CanFrame`. The bus drops and counts them, because the masked id of an error frame can
     equal the feedback id (0x08 | 0x10 = 0x18).
     """
 
@@ -26,7 +26,7 @@ class CanFrame:
 BusState: TypeAlias = Literal[
     "up", "link_down", "adapter_gone", "bus_off", "bus_stalled", "motor_silent", "down"
 ]
-"""`down` is what has no name of its own: not opened yet, or an adapter's own error."""
+"""`down` stands for what has no name of its own: not opened yet, or an adapter's own error."""
 
 _REMEDIES: dict[BusState, str] = {
     "link_down": "bring the link up: {up}",
@@ -41,9 +41,9 @@ _REMEDIES: dict[BusState, str] = {
 
 
 def remedy(state: BusState, bus_channel: str) -> str | None:
-    """Say what to do about a state of the bus that [bus] channel names; nothing about "up".
+    """Return what to do about a state of the bus that [bus] channel names; None for "up".
 
-    Every adapter takes these commands: some drivers refuse `restart-ms`, and the restart by hand.
+    Every adapter takes these commands; some drivers refuse `restart-ms`, and the restart by hand.
     """
     name = shlex.quote(bus_channel)
     settings = "" if bus_channel.startswith(("vcan", "vxcan")) else " type can bitrate 1000000"
@@ -54,18 +54,18 @@ def remedy(state: BusState, bus_channel: str) -> str | None:
 
 @dataclass(frozen=True, slots=True)
 class BusCondition:
-    """In which state the bus is; `error` is a sentence that says why it is not up."""
+    """The state of the bus; `error` is a sentence that says why it is not up."""
 
     state: BusState
     error: str | None = None
 
     @property
     def is_usable(self) -> bool:
-        """True if frames can be exchanged as far as is known; a silent motor is no matter of it."""
+        """True if frames can be exchanged, as far as is known; the motor may still be silent."""
         return self.state in ("up", "motor_silent")
 
     def refusal(self, bus_channel: str) -> Refusal | None:
-        """Return why the motor cannot be reached, where it is the bus that stands in the way."""
+        """Return why the motor cannot be reached because of the bus, or None."""
         if self.is_usable:
             return None
         hint = remedy(self.state, bus_channel)

@@ -1,4 +1,4 @@
-"""A calibration file as the vendor's SDK writes it: its content, read and made, without a disk.
+"""The content of a calibration file as the vendor's SDK writes it, without access to a disk.
 
 Files are interchangeable with the SDK's, so unknown keys are kept.
 """
@@ -16,7 +16,7 @@ from litegripd.model.motor_types import MOTOR_TYPES
 
 
 class Saved(TypedDict):
-    """Where a file was written, where the one before is, and the new one's date (Unix time)."""
+    """Where a file was written, where the previous one is, and the new one's date (Unix time)."""
 
     path: str
     previous: str | None
@@ -24,7 +24,7 @@ class Saved(TypedDict):
 
 
 class Dumped(TypedDict):
-    """A file of the flight recorder's, and what is in it."""
+    """A file of the flight recorder, and what is in it."""
 
     path: str
     ticks: int
@@ -34,14 +34,14 @@ class Dumped(TypedDict):
 
 _KNOWN_NUMBERS = ("zero_position_rad", "max_position_rad", "rad_to_mm")
 _GAIN_RANGES = {"kp": (1.0, 500.0), "kd": (0.0, 5.0)}
-"""The most is what a command frame can carry; without stiffness nothing would be held or led."""
+"""The upper ends are what a command frame can carry. Without stiffness nothing would be held."""
 
 _USUAL_GAINS = {"kp": 100.0, "kd": 2.0}
-"""What stands in for a gain that a file leaves out, when the two are judged together."""
+"""The values used for a gain that a file leaves out, when the two are checked together."""
 
 _MAX_NESTING = 16
-"""Objects and arrays of a file, inside each other. The SDK's files have one level; thousands would
-be a `RecursionError` for whoever passes the content on."""
+"""The depth to which objects and arrays of a file may be nested. The SDK's files have one level.
+With thousands, code that passes the content on would raise a `RecursionError`."""
 
 _MEASURED = (
     "channel",
@@ -51,31 +51,32 @@ _MEASURED = (
     "travel_range_rad",
     "rad_to_mm",
 )
-"""The keys that a calibration decides; of the others, a rewrite keeps what the file says."""
+"""The keys that a calibration sets. A rewrite keeps the file's values of all others."""
 
 GRASP_TORQUE_THRESHOLD_NM = 0.5
-"""What the vendor's factory file says; the daemon itself does not use it."""
+"""The value in the vendor's factory file; the daemon itself does not use it."""
 
 
 NOMINAL = (
     Geometry(0.114, -1.491, NOMINAL_RAD_TO_MM),
     Geometry(-1.491, 0.114, NOMINAL_RAD_TO_MM),
 )
-"""What the templates say of the two mounts (and the factory's file, of the first). No measurement
-hits these figures, so whoever has them was never measured, in whatever file they stand."""
+"""The figures of the templates for the two mounts (and of the factory's file, for the first). No
+measurement gives exactly these, so a gripper with these figures was never measured, whatever its
+file says."""
 
 
 class CalibrationError(ValueError):
-    """A calibration that cannot be used, and why."""
+    """A calibration that cannot be used, and the reason."""
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What a file says: the geometry, and the rest where it is given.
+    """The content of a file: the geometry, and other values where they are given.
 
-    `kp` (N·m/rad) and `kd` (N·m·s/rad) are the gains of the hold, None where the file has none;
+    `kp` (N·m/rad) and `kd` (N·m·s/rad) are the gains of the hold, None if the file has none;
     `content` is the whole file, unknown keys included. `saved_s` is when the file was written (Unix
-    time), None for what is in no file, and for a template.
+    time); None for what is in no file, and for a template.
     """
 
     geometry: Geometry
@@ -88,11 +89,11 @@ class Calibration:
 
     @property
     def nominal(self) -> bool:
-        """True if its figures are a template's, and were measured on no gripper."""
+        """True if its figures are a template's, which were measured on no gripper."""
         return self.geometry in NOMINAL
 
     def direction_only(self) -> "Calibration":
-        """Return what a template may bring: limits and scale, but no ids and no gains."""
+        """Return what a template may set: limits and scale, but no ids and no gains."""
         return Calibration(self.geometry)
 
     def file_content(
@@ -105,12 +106,12 @@ class Calibration:
         kp_nm_rad: float,
         kd_nm_s_rad: float,
     ) -> dict[str, Any]:
-        """Return what the SDK's file holds for this calibration on `channel`.
+        """Return the content of the SDK's file for this calibration on `channel`.
 
         Limits, travel, scale, `calibrated` and `channel` are this calibration's. The other keys of
-        `content`, unknown ones included, keep their values; where there are none, `can_id`,
-        `master_id` (None or 0: unknown, and left out) and the gains (N·m/rad, N·m·s/rad) stand in.
-        A type of motor that the daemon knows is replaced by `motor_type`.
+        `content`, unknown ones included, keep their values. Missing ones are filled with `can_id`,
+        `master_id` (left out if it is None or 0: unknown) and the gains (N·m/rad, N·m·s/rad). A
+        type of motor that the daemon knows is replaced by `motor_type`.
         """
         geometry = self.geometry
         ours: dict[str, Any] = {
@@ -146,7 +147,7 @@ class Calibration:
 def measured(
     before: Calibration | None, *, closed_rad: float, open_rad: float, stroke_mm: float
 ) -> Calibration:
-    """Return the calibration for two stops that were measured, `stroke_mm` of the jaws apart.
+    """Return the calibration for two measured stops, between which the jaws travel `stroke_mm`.
 
     `rad_to_mm = stroke_mm / |closed - open|`, as the SDK's `zero()` derives it. Gains and content
     of the calibration `before` are kept; the mount follows from the stops, whatever it was before.
@@ -163,7 +164,7 @@ def measured(
 
 
 def to_plain(calibration: Calibration) -> dict[str, Any]:
-    """Return a calibration as JSON can carry it between two processes of the daemon."""
+    """Return a calibration in a form that JSON can carry between two processes of the daemon."""
     return {
         **asdict(calibration.geometry),
         **{name: getattr(calibration, name) for name in _CARRIED},
@@ -180,7 +181,7 @@ _CARRIED = ("calibrated", "channel", "kp_nm_rad", "kd_nm_s_rad", "content", "sav
 
 
 def parse_calibration(text: str) -> Calibration:
-    """Read a calibration file's text; raises `CalibrationError` with the reason."""
+    """Return the calibration in a file's text; raises `CalibrationError` with the reason."""
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -189,7 +190,7 @@ def parse_calibration(text: str) -> Calibration:
 
 
 def read_content(content: object) -> Calibration:
-    """Read what a calibration file holds; raises `CalibrationError` with the reason."""
+    """Return the calibration in a file's content; raises `CalibrationError` with the reason."""
     if not isinstance(content, dict):
         raise CalibrationError("not a JSON object")
     if _is_nested_deeper(content, _MAX_NESTING):
@@ -233,7 +234,7 @@ def _number(content: Mapping[str, Any], key: str) -> float:
 
 
 def _gains(content: Mapping[str, Any]) -> tuple[float | None, float | None]:
-    """Return kp and kd, each None where the file has none; they must go together."""
+    """Return kp and kd, each None if the file has none; raises if the two do not fit."""
     gains = {name: _gain(content, name) for name in _USUAL_GAINS}
     judged = {name: _USUAL_GAINS[name] if value is None else value for name, value in gains.items()}
     conflict = damping_conflict(judged["kp"], judged["kd"])

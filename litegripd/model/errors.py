@@ -1,4 +1,4 @@
-"""Every refusal and failure by a stable reason: the one table that wire, client and docs share.
+"""Every refusal and failure by a stable reason: the one table for daemon, client and docs.
 
 Inside a tick a refusal is a value, `Refusal`; it becomes an exception only in the client. The
 exception names `CommandError` and `HardwareError` are the vendor SDK's.
@@ -18,7 +18,7 @@ class ErrorKind:
     """One row of the error table.
 
     `code` is the JSON-RPC error code; `exception` the client's exception; `exit_code` that of
-    `litegripctl`; `retryable` says whether the same request may succeed later unchanged.
+    `litegripctl`; `retryable` is True if the same request may succeed later unchanged.
     """
 
     reason: str
@@ -309,7 +309,7 @@ class Refusal:
     data: ErrorData = field(default_factory=lambda: _NO_DATA)
 
     def __post_init__(self) -> None:
-        """Refuse a reason that the table does not know."""
+        """Reject a reason that is not in the table."""
         if self.reason not in ERRORS:
             raise KeyError(f"{self.reason!r} is not in the error table")
 

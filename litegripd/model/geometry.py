@@ -1,6 +1,6 @@
 """From motor radians to jaw millimetres, openness and newtons, for either mount.
 
-The calibrated limits alone say which way the motor turns when the jaws close.
+Only the calibrated limits decide which way the motor turns when the jaws close.
 """
 
 import math
@@ -12,14 +12,14 @@ Mount: TypeAlias = Literal["normal", "reverse"]
 LARGEST_LIMIT_RAD = 100.0
 SMALLEST_TRAVEL_RAD = 0.001
 RAD_TO_MM_RANGE = (0.001, 1e6)
-"""Far wider than any gripper: within these bounds no figure of the geometry under- or overflows."""
+"""Far wider than any gripper. Within these bounds no figure of the geometry over- or underflows."""
 
 NOMINAL_RAD_TO_MM = 74.8
 """The scale of the vendor's templates."""
 
 FORCE_PER_TORQUE_N_NM = 10.0
-"""1 N corresponds to about 0.1 N·m (vendor's SDK, `UnitConversion.N_TO_NM`): approximate, since
-the clamping force depends on the geometry of the fingers."""
+"""1 N corresponds to about 0.1 N·m (vendor's SDK, `UnitConversion.N_TO_NM`). The factor is
+approximate: the clamping force depends on the geometry of the fingers."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class Geometry:
     rad_to_mm: float
 
     def __post_init__(self) -> None:
-        """Refuse what would make every direction a guess."""
+        """Reject limits that leave the closing direction unknown."""
         if not all(map(math.isfinite, (self.closed_rad, self.open_rad, self.rad_to_mm))):
             raise ValueError("a limit or rad_to_mm is not a finite number")
         if self.closed_rad == self.open_rad:
@@ -57,7 +57,7 @@ class Geometry:
 
     @property
     def mount(self) -> Mount:
-        """Return "normal" when closing increases radians, "reverse" otherwise."""
+        """The mount: "normal" when closing increases radians, otherwise "reverse"."""
         return "normal" if self.close_sign > 0 else "reverse"
 
     @property
@@ -92,5 +92,5 @@ class Geometry:
         return self.close_sign * torque_nm * FORCE_PER_TORQUE_N_NM
 
     def to_rad(self, distance_mm: float) -> float:
-        """Convert a distance of the jaws, without direction."""
+        """Return a distance of the jaws in radians, without direction."""
         return distance_mm / self.rad_to_mm

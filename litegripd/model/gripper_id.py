@@ -1,4 +1,4 @@
-"""Which gripper a daemon drives, as its configuration says."""
+"""The gripper that a daemon drives, as the configuration describes it."""
 
 from dataclasses import dataclass
 
@@ -9,8 +9,8 @@ from litegripd.model.motor_types import DM4310, MotorType
 class GripperId:
     """The gripper on one channel: its motor's CAN id and type, and its whole stroke in mm.
 
-    `bus_channel` is what its bus is opened as: the network interface, or an adapter's file.
-    `mount` is the template or the calibration file that the configuration names, if it does.
+    `bus_channel` is the network interface or the adapter's file by which its bus is opened. `mount`
+    is the template or the calibration file that the configuration names, None if it names none.
     """
 
     channel: str = "can0"

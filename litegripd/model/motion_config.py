@@ -1,4 +1,4 @@
-"""The motion configuration: each field, its range, and what must fit together."""
+"""The motion configuration: each field, its range, and which values must fit together."""
 
 import math
 from collections.abc import Mapping
@@ -64,7 +64,7 @@ class MotionConfig:
     calib_max_iter: int = 200
 
     def __post_init__(self) -> None:
-        """Check each field by itself, and those that belong together."""
+        """Check each field by itself, and those that must fit together."""
         for field in fields(self):
             _check(field.name, getattr(self, field.name), WIDEST)
         if self.stop_lead_mm > self.max_lead_mm:
@@ -77,9 +77,10 @@ class MotionConfig:
     def changed(
         self, values: Mapping[str, Any], period_s: float, motor_type: MotorType = DM4310
     ) -> "MotionConfig":
-        """Return a copy with some fields changed, as a client asks for, within the motor's ranges.
+        """Return a copy with the fields that a client changed, within the motor's ranges.
 
-        `frame_interval` may be given, but only as it is: `period_s`. Raises `MotionConfigError`.
+        `frame_interval` may be given, but only with its present value, `period_s`. Raises
+        `MotionConfigError`.
         """
         given = dict(values)
         interval_s = given.pop("frame_interval", None)
@@ -138,13 +139,13 @@ _RANGES: dict[str, tuple[float, float]] = {
     "calib_stall_cycles": (2, 100),
     "calib_max_iter": (10, 2000),
 }
-"""What each field may be, both ends included, as far as the motor bears it. With less than 1.1 N·m
-a stop cannot be told from jaws that stick in front of it, by up to 0.95 N·m (field use)."""
+"""The range of each field, both ends included, as far as the motor allows. With less than 1.1
+N·m a stop looks like jaws that stick in front of it, which takes up to 0.95 N·m (field use)."""
 
 
 @cache
 def ranges_of(motor_type: MotorType) -> Mapping[str, tuple[float, float]]:
-    """Return what each field may be with a type of motor: no more than that bears for long."""
+    """Return the range of each field with a type of motor: no more than it can do for long."""
     most = {
         "speed_mm_s": motor_type.fastest_mm_s,
         "grasp_speed_mm_s": motor_type.fastest_mm_s,
@@ -159,7 +160,7 @@ WIDEST: Mapping[str, tuple[float, float]] = {
     name: (low, max(ranges_of(row)[name][1] for row in MOTOR_TYPES.values()))
     for name, (low, _high) in _RANGES.items()
 }
-"""What each field may be with some type of motor."""
+"""The range of each field that some type of motor allows."""
 
 _INTEGERS = frozenset(field.name for field in fields(MotionConfig) if field.type is int)
 
@@ -194,7 +195,7 @@ def _is_about(value: object, period_s: float) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Conflict:
-    """Two settings that do not go together: which value is meant, and its limit."""
+    """Two settings that do not fit together: the value in question, and its limit."""
 
     field: str
     requested: float
@@ -203,14 +204,15 @@ class Conflict:
 
 
 LEAST_DAMPING_S = 2e-3
-"""Of kd / kp. The motor's torque follows its command by 1 ms or more, so stiffness alone feeds each
-swing: a usual motor swings for ever below 0.5 (100 N·m/rad) to 1.5 ms (500 N·m/rad)."""
+"""The smallest kd / kp. The motor's torque follows its command by 1 ms or more, so stiffness
+alone feeds each swing: a usual motor swings for ever below 0.5 (100 N·m/rad) to 1.5 ms (500
+N·m/rad)."""
 
 
 def damping_conflict(kp_nm_rad: float, kd_nm_s_rad: float, of: str = "") -> Conflict | None:
-    """Report that gains of a position command damp too little to be safe, if so.
+    """Return a conflict if the gains of a position command damp too little to be safe.
 
-    `kp_nm_rad` in N·m/rad, `kd_nm_s_rad` in N·m·s/rad; `of` is what their names begin with. Enough
+    `kp_nm_rad` is in N·m/rad, `kd_nm_s_rad` in N·m·s/rad; `of` is the prefix of their names. Enough
     damping does not make every motor calm.
     """
     least = LEAST_DAMPING_S * kp_nm_rad
@@ -228,9 +230,9 @@ def damping_conflict(kp_nm_rad: float, kd_nm_s_rad: float, of: str = "") -> Conf
 def move_conflict(
     config: MotionConfig, speed_mm_s: float, geometry: Geometry, period_s: float
 ) -> Conflict | None:
-    """Return why a move to a stop at this speed does not go with the other settings, or None.
+    """Return why a move to a stop at this speed does not fit the other settings, or None.
 
-    A target closer to the stop than `reach_tol` could not tell a stop from a jaw that met none.
+    With a target closer to the stop than `reach_tol`, a stop looks like a jaw that met none.
     """
     overshoot_rad = config.press_overshoot * geometry.travel_rad
     if overshoot_rad <= config.reach_tol:
@@ -247,7 +249,7 @@ def move_conflict(
 
 
 def fast_conflict(config: MotionConfig, speed_mm_s: float, period_s: float) -> Conflict | None:
-    """Return why a speed is too high, or None: the lead cap would clip the ramp's own step."""
+    """Return why a speed is too high, or None: the largest lead would clip the ramp's own step."""
     fastest = config.stop_lead_mm / period_s
     if speed_mm_s <= fastest:  # not so for NaN
         return None
@@ -266,7 +268,7 @@ def slow_conflict(
     """Return why a speed is too low for the stall window, or None.
 
     Below `stop_lead_mm` a window, static friction would count as a stall: it holds the jaws until
-    the command leads by up to that much. Below `stall_delta` a window, every motion would.
+    the command leads by up to that distance. Below `stall_delta` a window, every motion would.
     """
     window_s = config.stall_cycles * config.sample_interval
     slowest = max(1.5 * config.stall_delta * geometry.rad_to_mm, config.stop_lead_mm) / window_s

@@ -1,4 +1,4 @@
-"""The motor as values: what it is told, what it answers, what it is and in which phase."""
+"""The motor as values: what it gets, what it answers, what it is and in which phase."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,7 +12,7 @@ from litegripd.model.errors import Refusal
 class MitCommand:
     """One MIT-mode command: the motor applies kp·(q - q') + kd·(dq - dq') + torque.
 
-    `kp_nm_rad` is 0 to 500 and `kd_nm_s_rad` 0 to 5; the ranges of the rest lie in the motor.
+    `kp_nm_rad` is 0 to 500 and `kd_nm_s_rad` 0 to 5; the motor's registers hold the other ranges.
     """
 
     position_rad: float
@@ -37,7 +37,7 @@ class Status(IntEnum):
 
 
 def status_name(code: int) -> str:
-    """Name a status nibble, as it appears on the wire; an unknown one by its number."""
+    """Return the name of a status nibble, as it travels; an unknown one by its number."""
     try:
         return Status(code).name.lower()
     except ValueError:
@@ -45,7 +45,7 @@ def status_name(code: int) -> str:
 
 
 def is_fault(code: int) -> bool:
-    """Check if a status nibble is a fault, known or not: anything but disabled and enabled."""
+    """Return True if a status nibble is a fault, known or not: not "disabled" and not "enabled"."""
     return code not in (Status.DISABLED, Status.ENABLED)
 
 
@@ -53,8 +53,8 @@ def is_fault(code: int) -> bool:
 class Feedback:
     """One feedback frame, decoded.
 
-    `at_s` is when the latest request was sent before it was taken from the bus. The motor answers
-    at once, so the measurement is no older than that.
+    `at_s` is when the latest request was sent before the frame was taken from the bus. The motor
+    answers at once, so the measurement is no older than that.
     """
 
     status: int
@@ -68,7 +68,7 @@ class Feedback:
 
 @dataclass(frozen=True, slots=True)
 class Ranges:
-    """What the codes of a frame span, ± each; they live in the motor's registers 21 to 23."""
+    """The ranges that the codes of a frame span, ± each; the motor's registers hold them."""
 
     position_rad: float
     velocity_rad_s: float
@@ -77,7 +77,7 @@ class Ranges:
 
 @dataclass(frozen=True, slots=True)
 class MotorIdentity:
-    """What the motor told about itself; None where it did not answer a register."""
+    """What the motor reported about itself; None for a register that it did not answer."""
 
     can_id: int
     master_id: int
@@ -101,7 +101,7 @@ class MotorPhase(Enum):
 
 @dataclass(frozen=True, slots=True)
 class RegisterRequest:
-    """Ask for the value of register `number`; `identity` tells one request from another."""
+    """A request for the value of register `number`; `identity` distinguishes requests."""
 
     identity: int
     number: int
@@ -109,7 +109,7 @@ class RegisterRequest:
 
 @dataclass(frozen=True, slots=True)
 class RegisterReply:
-    """What came of the request `identity`: the register's `value`, or the `failure` to get one."""
+    """The answer to the request `identity`: the register's `value`, or a `failure`."""
 
     identity: int
     value: float | int | None
@@ -118,10 +118,10 @@ class RegisterReply:
 
 @dataclass(frozen=True, slots=True)
 class RegisterWrite:
-    """A write to the motor's registers that somebody else sent.
+    """A write to the motor's registers by another sender.
 
-    `name` is the register's, or its number where the table has none; None when all of them were
-    saved. `value` is None where it is not known, or is no number.
+    `name` is the register's, or its number if the table does not have it; None when all registers
+    were saved. `value` is None if it is unknown or not a number.
     """
 
     name: str | None
@@ -133,12 +133,12 @@ ZeroState: TypeAlias = Literal["idle", "pending", "done", "failed"]
 
 @dataclass(frozen=True, slots=True)
 class ZeroView:
-    """How the latest setting of the motor's zero stands; "idle" before the first one.
+    """The state of the latest setting of the motor's zero; "idle" before the first one.
 
-    Once it is done, the motor counts its positions from where the jaws were: they are all less by
-    `shift_rad` than before, and `position_rad` is the first one measured so. `failure` says why it
-    failed. `is_uncertain` is true from the first frame that sets the zero until it is confirmed,
-    and after a failure: meanwhile nobody knows from which zero the positions count.
+    When it is done, the motor counts its positions from where the jaws were: all are less by
+    `shift_rad` than before, and `position_rad` is the first measured one. `failure` is the reason
+    of a failure. `is_uncertain` is True from the first frame that sets the zero until it is
+    confirmed, and after a failure: meanwhile nobody knows from which zero the positions count.
     """
 
     state: ZeroState = "idle"
@@ -152,12 +152,11 @@ class ZeroView:
 class MotorView:
     """The motor as the controller sees it in one tick.
 
-    `feedback` is the latest, whatever its age; `enable_tries` counts the attempts of the present
-    or latest enable; `problem` says why the motor cannot be enabled now, if so; `failure` why
-    the latest enable or disable did not succeed; `fault` what the motor reports; `register` is
-    the reply to the latest register request that was answered; `foreign_commands` counts the
-    frames to the motor that somebody else sent, and `foreign_write` is the latest of them that
-    wrote registers.
+    `feedback` is the latest, whatever its age; `enable_tries` counts the tries of the present or
+    latest enabling; `problem` is why the motor cannot be enabled now, or None; `failure` why the
+    latest enabling or disabling did not succeed; `fault` what the motor reports; `register` is the
+    reply to the latest answered register request; `foreign_commands` counts the frames to the motor
+    from other senders, and `foreign_write` is the latest of them that wrote registers.
     """
 
     phase: MotorPhase
@@ -180,7 +179,7 @@ class MotorView:
 
 @dataclass(frozen=True, slots=True)
 class EnableMotor:
-    """Ask for the motor to be energised: at most `tries` attempts, `interval_s` apart."""
+    """Enable the motor: at most `tries` tries, `interval_s` apart."""
 
     tries: int
     interval_s: float
@@ -188,32 +187,32 @@ class EnableMotor:
 
 @dataclass(frozen=True, slots=True)
 class DisableMotor:
-    """Ask for the motor to be de-energised, confirmed."""
+    """Disable the motor, confirmed."""
 
 
 @dataclass(frozen=True, slots=True)
 class SetZero:
-    """Ask for the present position to become the zero of the motor's positions, confirmed.
+    """Make the present position the zero of the motor's positions, confirmed.
 
-    Only a disabled motor takes it.
+    Only a disabled motor accepts it.
     """
 
 
 @dataclass(frozen=True, slots=True)
 class ClearFault:
-    """Ask for a latched fault to be cleared, confirmed; it energises nothing."""
+    """Clear a latched fault, confirmed; this energises nothing."""
 
 
 MotorRequest: TypeAlias = EnableMotor | DisableMotor | SetZero | ClearFault
 
 
 @dataclass(frozen=True, slots=True)
-class MotorOrder:
+class MotorInput:
     """What the controller wants of the motor in one tick.
 
-    `is_motion` tells that `command` leads the jaws on; it must not go on without feedback. A
-    `request` is given once. A `register` is given in every tick until it is answered; one that is
-    left out is withdrawn.
+    `is_motion` is True if `command` leads the jaws on: it must not continue without feedback. A
+    `request` is given once. A `register` is given in every tick until it is answered; leaving it
+    out withdraws it.
     """
 
     command: MitCommand | None = None

@@ -6,10 +6,10 @@ the heat model, the configuration's choices and the simulator follow from it.
 Sources. DM4310: the maker's data sheet of the DM-J4310-2EC (10:1; 3 N·m rated, 7 peak; 120 and 200
 rpm at 24 V) and register ranges; friction by the gripper's manual; thermal resistances and time
 constants are estimates. DM4340: the maker's data sheet of the DM-J4340-2EC (40:1; 9 N·m rated, 27
-peak; 36 and 52.5 rpm at 24 V) and register ranges. Taken to have the frame, winding and driver of
-the DM4310, so that torque constant, inertia, braking and heat come from there by the ratio; its
+peak; 36 and 52.5 rpm at 24 V) and register ranges. Its frame, winding and driver are assumed to be
+the DM4310's, so torque constant, inertia, braking and heat follow from there by the ratio; its
 friction is an estimate. The gripper comes with a DM4310. NO DM4340 HAS EVER BEEN TRIED in it, nor
-with this daemon on any hardware: the row says so by `is_untried`.
+with this daemon on any hardware: `is_untried` marks the row.
 """
 
 import math
@@ -22,22 +22,23 @@ from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, NOMINAL_RAD_TO_MM
 from litegripd.model.motor import Ranges
 
 PEAK_S = 0.5
-"""The peak torque is for so long, less of it for longer."""
+"""How long the peak torque is allowed; less torque is allowed for longer."""
 
 FINGERS_KG_M2 = 7e-5
-"""Of the gripper, at the motor's output (its model files)."""
+"""Inertia of the gripper's fingers at the motor's output (from its model files)."""
 
 FASTEST_MM_S = 500.0
-"""Of the gripper; a slow motor allows less."""
+"""The gripper's limit; a slow motor allows less."""
 
 
 @dataclass(frozen=True)
 class MotorType:
     """One type of motor. Torques, speeds and inertias are at the output, after the gear.
 
-    `ranges` are what frames span as the motor leaves the factory; the motor's own are used.
-    `rated_nm` is for long, `peak_nm` for `PEAK_S`. `coil_limit_c` is where the daemon lowers the
-    torque, well below the firmware's own limit. `braking_nm_s_rad` is that of a disabled motor.
+    `ranges` are those of a frame as the motor leaves the factory; the motor's own are used.
+    `rated_nm` is allowed for long, `peak_nm` for `PEAK_S`. At `coil_limit_c` the daemon lowers the
+    torque; it is well below the firmware's own limit. `braking_nm_s_rad` is that of a disabled
+    motor.
     """
 
     name: str
@@ -74,7 +75,7 @@ class MotorType:
 
     @cached_property
     def peak_impulse_nm_s(self) -> float:
-        """How much above the rating the peak is, in all."""
+        """The impulse by which the peak exceeds the rating, in all."""
         return PEAK_S * (self.peak_nm - self.rated_nm)
 
     @cached_property
@@ -84,23 +85,23 @@ class MotorType:
 
     @cached_property
     def inertia_kg_m2(self) -> float:
-        """Rotor and fingers."""
+        """The inertia of rotor and fingers."""
         return round(self.rotor_inertia_kg_m2 + FINGERS_KG_M2, 5)
 
     @cached_property
     def largest_acceleration_rad_s2(self) -> float:
-        """What the largest torque of a frame does to rotor and fingers, and a tenth in reserve."""
+        """The acceleration by a frame's largest torque, plus a tenth in reserve."""
         largest = 1.1 * self.ranges.torque_nm / self.inertia_kg_m2
         return math.ceil(largest / 1000.0) * 1000.0
 
     @cached_property
     def most_force_n(self) -> float:
-        """The force that may be asked for: the rated torque's."""
+        """The largest force that may be asked for, at the rated torque."""
         return self.rated_nm * FORCE_PER_TORQUE_N_NM
 
     @cached_property
     def fastest_mm_s(self) -> float:
-        """The speed that may be asked for: the rated one, where the gripper bears it."""
+        """The highest speed that may be asked for: the rated one, up to the gripper's limit."""
         return min(FASTEST_MM_S, math.floor(self.rated_speed_rad_s * NOMINAL_RAD_TO_MM))
 
 
@@ -143,4 +144,4 @@ DM4340 = MotorType(
 )
 
 MOTOR_TYPES: Mapping[str, MotorType] = MappingProxyType({row.name: row for row in (DM4310, DM4340)})
-"""By the name that `[motor] type` has in the configuration."""
+"""The types by the name that `[motor] type` has in the configuration."""

@@ -1,11 +1,11 @@
-"""Values as JSON carries them from one process of the daemon to its successor, and back.
+"""Values in a form that JSON carries from one process of the daemon to its successor, and back.
 
 What arrives is checked against the declared type, down to the last field. A state that another
 version has written, or that is damaged, is rejected; nothing is guessed.
 
-A class with state that must survive a restart declares each attribute. `name: Carried[float]` in
-its body is taken over by a successor; `NOT_CARRIED` names the others. An attribute in neither is a
-defect. It is found before anything is handed over, and not by jaws that let go.
+A class with state that must survive a restart declares each attribute. A successor takes over what
+the class body declares as `name: Carried[float]`; `NOT_CARRIED` names the others. An attribute in
+neither is a defect. It is found before anything is handed over.
 """
 
 from collections import deque
@@ -22,13 +22,13 @@ TYPE_KEY = "is"
 
 
 class PlainError(ValueError):
-    """Something that arrived is not what was declared; the message says where."""
+    """A value that is not of the declared type; the message says where."""
 
 
 def plain_of(value: Any) -> Any:
-    """Return what JSON can hold of a value: dataclasses as objects, enums by their names.
+    """Return a value in a form that JSON can hold: dataclasses as objects, enums by their names.
 
-    Numbers that are not finite stay: both ends are Python's own `json`.
+    Numbers that are not finite stay: both ends use Python's own `json`.
     """
     if value is None or isinstance(value, bool | int | float | str):
         return value.name if isinstance(value, Enum) else value
@@ -57,7 +57,7 @@ Reader = Callable[[Any, str], Any]
 
 @cache
 def _reader(kind: Any) -> Reader:
-    """Return what reads a type; made once for each."""
+    """Return the function that reads a type; made once for each type."""
     if kind in (Any, object):
         return lambda plain, _where: plain
     if kind in _PRIMITIVES:
@@ -219,9 +219,9 @@ def carried_by(owner: type) -> Mapping[str, Any]:
 
 
 def undeclared(source: object) -> set[str]:
-    """Return the attributes of an object of which its class does not say whether they are carried.
+    """Return the attributes of an object that its class declares neither carried nor not carried.
 
-    Also those that it declares twice, and those that it declares and the object does not have.
+    Attributes that it declares twice, and those that the object does not have, are included.
     """
     owner: type = type(source)
     carried, left = carried_by(owner).keys(), set(getattr(owner, "NOT_CARRIED", ()))
@@ -230,7 +230,7 @@ def undeclared(source: object) -> set[str]:
 
 
 def memory(source: object) -> dict[str, Any]:
-    """Return what JSON can hold of the carried attributes. Raises `PlainError` for a defect."""
+    """Return the carried attributes as JSON can hold them. Raises `PlainError` for a defect."""
     owner: type = type(source)
     unknown = undeclared(source)
     if unknown:
@@ -243,8 +243,8 @@ def memory(source: object) -> dict[str, Any]:
 def restore(target: object, plain: Any, where: str = "") -> None:
     """Fill `target` with what `memory` returned. Raises `PlainError` for anything else.
 
-    An object that has carried attributes itself is filled, not replaced. Bounded rows are filled,
-    too, so that they keep their bounds.
+    An object with carried attributes of its own is filled, not replaced. Bounded collections are
+    filled, too, so that they keep their bounds.
     """
     owner: type = type(target)
     where, kinds = where or owner.__name__, carried_by(owner)
@@ -268,5 +268,5 @@ def _part(value: Any, kind: Any) -> Any:
 
 @cache
 def is_stateful(kind: Any) -> bool:
-    """Return whether a type is a class with carried attributes."""
+    """Return True if a type is a class with carried attributes."""
     return get_origin(kind) is None and isinstance(kind, type) and bool(carried_by(kind))

@@ -1,4 +1,4 @@
-"""What motions end with, and what is told on their way."""
+"""How motions end, and what they report on their way."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,28 +17,28 @@ arrived."""
 GraspOutcome: TypeAlias = Literal[
     "object_held", "wrong_width", "no_object", "object_lost", "timed_out"
 ]
-"""`object_held`: something is held. `wrong_width`: so it is, but not of the width asked for.
-`no_object`: the jaws came to the empty end. `object_lost`: they closed on after a grip.
-`timed_out`: they neither gripped nor arrived."""
+"""`object_held`: something is held. `wrong_width`: something is held, but not of the width asked
+for. `no_object`: the jaws came to the empty end. `object_lost`: they closed further after a
+grip. `timed_out`: they neither gripped nor arrived."""
 
 ZeroOutcome: TypeAlias = Literal[
     "measured", "implausible_travel", "not_found", "not_confirmed", "not_saved"
 ]
-"""`measured`: both stops were found, and the calibration is in use. Else nothing has changed:
-`implausible_travel`, far from the one known before; `not_found`: a stop was not met;
+"""`measured`: both stops were found, and the calibration is in use. With the others nothing has
+changed. `implausible_travel`: far from the travel known before. `not_found`: a stop was not met.
 `not_confirmed`: strokes with the speed of a `close` do not end at it, or no `close` would press
-there; `not_saved`: the file could not be written."""
+there. `not_saved`: the file could not be written."""
 
 
 RecordOutcome: TypeAlias = Literal["stopped", "full", "failed"]
-"""`stopped`: ended as asked for. `full`: as long as it could or should be. `failed`: broken off."""
+"""`stopped`: ended by request. `full`: as long as it could or should be. `failed`: ended early."""
 
 ReplayOutcome: TypeAlias = Literal[
     "completed", "blocked", "not_aligned", "no_object", "object_lost", "timed_out"
 ]
-"""`completed`: the path was gone to its end. `blocked`: so it was, but the jaws did not get there.
-`not_aligned`: they did not get to its start. Of a grip that was repeated, as of a grasp:
-`no_object`, `object_lost`, `timed_out`."""
+"""`completed`: the jaws followed the path to its end. `blocked`: the path ended, but the jaws
+did not get there. `not_aligned`: they did not get to its start. For a repeated grip the outcomes
+of a grasp: `no_object`, `object_lost`, `timed_out`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +62,7 @@ class MoveResult:
 
 @dataclass(frozen=True, slots=True)
 class EnableResult:
-    """The result of enabling: confirmed or not, after how many attempts, and if not, why."""
+    """The result of enabling: confirmed or not, after how many tries, and if not, why."""
 
     ok: bool
     tries: int
@@ -78,7 +78,7 @@ class DisableResult:
 
 @dataclass(frozen=True, slots=True)
 class ClearFaultResult:
-    """That the motor has no fault; `cleared` names the one that it had, None without one."""
+    """The motor has no fault; `cleared` names the one that it had, None without one."""
 
     ok: bool
     cleared: str | None
@@ -86,17 +86,17 @@ class ClearFaultResult:
 
 @dataclass(frozen=True, slots=True)
 class HoldResult:
-    """Where the jaws are held from now on."""
+    """The position at which the jaws are held from now on."""
 
     position_rad: float
 
 
 @dataclass(frozen=True, slots=True)
 class GraspResult:
-    """How a grasp ended, or at its verdict, how it began.
+    """How a grasp ended; at its verdict, how it began.
 
-    `force_n` is the set force; `cycles` counts the full `hold_interval`s of the hold; `width_mm`
-    is the opening at the verdict, None where nothing was met.
+    `force_n` is the set force; `cycles` counts the full `hold_interval`s of the hold; `width_mm` is
+    the opening at the verdict, None if nothing was met.
     """
 
     ok: bool
@@ -112,7 +112,7 @@ class GraspResult:
 
 @dataclass(frozen=True, slots=True)
 class ForceResult:
-    """The force by which the jaws squeeze from now on."""
+    """The force with which the jaws squeeze from now on."""
 
     force_n: float
 
@@ -126,14 +126,14 @@ class SlackResult:
 
 @dataclass(frozen=True, slots=True)
 class StreamResult:
-    """How many set-points a stream had."""
+    """The number of set-points of a stream."""
 
     set_points: int
 
 
 @dataclass(frozen=True, slots=True)
 class ZeroResult:
-    """How a calibration ended; `content` is the file's, None where none came out of it."""
+    """How a calibration ended; `content` is the file's, None if there is no new calibration."""
 
     ok: bool
     outcome: ZeroOutcome
@@ -160,7 +160,7 @@ class SetZeroResult:
 
 @dataclass(frozen=True, slots=True)
 class RecordResult:
-    """How a recording by hand ended; `missed` samples were due, but not measured in time."""
+    """How a recording by hand ended; `missed` counts samples without a measurement in time."""
 
     ok: bool
     outcome: RecordOutcome
@@ -173,10 +173,10 @@ class RecordResult:
 class ReplayResult:
     """How a replay ended: after `loops` whole passes and `frames` commands.
 
-    `largest_lag_mm` is how far the jaws were from the path at most, what they travel while a
-    measurement is on its way included. Of repeated grips `grips` counts those that held something,
-    `width_mm` is the latest one's, and `width_difference_mm` by how much the object that differed
-    most was wider (above 0) or narrower than the taught one.
+    `largest_lag_mm` is the largest distance of the jaws from the path. It includes what they travel
+    while a measurement is on its way. Of repeated grips `grips` counts those that held something,
+    and `width_mm` is the latest one's. `width_difference_mm` is by how much the most different
+    object was wider (above 0) or narrower than the taught one.
     """
 
     ok: bool
@@ -192,7 +192,7 @@ class ReplayResult:
 
 @dataclass(frozen=True, slots=True)
 class TeleopResult:
-    """What a teleoperation came to: the frames that were sent or followed, and what went wrong."""
+    """How teleoperation ended: the frames that were sent or followed, and what went wrong."""
 
     ok: bool
     mode: TeleopMode
@@ -234,7 +234,7 @@ class Progress:
 
 @dataclass(frozen=True, slots=True)
 class ReplayProgress(Progress):
-    """Where a replay is; `openness` is what the path has now, `loops` counts whole passes.
+    """Where a replay is; `openness` is the path's present one, `loops` counts whole passes.
 
     `grips` and `width_mm` are those of `ReplayResult`, so far.
     """

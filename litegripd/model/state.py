@@ -1,6 +1,7 @@
-"""The gripper's state in one tick, as every client sees it."""
+"""The gripper's state in one tick, and the events in it, as every client sees them."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
 
 from litegripd.model.bus import BusState
@@ -26,7 +27,7 @@ class JobSummary:
 class StopSummary:
     """The latched stop, in brief; `by` names the program, None for the daemon itself.
 
-    `repeats` counts the stops since it was latched that raised nothing: they make no events.
+    `repeats` counts the stops since then that did not raise the level; they make no events.
     """
 
     level: str
@@ -38,20 +39,20 @@ class StopSummary:
 
 @dataclass(frozen=True, slots=True)
 class GripperState:
-    """All that is known in the tick `seq`; None where something is unknown.
+    """All that is known in the tick `seq`; None for what is unknown.
 
     Times are of CLOCK_MONOTONIC, which all processes of a machine share. `feedback_s` is when the
-    motor was asked for the measurement, `age_s` its age at `monotonic_s`; `stale` marks one that
-    is older than it should be, or of a motor that does not answer. `enabled` is None while nothing
-    is known, and while a motor that is silent, or is being enabled or disabled, said last that it
-    is enabled. `requested_rad` and `requested_torque_nm` are what the running motion or hold wanted
-    in this tick, `command_rad` and `command_torque_nm` what the motor was told, and `limited` names
-    the limits that make the difference. `force_set_n` is the set force of a hold by force, None
-    without one and when the motor is off; `is_grasped` whether such a hold has something between
-    the jaws. While it has, `clamp_n` is the interval that the force on the object lies in (friction
-    hides the rest; 0 as the lower end while the jaws follow an object that gave way),
-    `loss_detection` whether the loss of the object would be noticed, and `loss_detection_from_n`
-    the set force from which on it would.
+    motor was asked for the measurement, `age_s` its age at `monotonic_s`; `stale` marks a
+    measurement that is older than it should be, or of a motor that does not answer. `enabled` is
+    None while nothing is known, and while the last report of a motor that is silent, or is being
+    enabled or disabled, was that it is enabled. `requested_rad` and `requested_torque_nm` are what
+    the running motion or hold wanted in this tick, `command_rad` and `command_torque_nm` what the
+    motor got, and `limited` names the limits that make the difference. `force_set_n` is the set
+    force of a hold by force, None without one and when the motor is off; `is_grasped` is true if
+    such a hold has something between the jaws. Then `clamp_n` is the interval of the force on the
+    object (friction hides the exact value; the lower end is 0 while the jaws follow an object that
+    gave way), `loss_detection` is true if the loss of the object would be noticed, and
+    `loss_detection_from_n` is the smallest set force with which it would.
     """
 
     seq: int
@@ -88,3 +89,34 @@ class GripperState:
     job: JobSummary | None
     stop: StopSummary | None
     stop_generation: int
+
+
+EventKind: TypeAlias = Literal[
+    "job_started",
+    "job_ended",
+    "stop",
+    "stop_cleared",
+    "bus",
+    "motor",
+    "second_master",
+    "implausible",
+    "client_lost",
+    "object_lost",
+    "object_moved",
+    "heat",
+    "calibration",
+    "lease",
+    "lease_lost",
+    "recorder",
+    "refused",
+    "teleop",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One thing that happened: a sentence for a person, and the same for a program."""
+
+    kind: EventKind
+    message: str
+    data: Mapping[str, object] = field(default_factory=dict)

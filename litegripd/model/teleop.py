@@ -1,12 +1,12 @@
-"""Values of teleoperation: what is wished for, its links, and the frames on the wire.
+"""Values of teleoperation: its options, its links, and the frames on the wire.
 
-A leader's frame has 32 bytes that other stacks send and read, too: four big-endian float64, the
-openness, position, force and the sender's time. Nothing is clamped here: what is no number is no
-frame. Nor is one whose openness or position is subnormal: no measurement is that small, but a
-double in the other byte order looks like that, and would close the jaws.
+A leader's frame has 32 bytes, which other stacks send and read, too: four big-endian float64 with
+openness, position, force and the sender's time. Nothing is clamped here: a frame with a value that
+is no number is rejected. So is one whose openness or position is subnormal. No measurement is that
+small, but a double in the other byte order looks like that, and would close the jaws.
 
-A follower's frame, 40 bytes of our own, tells the leader's hand how hard it presses. It has a key
-of its own, and a length and a mark that no frame of a leader has: neither is ever taken for the
+A follower's frame, 40 bytes of our own, carries the force at its jaws to the leader's hand. It has
+its own key, and a length and a mark that no leader's frame has, so neither can be mistaken for the
 other.
 """
 
@@ -25,16 +25,16 @@ DEFAULT_GRIP_ID = "gripA"
 DEFAULT_WATCHDOG_S = 0.2
 DEFAULT_DQ_MAX_RAD_S = 10.0
 DEFAULT_REFLECT_GAIN = 0.5
-"""The vendor's defaults, which the two ends of a link must share where it matters; but for the
-last, which it does not have."""
+"""The vendor's defaults. The two ends of a link must share those that matter to both. The vendor
+has no reflection, so the last one is ours."""
 
 
 @dataclass(frozen=True, slots=True)
-class LinkWish:
-    """Which link to open. `host` is the other end's: a follower's leader, or whom UDP sends to.
+class LinkOptions:
+    """The link to open. `host` is the other end's: a follower's leader, or the receiver of UDP.
 
-    A leader's UDP goes to one address or several (see `teleop_targets`). With `reflects` the
-    followers' forces travel the other way.
+    A leader sends UDP to one address or several (see `udp_targets`). With `reflects` the followers'
+    forces travel the other way.
     """
 
     mode: TeleopMode
@@ -46,20 +46,20 @@ class LinkWish:
 
     @property
     def topic(self) -> str:
-        """The key under which frames travel; UDP has none, but the same name."""
+        """The key under which frames travel; UDP has none, but uses the same name."""
         return f"litearm/v4/{self.grip_id}/gripper_teleop"
 
     @property
     def force_topic(self) -> str:
-        """The key under which followers tell their force; no other stack uses it."""
+        """The key under which followers report their force; no other stack uses it."""
         return f"{self.topic}_force"
 
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """What came over a link, as it came: at `at_s` of the receiver's clock, from `source`.
+    """A frame as it came over a link: at `at_s` of the receiver's clock, from `source`.
 
-    `source` tells two senders from each other where the transport can, and is empty elsewhere.
+    `source` distinguishes senders if the transport can do so; otherwise it is empty.
     """
 
     payload: bytes
@@ -72,11 +72,11 @@ LinkState: TypeAlias = Literal["opening", "open", "failed"]
 
 @dataclass(frozen=True, slots=True)
 class LinkStatus:
-    """How a link is: `error` says why it failed (it is tried again by itself).
+    """The state of a link: `error` says why it failed (it is retried automatically).
 
-    `matching` tells whether somebody listens to a leader, None where nobody can know; `dropped`
-    counts what came faster than any leader sends, or from whom nobody listens to. `is_protected`
-    tells whether only whom the configuration names can take part, None before it is open.
+    `matching` is True if another end listens to a leader, None if nobody can know; `dropped` counts
+    what came faster than any leader sends, or from an unexpected sender. `is_protected` is True if
+    only ends that the configuration names can take part, None before it is open.
     """
 
     state: LinkState = "opening"
@@ -90,8 +90,8 @@ class LinkStatus:
 class TeleopSettings:
     """How to lead or to follow.
 
-    `rate_hz` is the leader's; None means every tick. `torque_limit_nm` 0 leaves the guard off,
-    `force_limit_n` None the force as the gains make it; gains that are None are the calibration's.
+    `rate_hz` is the leader's; None means every tick. `torque_limit_nm` 0 turns the guard off. With
+    `force_limit_n` None the gains alone bound the force. Gains that are None are the calibration's.
     A leader pushes back with the share `reflect_gain` of its followers' force, `reflect_n` at most.
     """
 
@@ -108,23 +108,23 @@ class TeleopSettings:
 
 @dataclass(frozen=True, slots=True)
 class TeleopStatus:
-    """How teleoperation goes; names as in the vendor's SDK, and some more.
+    """How teleoperation is going; names as in the vendor's SDK, and some more.
 
-    `openness`, `position_mm` and `force_n` are a master's own, or its leader's where a slave
-    follows; `torque_nm` is this gripper's own torque. `frames` counts those sent, or followed.
+    `openness`, `position_mm` and `force_n` are a master's own; a slave that follows has its
+    leader's. `torque_nm` is this gripper's own torque. `frames` counts those sent, or followed.
     `rejected` counts what was no frame, `out_of_order` frames that were older than one before,
     `other_leaders` those of a second leader, or of a clock that was set back; all are dropped.
     `send_failed` counts frames that could not be sent, or, of a slave, ticks whose command the
-    motor did not answer. `fault` names the motor's status where it is not "enabled", or why it all
+    motor did not answer. `fault` names the motor's status if it is not "enabled", or why everything
     ended.
 
-    `host` and `port` are the wish's: where a slave's leader is, with UDP also whom a master sends
-    to; None where there is no network. `link_protected` is False where anybody may take part who
-    reaches the link; like `link_state` and `matching` it is None once all is over. `force_limited`
-    says that a slave would press harder, but for its limits. With force reflection `reflected_n` is
-    what a slave has reported to its leader last (squeezing positive; None while it reports none),
-    or with what a master's jaws push now (opening positive); `followers` counts those whose force a
-    master hears, `round_trip_ms` is the age of the position that the newest force answers. `late`
+    `host` and `port` are the link's: where a slave's leader is, with UDP also where a master sends
+    to; None without a network. `link_protected` is False if anyone who reaches the link can take
+    part; like `link_state` and `matching` it is None after the end. `force_limited` is True if a
+    slave would press harder without its limits. With force reflection `reflected_n` is what a slave
+    has last reported to its leader (squeezing positive; None while it reports none), or how hard a
+    master's jaws push now (opening positive). `followers` counts those whose force a master
+    receives, `round_trip_ms` is the age of the position that the newest force answers. `late`
     counts frames that lay in the network while it was silent, or, of a master, forces that came too
     late.
     """
@@ -170,17 +170,17 @@ MOST_TARGETS = 8
 _TARGET = re.compile(r"(\[[^\[\]]+\]|[^:\[\]]+)(?::(\d{1,5}))?")
 
 
-def udp_targets(wish: LinkWish) -> tuple[tuple[str, int], ...]:
+def udp_targets(options: LinkOptions) -> tuple[tuple[str, int], ...]:
     """Return the hosts and ports that a leader sends to.
 
-    `host` names them, separated by commas, each with a port of its own where that is not the
-    link's: `10.0.0.2,10.0.0.3:17449`, `[fe80::1]:17449`. Raises `ValueError` for a port that is
-    none, a name that is none, and more than `MOST_TARGETS`.
+    `host` names them, separated by commas, each with its own port if that is not the link's:
+    `10.0.0.2,10.0.0.3:17449`, `[fe80::1]:17449`. Raises `ValueError` for an invalid port or name,
+    and for more than `MOST_TARGETS`.
     """
-    names = [name.strip() for name in (wish.host or "").split(",")]
+    names = [name.strip() for name in (options.host or "").split(",")]
     if len(names) > MOST_TARGETS:
         raise ValueError(f"names {len(names)} followers, {MOST_TARGETS} are the most")
-    return tuple(_target(name, wish.port) for name in names)
+    return tuple(_target(name, options.port) for name in names)
 
 
 def _target(name: str, port: int) -> tuple[str, int]:
@@ -202,11 +202,11 @@ FRAME_BYTES = _FRAME.size
 
 @dataclass(frozen=True, slots=True)
 class TeleopFrame:
-    """What a leader tells of itself.
+    """What a leader reports of itself.
 
     `openness` is 0 (closed) to 1 (open), `position_mm` its opening, `force_n` its force, squeezing
-    positive. `timestamp_s` is of the sender's own clock: two machines share none, so that only
-    differences of one sender mean something.
+    positive. `timestamp_s` is of the sender's own clock: two machines share none, so only
+    differences of one sender's times mean something.
     """
 
     openness: float
@@ -226,9 +226,9 @@ def encode_frame(frame: TeleopFrame) -> bytes:
 def decode_frame(payload: bytes) -> TeleopFrame | None:
     """Return the frame, or None for another length, a value that is not finite or a subnormal one.
 
-    Only openness and position count as subnormal; a force may have been through a filter that
-    decays, and is not followed.
-    An openness beyond 0 to 1 is a frame all the same: who follows keeps to its own travel.
+    Only openness and position count as subnormal. A force may come from a filter that decays, and
+    nobody follows it. A frame with an openness beyond 0 to 1 is valid: a follower keeps to its own
+    travel.
     """
     if len(payload) != FRAME_BYTES:
         return None
@@ -250,12 +250,12 @@ LARGEST_SENDER = 2**64 - 1
 
 @dataclass(frozen=True, slots=True)
 class ForceFrame:
-    """What a follower tells of itself.
+    """What a follower reports of itself.
 
-    `sender` is a number that it alone has, 0 to 2^64 - 1. `force_n` is the force at its jaws,
-    squeezing positive. `timestamp_s` is of its own clock; `echo_s` is the timestamp of the leader's
-    frame that it followed last, of the leader's clock: by it alone the leader knows how old the
-    answer to its position is.
+    `sender` is a number of its own, 0 to 2^64 - 1. `force_n` is the force at its jaws, squeezing
+    positive. `timestamp_s` is of its own clock. `echo_s` is the timestamp of the leader's frame
+    that it followed last, of the leader's clock: only by this the leader knows how old the answered
+    position is.
     """
 
     sender: int

@@ -26,8 +26,8 @@ _CODES_12 = (1 << 12) - 1
 def encode_command(command: MitCommand, ranges: Ranges) -> bytes:
     """Pack a command into its 8 bytes.
 
-    Raises `ValueError` for a field that is not finite or out of its range: clamping a NaN would
-    yield an end of the range, which is a real command that nobody asked for.
+    Raises `ValueError` for a field that is not finite or out of its range. A clamped NaN would
+    become an end of the range: a real command that nobody asked for.
     """
     position = _to_code("position_rad", command.position_rad, ranges.position_rad, _CODES_16)
     velocity = _to_code("velocity_rad_s", command.velocity_rad_s, ranges.velocity_rad_s, _CODES_12)
@@ -39,9 +39,9 @@ def encode_command(command: MitCommand, ranges: Ranges) -> bytes:
 
 
 def encode_zero_gains(position_rad: float, ranges: Ranges) -> bytes:
-    """Pack the command that energises nothing, wherever a motor is or is enabled later.
+    """Pack the command that energises nothing, neither now nor when the motor is enabled later.
 
-    Without gains the position matters to nobody; one beyond the range becomes its end.
+    Without gains the position has no effect; one beyond the range becomes the end of the range.
     """
     position_rad = min(max(position_rad, -ranges.position_rad), ranges.position_rad)
     return encode_command(MitCommand(position_rad, 0.0, 0.0, 0.0, 0.0), ranges)
@@ -74,7 +74,7 @@ def decode_feedback(data: bytes, ranges: Ranges, at_s: float) -> Feedback:
 
 
 def is_from_motor(data: bytes, can_id: int) -> bool:
-    """Return whether a frame on the master id can be feedback of the motor `can_id`."""
+    """Return True if a frame on the master id can be feedback of the motor `can_id`."""
     return len(data) == FRAME_BYTES and data[0] & 0xF == can_id & 0xF
 
 
@@ -97,4 +97,4 @@ def _to_gain_code(name: str, value: float, limit: float) -> int:
 
 
 def _from_code(code: int, limit: float, codes: int) -> float:
-    return limit * (2.0 * code / codes - 1.0)  # never beyond the limit, by no rounding error
+    return limit * (2.0 * code / codes - 1.0)  # rounding never leads beyond the limit

@@ -1,14 +1,16 @@
 """One enabling of the motor: its registers first, then a fault cleared, then armed and confirmed.
 
-What decides how the motor is talked to is read before every enabling: a power cycle undoes what was
-written, another program may have written, and either may have gone unnoticed.
+The registers that decide how the motor must be commanded are read before every enabling. A power
+cycle undoes what was written, another program may have written, and either may have gone unnoticed.
 
-Before the first enable frame the motor has answered one with zero gains, and one goes just before
-each: a command that arrived while the motor was disabled is stored and applied by enable at once,
-and a jump on enable is the commonest complaint about such grippers.
+The motor must answer a command with zero gains before the first enable frame, and one such command
+goes just before each enable frame. The motor stores a command that comes while it is disabled, and
+applies it as soon as it is enabled. A jump on enable is the commonest complaint about such
+grippers.
 
-`FaultClearing` clears a latched fault for its own sake: asked again until the motor says that it is
-gone. Clearing disarms, so it energises nothing. A fault whose cause lasts comes back at once.
+`FaultClearing` clears a latched fault without enabling. It repeats the request until the motor
+reports that the fault is gone. Clearing disarms, so it energises nothing. A fault whose cause lasts
+comes back at once.
 """
 
 from litegripd.model.bus import CanFrame
@@ -25,7 +27,7 @@ GIVES_UP_S = 0.25
 
 
 class FaultClearing:
-    """One clearing, from its request to its end."""
+    """One clearing of a fault, from its request to its end."""
 
     def __init__(self, can_id: int, now_s: float) -> None:
         self._can_id = can_id
@@ -33,7 +35,7 @@ class FaultClearing:
         self._next_try_s = now_s
 
     def has_failed(self, now_s: float) -> bool:
-        """Return whether the fault has lasted for so long that it will not go."""
+        """Return True if the fault has lasted for so long that it will not go away."""
         return now_s - self._began_s >= GIVES_UP_S
 
     def step(self, now_s: float) -> list[CanFrame]:
@@ -45,7 +47,7 @@ class FaultClearing:
 
 
 _PREPARE_WITHIN_S = 0.4
-"""For twenty tries of each register: with half of the frames lost each way, 98 % are enough."""
+"""Time for twenty tries of each register. With half of the frames lost each way, 98 % succeed."""
 _NO_WATCHDOG = Refusal(
     "motor_unsuitable",
     "the motor's watchdog (register TIMEOUT) is off, or longer than 0.4 s, and could not be"
@@ -62,7 +64,7 @@ _WRITTEN = Refusal(
 
 
 class Arming:
-    """Gives the frames of one enabling, and keeps its attempts and its failure."""
+    """Builds the frames of one enabling, and keeps the number of tries and the failure."""
 
     def __init__(self, known: Identification, request: EnableMotor, now_s: float) -> None:
         self.tries = 0
@@ -72,15 +74,16 @@ class Arming:
         self._request = request
         self._began_s = now_s
         self._next_try_s = now_s
-        self._outstanding = 1  # a status request may be under way
+        self._outstanding = 1  # a status request may be unanswered
         self._until_zero: int | None = None
 
     @property
     def has_stored_zero(self) -> bool:
         """True if the motor has answered a zero-gain frame since the last other frame.
 
-        Only then may it be enabled: what it has stored is what enable applies. Answers look all
-        alike, so those to earlier frames are counted out; a lost one costs a frame more.
+        The motor may be enabled only then, because it applies the command that it has stored. All
+        answers look alike, so answers to earlier frames are counted out. A lost answer costs one
+        more frame.
         """
         return self._until_zero is not None and self._until_zero <= 0
 
@@ -92,7 +95,7 @@ class Arming:
 
     @property
     def is_prepared(self) -> bool:
-        """True if all registers are as known, and allow to enable the motor."""
+        """True if all registers are verified, and the motor may be enabled with them."""
         identity = self._known.identity
         if self._known.verifier.is_open or identity is None:
             return False
@@ -101,10 +104,10 @@ class Arming:
     def step(
         self, now_s: float, phase: Phase, feedback: Feedback | None, *, is_silent: bool
     ) -> list[CanFrame]:
-        """Return the frames of this tick; `failure` is set when the attempts are used up.
+        """Return the frames of this tick; set `failure` when all tries are used up.
 
-        A silent motor gets status requests alone: an enable frame that lay in a queue would arm
-        it when nobody expects that any more.
+        A silent motor gets only status requests. An enable frame that lay in a queue would arm it
+        at a time when nobody expects it.
         """
         if phase is Phase.PREPARING:
             return self._prepare(now_s)
@@ -116,7 +119,7 @@ class Arming:
         return self._probe() if is_silent and self.failure is None else frames
 
     def _prepare(self, now_s: float) -> list[CanFrame]:
-        """Read all registers at once, and set the watchdog where that is needed."""
+        """Read all registers at once, and set the watchdog if it is off."""
         identity, verifier = self._known.identity, self._known.verifier
         if identity is None:
             return []
@@ -130,14 +133,14 @@ class Arming:
         return verifier.step(now_s, identity, len(VERIFIED), sets_watchdog=True)
 
     def _probe(self) -> list[CanFrame]:
-        """Ask for the status; the answer is not one to a zero-gain frame."""
+        """Ask for the status; the answer does not count as one to a zero-gain frame."""
         self._outstanding += 1
         if self._until_zero is not None:
             self._until_zero += 1
         return [status_request(self._can_id)]
 
     def _clear(self, now_s: float, feedback: Feedback | None) -> list[CanFrame]:
-        """Clear a fault, where there is one; the frame's answer tells whether that worked."""
+        """Clear a fault, if there is one; the motor's answer shows whether that worked."""
         faulty = feedback is not None and is_fault(feedback.status)
         if now_s - self._began_s > self._request.tries * self._request.interval_s:
             silent = self._not_confirmed() if self.tries else SILENT

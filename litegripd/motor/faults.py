@@ -1,4 +1,4 @@
-"""The motor's faults by name, each with what to do about it."""
+"""The motor's faults by name, and what to do about each."""
 
 from collections.abc import Mapping
 
@@ -32,9 +32,10 @@ _STOOD_STILL = (
 
 
 def fault_refusal(feedback: Feedback, stood_still_s: float | None = None) -> Refusal:
-    """Name the fault that a feedback frame reports, with what to do about it.
+    """Return a refusal that names the reported fault, and what to do about it.
 
-    `stood_still_s` is for how long the daemon itself sent nothing before, if it did not.
+    `stood_still_s` is how long the daemon itself sent nothing before the fault; None if it did
+    send.
     """
     name = status_name(feedback.status)
     if feedback.status == Status.COMMUNICATION_LOST and stood_still_s is not None:
@@ -53,7 +54,7 @@ def fault_refusal(feedback: Feedback, stood_still_s: float | None = None) -> Ref
 
 
 def implausible_refusal(jump_rad: float) -> Refusal:
-    """Say that the position is not to be believed, and what to do about it."""
+    """Return a refusal because of an implausible position, with what to do about it."""
     remedy = (
         "look where the jaws are, and power-cycle the motor if what is shown is wrong; then"
         " motor.clear_fault, and calibrate anew if it is still wrong"

@@ -1,15 +1,15 @@
-"""What the motor is: found by a look at its registers, read again, found anew after a silence.
+"""What the motor is: read from its registers at the start, after a silence, and when in doubt.
 
-Nothing here sends more than read requests. `RegisterScan` reads what the motor tells about itself,
-without energising it; `Identification` keeps the finished identity and what follows from it: where
-its answers come, in which ranges its frames are coded, why it cannot be used.
+Nothing here energises the motor. `RegisterScan` reads all that the motor reports about itself.
+`Identification` keeps the finished identity and what follows from it: the id of the motor's
+answers, the ranges of its frames, and why the motor cannot be used.
 
-`Verifier` reads again, in whatever phase, the registers that decide how the motor is talked to.
-They may change unheard: another program writes them, a power cycle takes back what was not saved. A
-register counts as verified once an answer equals what is known of it, or what has been claimed of
-it before: by another program's write, by the motor's own answer to that, or by an earlier answer
-that differed. So one disturbed frame changes nothing for good. Until then all that was claimed is
-possible, and a torque is coded so that it is no larger than wanted by any of it.
+`Verifier` reads the registers again that decide how the motor must be commanded, in any phase. They
+may change unnoticed: another program writes them, or a power cycle restores what was not saved. A
+register counts as verified once an answer equals its known value, or a value claimed before. Claims
+come from another program's write, from the motor's answer to that write, and from an earlier answer
+that differed. So one disturbed frame changes nothing for good. Until then every claimed value is
+possible. A torque is coded so that none of them makes it larger than wanted.
 """
 
 import math
@@ -21,6 +21,7 @@ from litegripd.model.motor import MotorIdentity, Ranges
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 from litegripd.model.plain import Carried
 from litegripd.motor.registers import (
+    ANSWER_WITHIN_S,
     CAN_ID,
     CONTROL_MODE,
     ESSENTIAL,
@@ -43,28 +44,26 @@ from litegripd.motor.registers import (
     write_request,
 )
 
-ANSWER_WITHIN_S = 0.02
 TRIES_PER_REGISTER = 3
 
 LONGEST_WATCHDOG_S = 0.4
-"""The longest that motors are known to come with. A longer one counts as off: nobody waits that
-long for jaws that press."""
+"""The longest watchdog that motors are delivered with. A longer one counts as off: nobody waits
+that long for jaws that press."""
 
 SMALLEST_RANGE, LARGEST_RANGE = 0.1, 1000.0
-"""rad, rad/s, N·m: far beyond any motor of this kind, at either end."""
+"""In rad, rad/s, N·m. Both ends are far beyond any motor of this kind."""
 
 RATIO_WITHIN = 0.05
-"""By such a share two ratios may differ and be the same; those of two types differ by far more."""
+"""Two ratios that differ by up to this share are the same. Two types differ by far more."""
 
 
 class RegisterScan:
     """Reads the registers of `READ_AT_START` one after the other, each a few times.
 
-    The first is MST_ID, whose answer comes on the very id that it names: so it is also the way
-    to find that id. A register that only informs is left out when it is not answered; one that
-    is essential is asked for until two answers on end are the same: a disturbed one must neither
-    scale every later frame wrongly nor rule the motor out. So is a gear ratio that is not the
-    type's.
+    The first is MST_ID. Its answer comes on the id that it holds, so this read also finds that id.
+    A register that only informs is left out when it is not answered. An essential one is read until
+    two answers in a row are equal: a disturbed answer must neither give every later frame a wrong
+    scale nor reject the motor. The same holds for a gear ratio that is not the type's.
     """
 
     def __init__(self, can_id: int, motor_type: MotorType = DM4310) -> None:
@@ -72,14 +71,14 @@ class RegisterScan:
         self._motor_type = motor_type
         self._values: dict[Register, float | int | None] = {}
         self._first: bytes | None = None
-        """The awaited register's latest answer, as long as it is not confirmed."""
+        """The latest answer for the awaited register, until a second one confirms it."""
         self._is_asked = False
         self._tries = 0
         self._asked_at_s = float("-inf")
 
     @property
     def awaited(self) -> Register | None:
-        """The register whose answer is awaited, None when all have been asked for."""
+        """The register whose answer is awaited; None when all have been read."""
         return next((reg for reg in READ_AT_START if reg not in self._values), None)
 
     @property
@@ -103,9 +102,9 @@ class RegisterScan:
         return [read_request(self._can_id, register)]
 
     def take(self, answer: Answer, can_id: int) -> bool:
-        """Take an answer that came on `can_id`; tell whether it was the awaited one.
+        """Take an answer that came on `can_id`; return True if it was the awaited one.
 
-        Another process's read request has the shape of an answer of zero, but not its id.
+        Another process's read request looks like an answer of zero, but has another id.
         """
         register = self.awaited
         is_wrong = answer.is_write or register is None or answer.number != register.number
@@ -126,7 +125,7 @@ class RegisterScan:
         return True
 
     def identity(self) -> MotorIdentity | None:
-        """Return what was read, once all has been asked for."""
+        """Return the identity, once all registers have been read."""
         if self.awaited is not None:
             return None
         values = {register.number: value for register, value in self._values.items()}
@@ -141,20 +140,20 @@ class RegisterScan:
 
 
 def has_usable_ranges(identity: MotorIdentity) -> bool:
-    """Check if frames can be decoded with the motor's ranges: finite and of no absurd size."""
+    """Return True if frames can be decoded with the motor's ranges."""
     ranges = identity.ranges
     return all(map(is_usable_range, (ranges.position_rad, ranges.velocity_rad_s, ranges.torque_nm)))
 
 
 def is_usable_range(limit: float) -> bool:
-    """Return whether a range is finite and of no absurd size."""
+    """Return True if a range is finite and of a sensible size."""
     return SMALLEST_RANGE <= limit <= LARGEST_RANGE
 
 
 def unsuitable(
     identity: MotorIdentity, configured_master_id: int | None, motor_type: MotorType = DM4310
 ) -> Refusal | None:
-    """Return why a motor must not be enabled, if its registers forbid it."""
+    """Return why the motor must not be enabled, or None."""
     refusal = uncontrollable(identity) or wrong_type(identity, motor_type)
     if refusal is not None:
         return refusal
@@ -207,10 +206,10 @@ def uncontrollable(identity: MotorIdentity) -> Refusal | None:
 
 
 def wrong_type(identity: MotorIdentity, motor_type: MotorType) -> Refusal | None:
-    """Return a refusal if the motor is not of the type that is configured.
+    """Return a refusal if the motor is not of the configured type.
 
-    Its gear ratio tells, which nobody can write. So do ranges that are another type's and not this
-    one's: a motor may not answer the ratio, or have been exchanged since that was read.
+    The gear ratio shows the type, and nobody can write it. Ranges show it, too, if they are another
+    type's and not this one's: a motor may not answer the ratio, or may have been exchanged since.
     """
     ratio = identity.registers.get(GEAR_RATIO.name)
     by_ranges = [row.name for row in MOTOR_TYPES.values() if row.ranges == identity.ranges]
@@ -242,10 +241,10 @@ def wrong_type(identity: MotorIdentity, motor_type: MotorType) -> Refusal | None
 
 
 def _has_ratio(motor_type: MotorType, ratio: float) -> bool:
-    """Return whether a gear ratio may be the type's.
+    """Return True if a gear ratio may be the type's.
 
-    One that no gear has, such as 0 or a NaN, may be any type's: a firmware that does not know its
-    gear must not rule the motor out. Then the ranges decide.
+    A ratio that no gear has, for example 0 or a NaN, fits any type: a firmware that does not know
+    its gear must not reject the motor. Then the ranges decide.
     """
     is_of_a_gear = math.isfinite(ratio) and ratio > 1.0
     return not is_of_a_gear or math.isclose(ratio, motor_type.gear_ratio, rel_tol=RATIO_WITHIN)
@@ -257,7 +256,7 @@ def _figures(ratio: float | None, ranges: Ranges) -> str:
 
 
 def warnings(identity: MotorIdentity, motor_type: MotorType = DM4310) -> list[str]:
-    """Say what is unusual about a motor, whether or not it can be used all the same."""
+    """Return what is unusual about a motor, whether or not it can be used."""
     found = []
     if (wrong := wrong_type(identity, motor_type)) is not None:
         found.append(wrong.message)
@@ -284,8 +283,8 @@ def _known(values: dict[int, float | int | None], register: Register) -> float |
 
 
 WATCHDOG_S = 0.1
-"""Written (not saved) where the motor's own watchdog is off: it is the last line when the daemon
-itself dies."""
+"""Written (not saved) if the motor's own watchdog is off. That watchdog is the last protection
+when the daemon itself dies."""
 
 _WATCHDOG_UNITS = round(WATCHDOG_S / TIMEOUT_UNIT_S)
 _RANGES = {PMAX: "position_rad", VMAX: "velocity_rad_s", TMAX: "torque_nm"}
@@ -297,16 +296,16 @@ class _Check:
     """One register that is not verified yet."""
 
     claims: set[bytes] = field(default_factory=set)
-    """What it may hold, beside what is known."""
+    """The values that it may hold, beside the known one."""
     is_asked: bool = False
     asked_s: float = -math.inf
 
 
 class Verifier:
-    """Reads the registers of `VERIFIED` again, once it is asked to `begin`.
+    """Reads the registers of `VERIFIED` again, after each `begin`.
 
-    It keeps no values: what is known is given as a `MotorIdentity`, and what has changed returned
-    as another.
+    It keeps no values: it takes what is known as a `MotorIdentity`, and returns another one if
+    something has changed.
     """
 
     def __init__(self, can_id: int) -> None:
@@ -321,37 +320,37 @@ class Verifier:
         return bool(self._open)
 
     def is_verified(self, register: Register) -> bool:
-        """Return whether a register is as known."""
+        """Return True if a register's known value is verified."""
         return register not in self._open
 
     def is_in_doubt(self, register: Register) -> bool:
-        """Return whether a register may hold something else than is known."""
+        """Return True if a register may hold another value than the known one."""
         check = self._open.get(register)
         return check is not None and bool(check.claims)
 
     @property
     def doubts_ranges(self) -> bool:
-        """True if any range of the frames' fields may be another than is known."""
+        """True if a range of the frames' fields may differ from the known one."""
         return any(self.is_in_doubt(register) for register in _RANGES)
 
     @property
     def has_written(self) -> bool:
-        """True if the watchdog was set since all was begun to be read."""
+        """True if the watchdog was set since the latest `begin`."""
         return self._wrote_s > -math.inf
 
     def reset(self) -> None:
-        """Forget what is to be verified: other code reads all of it again."""
+        """Forget what is to be verified, because other code reads all of it again."""
         self._open.clear()
 
     def begin(self) -> None:
-        """Read all again; answers to what was asked before count no longer."""
+        """Read all registers again; answers to earlier requests no longer count."""
         self._wrote_s = -math.inf
         for register in VERIFIED:
             check = self._open.setdefault(register, _Check())
             check.is_asked, check.asked_s = False, -math.inf
 
     def note_request(self, request: Answer, known: MotorIdentity) -> None:
-        """Take another program's write request, which the motor may or may not have heard."""
+        """Take another program's write request; the motor may or may not have received it."""
         self.begin()
         register = _BY_NUMBER.get(request.number)
         if register is None or request.is_save or request.raw == raw_of(known, register):
@@ -361,8 +360,8 @@ class Verifier:
     def note_written(self, answer: Answer, can_id: int, known: MotorIdentity) -> MotorIdentity:
         """Take the motor's answer to another program's write; return what is known from now on.
 
-        A range is taken at once, where it can be used, and so is the id that the answer came on;
-        what was known before stays possible until the register is verified.
+        A usable range counts at once, and so does the id on which the answer came. The former
+        values stay possible until the register is verified.
         """
         self.note_request(answer, known)
         register = _BY_NUMBER.get(answer.number)
@@ -378,7 +377,7 @@ class Verifier:
         return changed(known, register, answer.raw)
 
     def is_own_write(self, answer: Answer) -> bool:
-        """Return whether a write answer is the awaited one to a write of this verifier."""
+        """Return True if a write answer is the awaited one to a write of this verifier."""
         if self._awaited_writes == 0 or answer.number != TIMEOUT.number or answer.is_save:
             return False
         self._awaited_writes -= 1
@@ -387,7 +386,7 @@ class Verifier:
     def take(self, answer: Answer, can_id: int, known: MotorIdentity) -> MotorIdentity | None:
         """Take an answer to a read that came on `can_id`; return what is known from now on.
 
-        None for one that is not awaited.
+        Returns None if the answer was not awaited.
         """
         register = _BY_NUMBER.get(answer.number)
         check = None if register is None else self._open.get(register)
@@ -408,9 +407,9 @@ class Verifier:
     def step(
         self, now_s: float, known: MotorIdentity, most: int, *, sets_watchdog: bool
     ) -> list[CanFrame]:
-        """Return the requests that are due, at most so many; those in doubt come first.
+        """Return the requests that are due, at most `most`; registers in doubt come first.
 
-        Where it `sets_watchdog`, a watchdog that is off, or too long, is set and read again.
+        If `sets_watchdog` is True, a watchdog that is off or too long is set and read again.
         """
         frames: list[CanFrame] = []
         if sets_watchdog and self._must_set_watchdog(now_s, known):
@@ -427,7 +426,7 @@ class Verifier:
         return frames
 
     def widest(self, ranges: Ranges) -> Ranges:
-        """Return the largest ranges of velocity and torque that the motor may have."""
+        """Return the largest velocity and torque ranges that the motor may have."""
         return replace(
             ranges,
             velocity_rad_s=self._largest(VMAX, ranges.velocity_rad_s),
@@ -447,7 +446,7 @@ class Verifier:
 
 
 def is_watchdog_on(known: MotorIdentity) -> bool:
-    """Return whether the motor disarms itself soon enough when nobody commands it."""
+    """Return True if the motor disarms itself soon enough when no commands come."""
     return 0.0 < known.timeout_s <= LONGEST_WATCHDOG_S
 
 
@@ -465,9 +464,9 @@ def raw_of(known: MotorIdentity, register: Register) -> bytes:
 
 
 def changed(known: MotorIdentity, register: Register, raw: bytes) -> MotorIdentity:
-    """Return what is known once a register holds `raw`; the same object where that is nothing new.
+    """Return what is known once a register holds `raw`; the same object if nothing is new.
 
-    The motor goes on being commanded by the id that it answers to, whatever its ESC_ID says.
+    The motor is still commanded by the id that it answers to, whatever its ESC_ID says.
     """
     if raw == raw_of(known, register):
         return known
@@ -499,7 +498,7 @@ class Identification:
         "verifier",
         "_configured_master_id",
         "_judged",
-        "_look",
+        "_scan",
         "_refusal",
     )
 
@@ -512,54 +511,55 @@ class Identification:
         self._configured_master_id = configured_master_id
         self._judged: MotorIdentity | None = None
         self._refusal: Refusal | None = None
-        """Why the motor that was `_judged` cannot be used: judged once, asked for in every tick."""
-        self._look = RegisterScan(can_id, motor_type)
+        """Why the motor that was `_judged` cannot be used. It is judged once, and read in every
+        tick."""
+        self._scan = RegisterScan(can_id, motor_type)
 
     @property
     def master_id(self) -> int | None:
         """The id on which the motor answers, once it is known."""
-        return self._look.master_id if self.identity is None else self.identity.master_id
+        return self._scan.master_id if self.identity is None else self.identity.master_id
 
     @property
     def usable_ranges(self) -> Ranges | None:
-        """The motor's own ranges, None while they are unknown and where they make no sense."""
+        """The motor's own ranges; None while they are unknown, and if they make no sense."""
         identity = self.identity
         return identity.ranges if identity is not None and has_usable_ranges(identity) else None
 
     @property
     def ranges(self) -> Ranges:
-        """What frames are decoded with; the status does not depend on it."""
+        """The ranges for decoding frames; the status does not depend on them."""
         return self.usable_ranges or self.motor_type.ranges
 
     @property
     def ranges_to_send(self) -> Ranges:
-        """What commands are coded with: no torque is larger than wanted by any possible range."""
+        """The ranges for coding commands: no possible range makes a torque larger than wanted."""
         usable = self.usable_ranges
         return self.motor_type.ranges if usable is None else self.verifier.widest(usable)
 
     def begin(self) -> None:
-        """Forget everything and look anew."""
-        self._look = RegisterScan(self.can_id, self.motor_type)
+        """Forget everything and read all registers."""
+        self._scan = RegisterScan(self.can_id, self.motor_type)
         self.identity = None
         self.verifier.reset()
 
     def expect_another(self) -> None:
-        """Look anew for the id of the answers: another motor may come in a silent one's place."""
-        if self._look.master_id is not None:
-            self._look = RegisterScan(self.can_id, self.motor_type)
+        """Read the id of the answers again: another motor may replace a silent one."""
+        if self._scan.master_id is not None:
+            self._scan = RegisterScan(self.can_id, self.motor_type)
 
     def step(self, now_s: float) -> list[CanFrame]:
         """Return the read request that is due, if any."""
-        return self._look.step(now_s)
+        return self._scan.step(now_s)
 
     def take(self, answer: Answer, can_id: int) -> bool:
-        """Take an answer that came on `can_id`; tell whether it was the awaited one."""
-        return self._look.take(answer, can_id)
+        """Take an answer that came on `can_id`; return True if it was the awaited one."""
+        return self._scan.take(answer, can_id)
 
     def note_request(self, request: Answer) -> None:
-        """Take another program's request to write registers; all is verified after it."""
+        """Take another program's request to write registers, and verify all of them after it."""
         if self.identity is None:
-            self.verifier.begin()  # what the look has read already may hold no longer
+            self.verifier.begin()  # what the scan has read already may be outdated
         else:
             self.verifier.note_request(request, self.identity)
 
@@ -571,18 +571,18 @@ class Identification:
             self.identity = self.verifier.note_written(answer, can_id, self.identity)
 
     def verify(self, answer: Answer, can_id: int) -> bool:
-        """Take an answer to a read; tell whether the verifier awaited it."""
+        """Take an answer to a read; return True if the verifier awaited it."""
         found = self.identity and self.verifier.take(answer, can_id, self.identity)
         self.identity = found or self.identity
         return found is not None
 
     def finish(self) -> bool:
-        """Note the identity when all has been asked for; tell whether it is known."""
-        self.identity = self._look.identity()
+        """Set the identity when all registers have been read; return True if it is known."""
+        self.identity = self._scan.identity()
         return self.identity is not None
 
     def problem(self) -> Refusal | None:
-        """Return why the motor cannot be used, or None; it has told too little while unknown."""
+        """Return why the motor cannot be used, or None; while it is unknown, that is the reason."""
         if self.identity is None:
             return STILL_READ
         if self.identity is not self._judged:
@@ -592,5 +592,5 @@ class Identification:
 
     @property
     def is_uncontrollable(self) -> bool:
-        """True if it is known that the motor cannot be commanded."""
+        """True if the motor is known and cannot be commanded."""
         return self.identity is not None and uncontrollable(self.identity) is not None

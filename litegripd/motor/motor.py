@@ -1,6 +1,6 @@
-"""One motor: takes frames, keeps its phase, and gives the frames to send in each tick.
+"""One motor: takes frames, keeps its phase, and returns the frames to send in each tick.
 
-Pure: time is an argument, frames are values. What the controller wants comes in as a `MotorOrder`;
+Pure: time is an argument, frames are values. What the controller wants comes in as a `MotorInput`;
 what is known goes out as a `MotorView`. Nothing in here decides to energise the motor.
 """
 
@@ -14,7 +14,7 @@ from litegripd.model.motor import (
     Feedback,
     MitCommand,
     MotorIdentity,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     MotorRequest,
     MotorView,
@@ -28,37 +28,44 @@ from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.enabling import Arming, FaultClearing
+from litegripd.motor.exchange import (
+    DISABLE_GIVES_UP_S,
+    USUAL_PERIOD_S,
+    MotorCounters,
+    Silence,
+    Standstill,
+    Traffic,
+)
 from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
 from litegripd.motor.identity import STILL_READ, Identification
 from litegripd.motor.phases import ARMING_PHASES, FAULTY, PUBLIC, TRANSITIONS, Event, Phase
 from litegripd.motor.plausibility import Plausibility, StatusJudge
-from litegripd.motor.register_reader import READABLE, RegisterReader
 from litegripd.motor.registers import (
     MASTER_ID,
     PMAX,
+    READABLE,
     VERIFIED,
     Answer,
+    RegisterReader,
     described,
     parse_answer,
     parse_write_request,
 )
-from litegripd.motor.silence import DISABLE_GIVES_UP_S, USUAL_PERIOD_S, Silence, Standstill
-from litegripd.motor.traffic import MotorCounters, Traffic
 from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
 
 _JUDGED = frozenset({*ARMING_PHASES, Phase.ENABLED, Phase.LOST})
-"""Where a hold at the position is about to begin, or is under way. Elsewhere whatever a motor tells
-counts at once, above all that it is enabled."""
-_FASTEST_SHARE = 0.99  # of the range of speeds: beyond it, a code may stand for more
+"""The phases in which the daemon holds the position, or is about to. In the others every report
+of the motor counts at once, above all that it is enabled."""
+_FASTEST_SHARE = 0.99  # share of the range of speeds: beyond it, a code may stand for more
 _HELD = frozenset({Phase.ENABLED, Phase.LOST})
-"""Where one answer alone that tells of anything but "enabled" is not acted upon."""
+"""The phases in which one single report of "not enabled" is ignored."""
 DOUBT_GIVES_UP_S = 0.5
-"""For so long an enabled motor's ranges may be in doubt: they are read in every tick."""
-DISABLE_CONFIRM_AFTER_S = 0.01  # older answers may have been under way when disable was sent
+"""How long an enabled motor's ranges may be in doubt; they are read in every tick."""
+DISABLE_CONFIRM_AFTER_S = 0.01  # earlier answers may still be on their way when disable is sent
 
 
 class Motor:
-    """The motor `can_id`; its answers are found by register MST_ID, or must come on `master_id`."""
+    """The motor `can_id`; it answers on the id in its register MST_ID, or on `master_id`."""
 
     _identification: Carried[Identification]
     _phase: Carried[Phase] = Phase.LOOKING
@@ -71,7 +78,7 @@ class Motor:
     _traffic: Carried[Traffic]
     _standstill: Carried[Standstill]
     _stood_still_s: Carried[float | None] = None
-    """For how long the daemon sent nothing before the present fault, if it stood still."""
+    """How long the daemon sent nothing before the present fault, if it stood still."""
     _tries: Carried[int] = 0
     _failure: Carried[Refusal | None] = None
     NOT_CARRIED = (
@@ -82,9 +89,9 @@ class Motor:
         "_foreign_requests",
         "_foreign_write",
         "_fresh",
-        "_reading",
+        "_register_reader",
         "_status",
-        "_unfaulting",
+        "_fault_clearing",
     )
 
     def __init__(
@@ -99,7 +106,7 @@ class Motor:
         self._identification = Identification(can_id, master_id, motor_type)
         self._arming: Arming | None = None
         self._zeroing = Zeroing(can_id, motor_type.ranges, 0.0)
-        self._reading = RegisterReader(can_id)
+        self._register_reader = RegisterReader(can_id)
         self._plausibility = Plausibility(period_s, motor_type)
         self._status = StatusJudge()
         self._fresh = False
@@ -109,9 +116,9 @@ class Motor:
         self._foreign_requests: set[int] = set()
         """The registers that others asked to write, until the motor has answered."""
         self._certain_s = 0.0
-        """When the motor's ranges were last not in doubt."""
+        """When the motor's ranges were last certain."""
         self._standstill = Standstill(period_s)
-        self._unfaulting: FaultClearing | None = None
+        self._fault_clearing: FaultClearing | None = None
 
     def view(self) -> MotorView:
         """Return what is known now."""
@@ -123,7 +130,7 @@ class Motor:
             problem=self._problem(),
             failure=self._failure,
             fault=self._fault(),
-            register=self._reading.reply,
+            register=self._register_reader.reply,
             zero=self._zeroing.view,
             foreign_commands=self.counters.foreign_commands,
             foreign_write=self._foreign_write,
@@ -131,12 +138,12 @@ class Motor:
 
     @property
     def phase(self) -> Phase:
-        """The phase, finer than that of the view."""
+        """The phase, in finer steps than the view's."""
         return self._phase
 
     @property
     def says_enabled(self) -> bool:
-        """True if its latest status was that it is enabled; that needs no ranges to be known."""
+        """True if its latest status was "enabled"; reading it needs no known ranges."""
         return self._feedback is not None and self._feedback.status == Status.ENABLED
 
     @property
@@ -150,7 +157,7 @@ class Motor:
         return self._identification.verifier.is_open
 
     def receive(self, now_s: float, frames: Iterable[CanFrame]) -> None:
-        """Take what came over the bus since the last tick; call it once per tick, before `step`."""
+        """Take the frames that came since the last tick; call it once per tick, before `step`."""
         for frame in frames:
             self._receive(frame)
         identity = self._identification.identity
@@ -167,20 +174,20 @@ class Motor:
         self._watch_silence(now_s)
 
     def note_bus(self, *, is_usable: bool) -> None:
-        """Take whether the bus can carry frames; call it after `receive`."""
+        """Take the state of the bus; call it after `receive`."""
         self._silence.note_bus(self._phase, is_usable=is_usable)
 
-    def step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
-        """Do what the controller wants and return the frames to send, in their order."""
-        if order.request is not None:
-            self._begin(order.request, now_s)
-        frames = self._step(now_s, order)
+    def step(self, now_s: float, wanted: MotorInput) -> list[CanFrame]:
+        """Do what the controller wants, and return the frames to send, in their order."""
+        if wanted.request is not None:
+            self._begin(wanted.request, now_s)
+        frames = self._step(now_s, wanted)
         if frames:
             self._asked_s = now_s
-        read = self._reading.step(now_s, order.register, self._phase)
+        read = self._register_reader.step(now_s, wanted.register, self._phase)
         return frames + (read or self._verify(now_s))
 
-    # What is heard
+    # Frames that come
 
     def _receive(self, frame: CanFrame) -> None:
         answer = parse_answer(frame.data, self._can_id)
@@ -202,11 +209,11 @@ class Motor:
             self.counters.ignored_frames += 1
 
     def _is_on_own_id(self, frame: CanFrame, answer: Answer | None) -> bool:
-        """Check if a frame on the motor's own id is an answer of the motor rather than a command.
+        """Return True if a frame on the motor's own id is an answer of the motor, not a command.
 
-        With MST_ID = ESC_ID all answers come there, and before the registers are read any may.
-        Else it is one whose id was damaged on the way. Read as a command it would lead the jaws to
-        where no jaw can be.
+        With MST_ID = ESC_ID all answers come there, and any answer may before the registers are
+        read. Otherwise it is an answer whose id was damaged on the way. Read as a command, it would
+        lead the jaws to where no jaw can be.
         """
         if answer is not None and answer.number == MASTER_ID.number:
             return MASTER_ID.decode(answer.raw) == self._can_id
@@ -221,14 +228,14 @@ class Motor:
         self._foreign_write = described(write)
 
     def _take_written(self, answer: Answer, can_id: int) -> bool:
-        """Take the motor's answer to a write; one that nobody here sent was another program's."""
+        """Take the motor's answer to a write; if this daemon sent none, another program did."""
         known = self._identification
         is_moved = answer.number == MASTER_ID.number and MASTER_ID.decode(answer.raw) == can_id
         if can_id != known.master_id and not (is_moved and not answer.is_save):
             return False
         if known.verifier.is_own_write(answer):
             return True
-        if answer.number not in self._foreign_requests:  # else it is counted
+        if answer.number not in self._foreign_requests:  # else the request has been counted
             self.counters.foreign_commands += 1
         self._foreign_requests.discard(answer.number)
         self._foreign_write = described(answer)
@@ -238,7 +245,7 @@ class Motor:
         return True
 
     def _note_changed(self, before: MotorIdentity | None) -> None:
-        """Forget what was coded in ranges that hold no longer, where nothing is held by it."""
+        """Forget what was coded in outdated ranges, unless a hold depends on it."""
         now = self._identification.identity
         if before is None or now is None or now.ranges == before.ranges:
             return
@@ -251,7 +258,7 @@ class Motor:
             self._plausibility.believe(None)
 
     def _watch_registers(self, now_s: float) -> None:
-        """Disable a motor that obeys no commands any more, or obeys them nobody knows how."""
+        """Disable a motor that no longer obeys commands, or whose ranges stay unknown."""
         if not self._identification.verifier.doubts_ranges:
             self._certain_s = now_s
         is_unknown = now_s - self._certain_s >= DOUBT_GIVES_UP_S
@@ -259,7 +266,7 @@ class Motor:
             self._go(Event.DISABLE, now_s)
 
     def _take_feedback(self, feedback: Feedback) -> None:
-        """Keep it, unless its position is in doubt: nothing is to be derived from that."""
+        """Keep the feedback unless its position is in doubt: nothing may be derived from that."""
         if self._arming is not None:
             self._arming.note_answer()
         is_doubted = self._phase in _HELD and not self._status.accepts(feedback)
@@ -282,20 +289,20 @@ class Motor:
         self._fresh = True
 
     def _has_no_scale(self, feedback: Feedback) -> bool:
-        """Check if its position cannot be known, while another program may have set the range."""
+        """Return True if the scale of its position is unknown, by another program's write."""
         is_used = self._phase in _JUDGED or self._zeroing.is_pending
         is_enabled = feedback.status == Status.ENABLED or self._zeroing.is_pending
         return is_used and is_enabled and self._identification.verifier.is_in_doubt(PMAX)
 
     def _take_answer(self, answer: Answer, can_id: int) -> bool:
-        """Give a register answer to whoever awaits it; one that nobody awaits is never feedback."""
+        """Pass a register answer to the reader that awaits it; it is never feedback."""
         known = self._identification
         if self._phase is not Phase.LOOKING:
             before = known.identity
             is_awaited = known.verify(answer, can_id)
             self._note_changed(before)
             is_read = self._phase in READABLE and can_id == known.master_id
-            return (is_read and self._reading.take(answer)) or is_awaited
+            return (is_read and self._register_reader.take(answer)) or is_awaited
         if not known.take(answer, can_id):
             return False
         self._silence.unanswered = 0
@@ -308,7 +315,7 @@ class Motor:
         return is_ours and codec.is_from_motor(frame.data, self._can_id)
 
     def _note_identity(self) -> None:
-        if self._identification.finish():  # what came before may have been coded in other ranges
+        if self._identification.finish():  # earlier feedback may have been coded in other ranges
             self._feedback = None
             self._fresh = False
             self._plausibility.believe(None)
@@ -336,7 +343,7 @@ class Motor:
         if self._phase is Phase.ENABLED:
             self._traffic.forget_command()
         if self._phase is Phase.LOST and following is Phase.ENABLED:
-            self._identification.verifier.begin()  # what was written meanwhile went unheard
+            self._identification.verifier.begin()  # writes during the silence went unnoticed
         self._status.reset()
         self._phase = following
         self._entered_s = now_s
@@ -358,10 +365,10 @@ class Motor:
         elif self._silence.is_total(self._phase):
             self._identification.expect_another()
 
-    # What is sent
+    # Frames that go out
 
     def _verify(self, now_s: float) -> list[CanFrame]:
-        """Read again what decides how the motor is talked to; one frame beside a command."""
+        """Verify the registers again; one frame beside a command."""
         known, is_enabled = self._identification, self._phase is Phase.ENABLED
         if known.identity is None or self._phase not in READABLE:
             return []
@@ -379,13 +386,13 @@ class Motor:
         else:
             self._begin_clear(now_s)
 
-    def _step(self, now_s: float, order: MotorOrder) -> list[CanFrame]:
-        if self._phase is Phase.ENABLED and order.command is not None:
-            return self._command(order.command, order.is_motion)
+    def _step(self, now_s: float, wanted: MotorInput) -> list[CanFrame]:
+        if self._phase is Phase.ENABLED and wanted.command is not None:
+            return self._command(wanted.command, wanted.is_motion)
         if self._phase in ARMING_PHASES:
             return self._arm(now_s)
-        if self._phase is Phase.UNFAULTING:
-            return self._unfault(now_s)
+        if self._phase is Phase.CLEARING_FAULT:
+            return self._clear_fault(now_s)
         if self._phase is Phase.DISABLING:
             return self._disable(now_s)
         if self._phase is Phase.LOST:
@@ -393,7 +400,7 @@ class Motor:
         if self._zeroing.is_pending:
             return self._zeroing.step(now_s)
         if self._phase is Phase.LOOKING:
-            return self._traffic.poll(now_s) + self._look_again(now_s)
+            return self._traffic.poll(now_s) + self._scan_again(now_s)
         return self._unstore() + self._traffic.poll(now_s)
 
     def _public_phase(self) -> MotorPhase:
@@ -401,7 +408,7 @@ class Motor:
         return MotorPhase.SILENT if is_silent else PUBLIC[self._phase]
 
     def _problem(self) -> Refusal | None:
-        """Return why the motor could not be enabled now."""
+        """Return why the motor could not be enabled now, or None."""
         if self._public_phase() is MotorPhase.SILENT:
             return SILENT
         reading = STILL_READ if self._phase is Phase.LOOKING else None
@@ -432,28 +439,29 @@ class Motor:
         self._zeroing = Zeroing(self._can_id, self._identification.ranges, now_s, view)
 
     def _begin_clear(self, now_s: float) -> None:
-        """Accept the position as it is, and clear what the motor has latched, if anything.
+        """Accept the present position, and clear the fault that the motor has latched, if any.
 
-        A motor that cannot be used is looked at anew: somebody may have set its registers.
+        A motor that cannot be used is read again: somebody may have corrected its registers.
         """
         self._failure = None
         self._plausibility.reset()
         if self._identification.problem() is not None:
-            self._go(Event.LOOK, now_s)
-        self._unfaulting = FaultClearing(self._can_id, now_s)
+            self._go(Event.SCAN, now_s)
+        self._fault_clearing = FaultClearing(self._can_id, now_s)
         self._go(Event.CLEAR, now_s)
 
-    def _unfault(self, now_s: float) -> list[CanFrame]:
-        if self._unfaulting is None or self._unfaulting.has_failed(now_s):
+    def _clear_fault(self, now_s: float) -> list[CanFrame]:
+        if self._fault_clearing is None or self._fault_clearing.has_failed(now_s):
             self._failure = self._fault()
             self._go(Event.STAYED, now_s)
             return []
-        return self._unfaulting.step(now_s)
+        return self._fault_clearing.step(now_s)
 
     def _command(self, command: MitCommand, is_motion: bool) -> list[CanFrame]:
-        """Give the command; while the position is in doubt, of a stiff one only its damping.
+        """Return the command; while the position is in doubt, only the damping of a stiff one.
 
-        A force alone goes on, or what it holds would fall for a disturbed frame.
+        A command that is only a force is sent as it is: otherwise a disturbed frame would drop what
+        it holds.
         """
         has_no_scale = self._identification.verifier.is_in_doubt(PMAX)
         if (self._plausibility.in_a_row or has_no_scale) and command.kp_nm_rad:
@@ -494,8 +502,8 @@ class Motor:
             return []
         return self._traffic.unstore(feedback.position_rad, self._identification.ranges)
 
-    def _look_again(self, now_s: float) -> list[CanFrame]:
-        """Read registers; a motor that is found enabled is disabled at once, whoever enabled it."""
+    def _scan_again(self, now_s: float) -> list[CanFrame]:
+        """Read registers; disable a motor at once that turns out to be enabled."""
         frames = self._identification.step(now_s)
         if self._identification.identity is None:
             self._note_identity()

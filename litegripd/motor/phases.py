@@ -1,8 +1,8 @@
-"""The life of a motor as a literal table: in which phase which event leads to which phase.
+"""The life of a motor as a literal table: which event leads from which phase to which.
 
-A pair that the table does not have changes nothing. Only `ENABLE`, which comes from a client's
-request alone, leads towards `ENABLED`; the one other way in is `LOST`, a motor that was enabled,
-did not answer for a moment and then says that it still is.
+A pair that is not in the table changes nothing. Only `ENABLE`, which comes from a client's request
+alone, leads towards `ENABLED`. The one other way in is from `LOST`: a motor that was enabled, did
+not answer for a moment, and then reports that it still is.
 """
 
 from collections.abc import Mapping
@@ -13,25 +13,25 @@ from litegripd.model.motor import MotorPhase
 
 
 class Phase(Enum):
-    """Finer than `MotorPhase`: enabling takes three steps, and silence has two degrees."""
+    """Finer than `MotorPhase`: enabling has three steps, and silence two degrees."""
 
     LOOKING = auto()
-    """Reading the registers; a status counts only after them, since they hold its ranges. Also
-    where a motor that has fallen silent is looked for: another may come in its place."""
+    """Reading the registers, also of a motor that fell silent: another may have taken its place.
+    A status counts only after the registers, because they hold its ranges."""
     DISABLED = auto()
     PREPARING = auto()
     """Making sure that the motor's own watchdog is on."""
     CLEARING = auto()
-    """Clearing a fault, where there is one."""
+    """Clearing a fault, if there is one, in order to enable."""
     ARMING = auto()
-    """Zero gains, then the enable frame, until a fresh status says enabled."""
+    """Sending zero gains, then the enable frame, until a fresh status reports "enabled"."""
     ENABLED = auto()
     LOST = auto()
     """Was enabled and stopped answering: commands are withheld, so that none can queue up."""
     DISABLING = auto()
     FAULT = auto()
-    UNFAULTING = auto()
-    """Clearing a fault for its own sake, not in order to enable."""
+    CLEARING_FAULT = auto()
+    """Clearing a fault without enabling."""
 
 
 class Event(Enum):
@@ -47,7 +47,7 @@ class Event(Enum):
     GAVE_UP = auto()
     IMPLAUSIBLE = auto()
     CLEAR = auto()
-    LOOK = auto()
+    SCAN = auto()
     STAYED = auto()
 
 
@@ -63,18 +63,18 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.DISABLED, _E.NO_ANSWER): _P.LOOKING,
         (_P.DISABLED, _E.ENABLE): _P.PREPARING,
         (_P.DISABLED, _E.DISABLE): _P.DISABLING,
-        (_P.DISABLED, _E.LOOK): _P.LOOKING,
+        (_P.DISABLED, _E.SCAN): _P.LOOKING,
         (_P.FAULT, _E.SAW_DISABLED): _P.DISABLED,
         (_P.FAULT, _E.SAW_ENABLED): _P.DISABLING,
         (_P.FAULT, _E.NO_ANSWER): _P.LOOKING,
         (_P.FAULT, _E.ENABLE): _P.PREPARING,
         (_P.FAULT, _E.DISABLE): _P.DISABLING,
-        (_P.FAULT, _E.CLEAR): _P.UNFAULTING,
-        (_P.UNFAULTING, _E.SAW_DISABLED): _P.DISABLED,
-        (_P.UNFAULTING, _E.SAW_ENABLED): _P.DISABLING,
-        (_P.UNFAULTING, _E.STAYED): _P.FAULT,
-        (_P.UNFAULTING, _E.DISABLE): _P.DISABLING,
-        (_P.UNFAULTING, _E.NO_ANSWER): _P.LOOKING,
+        (_P.FAULT, _E.CLEAR): _P.CLEARING_FAULT,
+        (_P.CLEARING_FAULT, _E.SAW_DISABLED): _P.DISABLED,
+        (_P.CLEARING_FAULT, _E.SAW_ENABLED): _P.DISABLING,
+        (_P.CLEARING_FAULT, _E.STAYED): _P.FAULT,
+        (_P.CLEARING_FAULT, _E.DISABLE): _P.DISABLING,
+        (_P.CLEARING_FAULT, _E.NO_ANSWER): _P.LOOKING,
         (_P.PREPARING, _E.PREPARED): _P.CLEARING,
         (_P.PREPARING, _E.GAVE_UP): _P.DISABLING,
         (_P.PREPARING, _E.DISABLE): _P.DISABLING,
@@ -101,10 +101,10 @@ TRANSITIONS: Mapping[tuple[Phase, Event], Phase] = MappingProxyType(
         (_P.DISABLING, _E.NO_ANSWER): _P.LOOKING,
     }
 )
-"""`DISABLE` while looking needs no row: a motor that is found enabled is disabled anyway."""
+"""`DISABLE` in `LOOKING` needs no row: a motor that turns out to be enabled is disabled anyway."""
 
 ARMING_PHASES = (Phase.PREPARING, Phase.CLEARING, Phase.ARMING)
-FAULTY = (Phase.FAULT, Phase.UNFAULTING)
+FAULTY = (Phase.FAULT, Phase.CLEARING_FAULT)
 
 PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
     {
@@ -117,6 +117,6 @@ PUBLIC: Mapping[Phase, MotorPhase] = MappingProxyType(
         Phase.LOST: MotorPhase.SILENT,
         Phase.DISABLING: MotorPhase.DISABLING,
         Phase.FAULT: MotorPhase.FAULT,
-        Phase.UNFAULTING: MotorPhase.FAULT,
+        Phase.CLEARING_FAULT: MotorPhase.FAULT,
     }
 )

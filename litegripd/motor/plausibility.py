@@ -1,29 +1,29 @@
 """What one frame alone does not prove of an enabled motor: a jump of the position, another status.
 
-`Plausibility` asks whether a measured position can be true, by what is physically possible since
-the last one; it counts once the next one agrees. A command pulls to a position, or is judged by it,
-so an encoder that jumps (or wraps at ±PMAX) would turn a hold into a blow: where the motor is
-driven, a jump that stays is a fault. Slack jaws that a hand throws against a stop bounce faster
-than any motor could make them; there it is believed in the end.
+`Plausibility` compares each measured position with what is physically possible since the last one.
+A doubtful position counts once the next one agrees. A command pulls to a position, so an encoder
+that jumps (or wraps at ±PMAX) would turn a hold into a blow. While the motor is driven, a jump that
+stays is a fault. Slack jaws that a hand throws against a stop bounce faster than any motor could
+make them, so there the jump is believed in the end.
 
-`StatusJudge` asks whether the word that it is no longer enabled is to be acted upon. To act upon it
-is to let go of what is held, and not every bus has checksums (a line of SLCAN has none): one frame
-alone proves nothing, and what else it tells is as doubtful.
+`StatusJudge` decides whether to believe that the motor is no longer enabled. Believing it means to
+let go of what is held, and not every bus has checksums (a line of SLCAN has none). So one frame
+alone proves nothing, and its other fields are as doubtful.
 """
 
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import Feedback, Status
 from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
+from litegripd.motor.exchange import USUAL_PERIOD_S
 from litegripd.motor.faults import implausible_refusal
-from litegripd.motor.silence import USUAL_PERIOD_S
 
 CERTAIN_AFTER = 3
-"""So many answers in a row that tell anything but "enabled" are believed, though they differ."""
+"""This many answers in a row other than "enabled" are believed, even if they differ."""
 
 
 class StatusJudge:
-    """Counts the answers in a row in which an enabled motor says that it is not."""
+    """Counts the answers in a row in which an enabled motor reports another status."""
 
     def __init__(self) -> None:
         self._doubted: Feedback | None = None
@@ -34,10 +34,10 @@ class StatusJudge:
         self._doubted, self._in_a_row = None, 0
 
     def accepts(self, feedback: Feedback) -> bool:
-        """Return whether to believe the status that `feedback` tells.
+        """Return True if the status of `feedback` is to be believed.
 
-        The second answer counts when it agrees. It must be one to another request: a frame that
-        came twice proves no more than it did once.
+        The second answer counts when it agrees. It must answer another request: a frame that came
+        twice proves no more than one.
         """
         if feedback.status == Status.ENABLED:
             self.reset()
@@ -51,35 +51,35 @@ class StatusJudge:
 
 
 TOLERANCE_RAD = 0.05
-"""Impacts on a stop within one period, two frames in one, and the codes' own width."""
+"""Covers impacts on a stop within one period, two frames in one, and the codes' own width."""
 
 BRAKE_KD_NM_S_RAD = 1.0
-"""How a motor is braked that may have followed its encoder for a while: no harder than its peak,
-as far as its speed is known."""
+"""For a motor that may have followed its encoder for a while: brake no harder than its peak
+torque, as far as its speed is known."""
 
 IMPLAUSIBLE_FRAMES = 3
-"""So many in a row at 200 Hz are no disturbed frame any more: the encoder has lost its count. At
-another rate it is as many as come in the same time, and at least two."""
+"""This many in a row at 200 Hz are not a disturbed frame: the encoder has lost its count. At
+another rate it is the number that comes in the same time, and at least two."""
 
 ALONE_S = 0.005
-"""What torque can do in so long, one frame alone is believed to tell. After a longer gap more could
-have happened; that needs two that agree."""
+"""One frame alone is believed as far as torque can move the jaws in this time. After a longer
+gap more could have happened, so two frames must agree."""
 
 
 class Plausibility:
     """Judges each feedback frame by the one before it."""
 
     in_a_row: Carried[int] = 0
-    """How many frames have been in doubt, and left out, since the last one believed."""
+    """How many doubtful frames have been left out since the last believed one."""
     refusal: Carried[Refusal | None] = None
-    """Why the position is not to be believed, from the last of so many frames until `reset`."""
+    """Why the position is not believed; set by the last of `lasting_frames`, until `reset`."""
     _last: Carried[Feedback | None] = None
     _doubted: Carried[Feedback | None] = None
     _told_s: Carried[float] = 0.0
     _silent_s: Carried[float] = 0.0
-    """For how long no frame had come before the latest; late ones may come together."""
+    """How long no frame had come before the latest; late ones may come together."""
     _gap_s: Carried[float] = 0.0
-    """That of the first frame in doubt: so long the jaws could have gone anywhere."""
+    """That time for the first doubtful frame: in it the jaws could have moved anywhere."""
     _was_driven: Carried[bool] = False
     NOT_CARRIED = ("lasting_frames", "_acceleration_rad_s2", "_brake_nm", "_before")
 
@@ -87,9 +87,9 @@ class Plausibility:
         self._brake_nm = motor_type.peak_nm
         self._acceleration_rad_s2 = motor_type.largest_acceleration_rad_s2
         self.lasting_frames = max(round(IMPLAUSIBLE_FRAMES * USUAL_PERIOD_S / period_s), 2)
-        """So many in a row are no disturbed frame any more."""
+        """This many in a row are not a disturbed frame."""
         self._before: Feedback | None = None
-        """The one believed before the last: that may have been a disturbed one."""
+        """The one believed before the last, because the last may have been disturbed."""
 
     @property
     def brake_kd_nm_s_rad(self) -> float:
@@ -98,22 +98,22 @@ class Plausibility:
         return min(BRAKE_KD_NM_S_RAD, self._brake_nm / max(speed_rad_s, self._brake_nm))
 
     def reset(self) -> None:
-        """Believe the position again, as it is told now."""
+        """Believe the position again, as it is reported now."""
         self.refusal = None
         self.believe(None)
 
     def believe(self, feedback: Feedback | None) -> None:
-        """Take `feedback` as it is, or, without any, whatever comes next."""
+        """Take `feedback` as it is; with None, take whatever comes next."""
         self._before, self._last = (None if feedback is None else self._last), feedback
         self._doubted = None
         self.in_a_row = 0
 
     def accepts(self, feedback: Feedback, fastest_rad_s: float, *, is_driven: bool) -> bool:
-        """Return whether to believe where `feedback` says that the jaws are.
+        """Return True if the position in `feedback` is to be believed.
 
-        At `fastest_rad_s`, the end of what a frame can tell, the speed is not known, and nothing
-        is judged; nor is a motor that is not enabled. `is_driven` tells that its last command was
-        more than slack.
+        Nothing is judged at `fastest_rad_s`, the end of what a frame can express, because the speed
+        is unknown there, nor while the motor is not enabled. `is_driven` is True if the motor's
+        last command was more than slack.
         """
         last, doubted = self._last, self._doubted
         if feedback.at_s > self._told_s:
@@ -147,9 +147,8 @@ class Plausibility:
     def _is_reachable(self, last: Feedback, feedback: Feedback, silent_s: float) -> bool:
         """Compare the way with the mean of the two speeds, give or take what torque can do.
 
-        Between two known speeds the most is gained by full torque one way and then the other,
-        which makes a·t²/4. The time for that, `silent_s`, is one without any frame: a jump does not
-        become believable by being repeated.
+        Between two known speeds, full torque one way and then the other gains the most: a·t²/4.
+        `silent_s` is the time without any frame: a jump does not become believable by repetition.
         """
         elapsed_s = feedback.at_s - last.at_s
         way_rad = feedback.position_rad - last.position_rad

@@ -1,4 +1,4 @@
-"""The motor's registers: the table, and the frames on 0x7FF that read and write them."""
+"""The motor's registers: the table, the frames on 0x7FF that read and write them, and a reader."""
 
 import math
 import struct
@@ -8,11 +8,15 @@ from types import MappingProxyType
 from typing import Literal
 
 from litegripd.model.bus import CanFrame
-from litegripd.model.motor import RegisterWrite
+from litegripd.model.errors import Refusal
+from litegripd.model.motor import RegisterReply, RegisterRequest, RegisterWrite
+from litegripd.motor.faults import SILENT
+from litegripd.motor.phases import Phase
 
 REGISTER_CAN_ID = 0x7FF
 TIMEOUT_UNIT_S = 50e-6
 MIT_MODE = 1
+ANSWER_WITHIN_S = 0.02
 
 _READ = 0x33
 _WRITE = 0x55
@@ -32,12 +36,12 @@ class Register:
     kind: Literal["f", "u"]
 
     def decode(self, raw: bytes) -> float | int:
-        """Read the four little-endian bytes of a value."""
+        """Return the value of four little-endian bytes."""
         value: float | int = struct.unpack("<f" if self.kind == "f" else "<I", raw)[0]
         return value
 
     def encode(self, value: float) -> bytes:
-        """Make the four little-endian bytes of a value."""
+        """Return the four little-endian bytes of a value."""
         return struct.pack("<f", value) if self.kind == "f" else struct.pack("<I", int(value))
 
 
@@ -100,7 +104,7 @@ REGISTERS: Mapping[int, Register] = MappingProxyType(
             Register(53, "k2", "f"),
             Register(54, "m_off", "f"),
             Register(55, "dir", "f"),
-            # The maker gives 54 and 56 one name; here each needs its own to be asked for by it.
+            # The maker gives 54 and 56 the same name; here each needs its own.
             Register(56, "m_off_56", "f"),
             Register(59, "Imax", "f"),
             Register(60, "VBus", "f"),
@@ -123,41 +127,41 @@ ESSENTIAL: frozenset[Register] = frozenset({MASTER_ID, TIMEOUT, CONTROL_MODE, PM
 
 
 VERIFIED: tuple[Register, ...] = (TMAX, PMAX, VMAX, CONTROL_MODE, TIMEOUT, MASTER_ID, CAN_ID)
-"""What decides how the motor is talked to; what changes the force most comes first."""
+"""What decides how the motor must be commanded; what changes the force most comes first."""
 
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """A frame that has the shape of a register answer."""
+    """A frame in the form of a register answer."""
 
     number: int
     is_write: bool
-    """True if it answers a write or a save, and not a read."""
+    """True if it answers a write or a save, False for a read."""
     raw: bytes
     is_save: bool = False
-    """True if it answers a save; it has no register and no value then."""
+    """True if it answers a save; then it has no register and no value."""
 
 
 def read_request(can_id: int, register: Register) -> CanFrame:
-    """Ask for a register's value."""
+    """Return the frame that asks for a register's value."""
     return _request(can_id, _READ, register.number, bytes(4))
 
 
 def write_request(can_id: int, register: Register, value: float) -> CanFrame:
-    """Set a register until the motor's next power cycle."""
+    """Return the frame that sets a register until the motor's next power cycle."""
     return _request(can_id, _WRITE, register.number, register.encode(value))
 
 
 def status_request(can_id: int) -> CanFrame:
-    """Ask for one feedback frame; it neither energises nor feeds the motor's watchdog."""
+    """Return the frame that asks for feedback; it does not energise or feed the watchdog."""
     return CanFrame(REGISTER_CAN_ID, struct.pack("<HBx4x", can_id, _STATUS_REQUEST))
 
 
 def parse_answer(data: bytes, can_id: int) -> Answer | None:
-    """Read a frame as a register answer of the motor `can_id`, if it has the shape of one.
+    """Return the register answer of the motor `can_id` in a frame, or None for another form.
 
-    Such a frame also decodes to plausible feedback, of about -12.47 rad: ask this first. The
-    three positions that feedback thereby loses lie far outside any travel below 2π.
+    Such a frame also decodes to plausible feedback, of about -12.47 rad, so call this first.
+    Feedback thereby loses three positions, which lie far outside any travel below 2π.
     """
     if len(data) != _ANSWER_BYTES or data[:2] != can_id.to_bytes(2, "little"):
         return None
@@ -167,9 +171,9 @@ def parse_answer(data: bytes, can_id: int) -> Answer | None:
 
 
 def parse_write_request(frame: CanFrame, can_id: int) -> Answer | None:
-    """Read a frame as a request to write or save registers of the motor `can_id`, if it is one.
+    """Return a frame as a request to write or save registers of the motor `can_id`, or None.
 
-    It has the shape of its own answer.
+    A request has the form of its own answer.
     """
     data = frame.data
     if frame.can_id != REGISTER_CAN_ID or data[:2] != can_id.to_bytes(2, "little"):
@@ -181,7 +185,7 @@ def parse_write_request(frame: CanFrame, can_id: int) -> Answer | None:
 
 
 def described(write: Answer) -> RegisterWrite:
-    """Say which register a write names, and which value."""
+    """Return the register and the value of a write."""
     if write.is_save:
         return RegisterWrite(None, None)
     register = REGISTERS.get(write.number)
@@ -193,3 +197,91 @@ def described(write: Answer) -> RegisterWrite:
 
 def _request(can_id: int, opcode: int, number: int, raw: bytes) -> CanFrame:
     return CanFrame(REGISTER_CAN_ID, struct.pack("<HBB4s", can_id, opcode, number, raw))
+
+
+READABLE = frozenset({Phase.DISABLED, Phase.ENABLED, Phase.FAULT})
+"""In the other phases the motor does not answer, or its answers are awaited by other code."""
+
+READ_TRIES = 5
+READ_WITHIN_S = 1.0
+"""How long a request waits in all, also for the end of an enabling or of a scan."""
+
+
+class RegisterReader:
+    """Reads the register of the present request; another request starts a new read."""
+
+    def __init__(self, can_id: int) -> None:
+        self.reply: RegisterReply | None = None
+        self._can_id = can_id
+        self._request: RegisterRequest | None = None
+        self._register: Register | None = None
+        """What is being read; None once the request has its reply."""
+        self._began_s = 0.0
+        self._asked_s = float("-inf")
+        self._tries = 0
+
+    def step(self, now_s: float, request: RegisterRequest | None, phase: Phase) -> list[CanFrame]:
+        """Work on `request`, and return the frame that is due, if any.
+
+        In a phase that is not `READABLE` it waits. None withdraws the pending request.
+        """
+        if request != self._request:
+            self._begin(now_s, request)
+        register = self._register
+        if register is None:
+            return []
+        may_ask_again = phase in READABLE and now_s - self._asked_s >= ANSWER_WITHIN_S
+        is_over = may_ask_again and self._tries >= READ_TRIES
+        if is_over or now_s - self._began_s >= READ_WITHIN_S:
+            self._answer(None, SILENT)
+            return []
+        if not may_ask_again:
+            return []
+        self._tries += 1
+        self._asked_s = now_s
+        return [read_request(self._can_id, register)]
+
+    def take(self, answer: Answer) -> bool:
+        """Take an answer of the motor; return True if it was the awaited one."""
+        register = self._register
+        is_awaited = register is not None and self._tries > 0 and answer.number == register.number
+        if register is None or not is_awaited or answer.is_write:
+            return False
+        value = register.decode(answer.raw)
+        if math.isfinite(value):
+            self._answer(value, None)
+        else:
+            self._answer(None, _no_number(register, value))
+        return True
+
+    def _begin(self, now_s: float, request: RegisterRequest | None) -> None:
+        self._request = request
+        self._register = None if request is None else REGISTERS.get(request.number)
+        self._began_s = now_s
+        self._asked_s = float("-inf")
+        self._tries = 0
+        if request is not None and self._register is None:
+            self._answer(None, _unknown(request.number))
+
+    def _answer(self, value: float | None, failure: Refusal | None) -> None:
+        self._register = None
+        if self._request is not None:
+            self.reply = RegisterReply(self._request.identity, value, failure)
+
+
+def _unknown(number: int) -> Refusal:
+    known = ", ".join(f"{register.number} {register.name}" for register in REGISTERS.values())
+    return Refusal(
+        "invalid_params",
+        f"there is no register {number}; these can be read: {known}",
+        {"requested": number, "limit": list(REGISTERS)},
+    )
+
+
+def _no_number(register: Register, value: float) -> Refusal:
+    return Refusal(
+        "motor_unsuitable",
+        f"the motor's register {register.name} holds {value}, which is no number: set it with the"
+        " maker's tool",
+        {"register": register.name},
+    )

@@ -1,9 +1,9 @@
-"""Setting the motor's zero to where the jaws are, confirmed by what is measured afterwards.
+"""Setting the motor's zero to where the jaws are, confirmed by later measurements.
 
-A motor takes the frame only while it is disabled, and a lost one goes unnoticed. So the jaws are
-watched until they rest, in a motor that says that it is disabled; then the frame is sent, and
-again when the measured position tells that it was lost. It ends when the motor leaves the
-disabled state, and it sends nothing that energises.
+A motor takes the frame only while it is disabled, and does not report a lost one. So the frame is
+sent once the jaws stand still and the motor reports that it is disabled. It is sent again if the
+measured position shows that it was lost. The setting ends when the motor leaves the disabled state.
+It sends nothing that energises.
 """
 
 from litegripd.model.bus import CanFrame
@@ -15,16 +15,17 @@ from litegripd.motor.faults import SILENT
 from litegripd.motor.registers import status_request
 
 ZERO_TRIES = 3
-"""At most; fewer when answers are lost as well, for the time is that of so many."""
+"""The most tries; fewer if answers are lost as well, because the time is limited to that of
+three."""
 RETRY_S = 0.05
-CONFIRM_AFTER_S = 0.01  # older answers may have been under way when the frame was sent
+CONFIRM_AFTER_S = 0.01  # earlier answers may still be on their way when the frame is sent
 ZERO_WITHIN_RAD = 0.01  # less than 1 mm
 REST_S = 0.05
 REST_WITHIN_RAD = 0.002
-REST_GIVES_UP_S = 0.5  # springs have long relaxed by then: it is a hand that moves the jaws
+REST_GIVES_UP_S = 0.5  # springs have long relaxed by then: a hand moves the jaws
 SILENT_AFTER_S = 0.05
 NOISE_CODES = 4
-"""Two measured positions of jaws at rest differ by less; in a wide range a code is much."""
+"""Two measured positions of jaws at rest differ by less. In a wide range one code is much."""
 
 NOT_DISABLED = Refusal(
     "not_confirmed", "the motor takes a new zero only while it is disabled: disable it first"
@@ -39,7 +40,7 @@ _UNCERTAIN = "; it may or may not be set: find out where the jaws are before the
 
 
 class Zeroing:
-    """One setting of the zero, from the request to its end; only a pending `view` does anything."""
+    """One setting of the zero, from the request to its end; only a pending `view` acts."""
 
     view: Carried[ZeroView]
     NOT_CARRIED = (
@@ -80,7 +81,7 @@ class Zeroing:
         return self.view.state == "pending"
 
     def take(self, feedback: Feedback, now_s: float) -> None:
-        """Take feedback, in which the motor says that it is disabled, that came before `step`."""
+        """Take feedback that reports "disabled"; call it before `step`."""
         if not self.is_pending:
             return
         self._answered_s = now_s
@@ -92,7 +93,7 @@ class Zeroing:
             self._is_due = now_s - self._last_try_s >= RETRY_S
 
     def step(self, now_s: float) -> list[CanFrame]:
-        """Return the frames of this tick: the zero only right after an answer."""
+        """Return the frames of this tick; the zero is set only right after an answer."""
         if self.is_pending:
             self._watch_time(now_s)
         if not self.is_pending:
@@ -104,12 +105,12 @@ class Zeroing:
         return frames
 
     def leave(self) -> None:
-        """End it, since the motor is no longer disabled."""
+        """End it, because the motor is no longer disabled."""
         if self.is_pending:
             self._fail(LEFT)
 
     def _rests(self, now_s: float) -> bool:
-        """Return whether the jaws have not moved for a while."""
+        """Return True if the jaws have not moved for a while."""
         if abs(self._position_rad - self._rest_rad) > self._rest_within_rad:
             self._rest_rad, self._rests_since_s = self._position_rad, now_s
         return now_s - self._rests_since_s >= REST_S
@@ -124,7 +125,7 @@ class Zeroing:
         self.view = ZeroView("pending", is_uncertain=True)
 
     def _judge(self) -> None:
-        """Tell by the position what has become of the frame: taken, lost, or nobody knows."""
+        """Judge by the position what became of the frame: taken, lost, or unknown."""
         shift_rad = self._before_rad - self._position_rad
         self._is_unchanged = False
         if abs(self._position_rad) <= self._zero_within_rad:

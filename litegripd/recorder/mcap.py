@@ -56,7 +56,10 @@ EVENT_SCHEMA: Mapping[str, Any] = {
 _INFO, _WARNING = 2, 3
 _WARNINGS = frozenset({"stop", "object_lost", "heat", "refused", "recorder", "lease_lost"})
 # Looking up a name in an enumeration is slow, and a dump has tens of thousands of them.
-_PHASE_NAMES = {phase.value: phase.name.lower() for phase in Phase}
+_PHASE_NAMES = {
+    **{phase.value: phase.name.lower() for phase in Phase},
+    Phase.CLEARING_FAULT.value: "unfaulting",  # as in the dumps that users have
+}
 _MOTOR_NAMES = [phase.value for phase in recorder.PHASES]
 _STATUS_NAMES = [status_name(code) for code in range(16)]
 _SPECIAL = {

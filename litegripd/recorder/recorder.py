@@ -12,10 +12,10 @@ from typing import get_args
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Slack
 from litegripd.model.bus import CanFrame
-from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobKind, Owner
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase
+from litegripd.model.state import Event
 from litegripd.motor.motor import Motor
 from litegripd.motor.phases import Phase
 from litegripd.recorder.ring import OVERHEAD_BYTES, Ring
@@ -209,7 +209,7 @@ class Recorder:
             flags |= HAS_FEEDBACK
         if controller.output.requested is not None:
             flags |= HAS_REQUEST
-        if type(controller.rest) is Slack:
+        if type(controller.idle) is Slack:
             flags |= IS_SLACK
         if controller.stop_latch.latched is not None:
             flags |= IS_STOPPED

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from itertools import chain
 from typing import get_args
 
-from litegripd.model.events import Event, EventKind
 from litegripd.model.plain import Carried
+from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode, notification_line
 from litegripd.rpc.reports import NumberedEvent
 from litegripd.rpc.sessions import Session

@@ -10,7 +10,7 @@ from litegripd.model.jobs import Job
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.results import Progress, ReplayProgress, Result
 from litegripd.model.state import GripperState, JobSummary
-from litegripd.motor.traffic import MotorCounters
+from litegripd.motor.exchange import MotorCounters
 from litegripd.rpc.facts import ForeignActive, MotionFields, MotorFigures
 from litegripd.rpc.jsonrpc import ErrorObject
 from litegripd.rpc.method import AT_ONCE, WAIT, Method

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
 from litegripd.model.plain import Carried
+from litegripd.model.state import Event
 from litegripd.rpc.events import EventLog
 from litegripd.rpc.facts import Facts
 from litegripd.rpc.jsonrpc import (

@@ -5,11 +5,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step
-from litegripd.model.events import Event
+from litegripd.control.motions.base import PlainAction, Step
 from litegripd.model.motor import Feedback, MotorView, Status, status_name
 from litegripd.model.results import TeleopResult
-from litegripd.model.teleop import LinkStatus, LinkWish, TeleopMode, TeleopStatus
+from litegripd.model.state import Event
+from litegripd.model.teleop import LinkOptions, LinkStatus, TeleopMode, TeleopStatus
 from litegripd.teleop.link import Link
 
 _WINDOW_S = 1.0
@@ -63,8 +63,8 @@ _OPEN: Mapping[TeleopMode, str] = {
 class TeleopAction(PlainAction, ABC):
     """One end of a teleoperation, while it lasts; only `finish` or a fault ends it."""
 
-    def __init__(self, link: Link, wish: LinkWish, tell: Tell) -> None:
-        self.wish = wish
+    def __init__(self, link: Link, options: LinkOptions, tell: Tell) -> None:
+        self.options = options
         self.link = link
         self.loop = LoopRate()
         self.send_failed = 0
@@ -114,23 +114,23 @@ class TeleopAction(PlainAction, ABC):
             self.tell(f"the link is {status.state}{why}", warning=failed, link=status.state)
             if status.is_protected is False and not self.is_warned:
                 self.is_warned = True
-                self.tell(_OPEN[self.wish.mode], warning=True)
+                self.tell(_OPEN[self.options.mode], warning=True)
 
     def base_status(self) -> TeleopStatus:
         """Return the part of the status that is the same for both ends."""
         link, feedback = self.link.status, self.feedback
         return TeleopStatus(
             active=True,
-            mode=self.wish.mode,
-            topic=self.wish.topic,
-            link=self.wish.kind,
-            host=self.wish.host,
-            port=None if self.wish.kind == "none" else self.wish.port,
+            mode=self.options.mode,
+            topic=self.options.topic,
+            link=self.options.kind,
+            host=self.options.host,
+            port=None if self.options.kind == "none" else self.options.port,
             link_state=link.state,
             link_error=link.error,
             link_protected=link.is_protected,
-            reflects=self.wish.reflects,
-            matching=link.matching if self.wish.mode == "master" else None,
+            reflects=self.options.reflects,
+            matching=link.matching if self.options.mode == "master" else None,
             dropped=link.dropped,
             send_failed=self.send_failed,
             loop_hz=round(self.loop.hz, 1),

@@ -14,14 +14,20 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import Step, progress_of
 from litegripd.control.gains import Gains, budgeted, clamp_lead, max_lead_rad
-from litegripd.control.holds import Hold, Rest, Slack
+from litegripd.control.holds import Hold, Idle, Slack
+from litegripd.control.motions.base import Step, progress_of
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
-from litegripd.model.teleop import ForceFrame, LinkWish, TeleopSettings, TeleopStatus, encode_force
+from litegripd.model.teleop import (
+    ForceFrame,
+    LinkOptions,
+    TeleopSettings,
+    TeleopStatus,
+    encode_force,
+)
 from litegripd.teleop.base import TeleopAction, Tell
 from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
 from litegripd.teleop.link import Link
@@ -236,8 +242,8 @@ class Course:
 class TeleopFollower(TeleopAction):
     """Follows until it is finished; leaves a hold behind or, after a trip, free jaws."""
 
-    def __init__(self, link: Link, wish: LinkWish, tell: Tell, course: Course) -> None:
-        super().__init__(link, wish, tell)
+    def __init__(self, link: Link, options: LinkOptions, tell: Tell, course: Course) -> None:
+        super().__init__(link, options, tell)
         self._course = course
         self._intake = Intake(course.settings.watchdog_s)
         self._guard = PressGuard(course.settings.torque_limit_nm)
@@ -275,11 +281,11 @@ class TeleopFollower(TeleopAction):
         elapsed_s = max(now_s - self._stepped_s, 0.0) if self._reference_rad is not None else 0.0
         self._stepped_s = now_s
         command = self._command(now_s, elapsed_s, feedback)
-        if self.wish.reflects and is_new:
+        if self.options.reflects and is_new:
             self._tell_force(now_s, feedback)
         return Step(command)
 
-    def rest(self) -> Rest | None:
+    def idle_after(self) -> Idle | None:
         """Finished, it holds the jaws where they are; interrupted, it keeps what they press on.
 
         Moving jaws stop where they are. After a trip the jaws stay free: a hold would press again.
@@ -340,9 +346,9 @@ class TeleopFollower(TeleopAction):
         if silent_s < _SILENT_S:
             return None
         never = "" if intake.frames else " yet"
-        where = "" if self.wish.host is None else f" at {self.wish.host}"
+        where = "" if self.options.host is None else f" at {self.options.host}"
         return (
-            f"teleoperation: nothing heard{never} from a leader{where}, port {self.wish.port},"
+            f"teleoperation: nothing heard{never} from a leader{where}, port {self.options.port},"
             f" for {silent_s:.0f} s"
         )
 

@@ -14,12 +14,18 @@ leader's own motor).
 import math
 from dataclasses import replace
 
-from litegripd.control.actions.base import Step, progress_of
 from litegripd.control.holds import Slack
+from litegripd.control.motions.base import Step, progress_of
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, TeleopResult
-from litegripd.model.teleop import LinkWish, TeleopFrame, TeleopSettings, TeleopStatus, encode_frame
+from litegripd.model.teleop import (
+    LinkOptions,
+    TeleopFrame,
+    TeleopSettings,
+    TeleopStatus,
+    encode_frame,
+)
 from litegripd.teleop.base import TeleopAction, Tell
 from litegripd.teleop.intake import ForceIntake
 from litegripd.teleop.link import Link
@@ -113,14 +119,14 @@ class TeleopLeader(TeleopAction):
     def __init__(
         self,
         link: Link,
-        wish: LinkWish,
+        options: LinkOptions,
         tell: Tell,
         *,
         geometry: Geometry,
         rate_hz: float,
         settings: TeleopSettings,
     ) -> None:
-        super().__init__(link, wish, tell)
+        super().__init__(link, options, tell)
         self._geometry = geometry
         self._every_s = 1.0 / rate_hz
         self._forces = ForceIntake()
@@ -163,7 +169,7 @@ class TeleopLeader(TeleopAction):
         """Return the status."""
         status, frame, forces = self.base_status(), self._frame, self._forces
         status = replace(status, phase="leading", rejected=forces.rejected)
-        if self.wish.reflects:
+        if self.options.reflects:
             trip_s = forces.round_trip_s if forces.followers(now_s) else None
             status = replace(
                 status,
@@ -186,7 +192,7 @@ class TeleopLeader(TeleopAction):
 
     def _command(self, now_s: float, feedback: Feedback) -> MitCommand:
         """Return slack jaws, or jaws that push back with the followers' force."""
-        if not self.wish.reflects:
+        if not self.options.reflects:
             return Slack().command(now_s, feedback)
         return self._push.step(now_s, self._forces.force_n(now_s), feedback)
 

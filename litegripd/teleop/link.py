@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Protocol
 
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish, TeleopMode
+from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus, TeleopMode
 
 _QUEUED_AT_MOST = 32
 
@@ -35,10 +35,10 @@ class Link(Protocol):
 class Links(Protocol):
     """Makes links."""
 
-    def open(self, wish: LinkWish) -> Link:
+    def open(self, options: LinkOptions) -> Link:
         """Begin to open a link; return it at once, it becomes usable by itself."""
 
-    def warning(self, wish: LinkWish) -> str | None:
+    def warning(self, options: LinkOptions) -> str | None:
         """Return what a person should know before such a link is used, or None."""
 
 
@@ -50,13 +50,13 @@ class InProcessLinks:
     def __init__(self) -> None:
         self._ends: list[InProcessLink] = []
 
-    def open(self, wish: LinkWish) -> "InProcessLink":
+    def open(self, options: LinkOptions) -> "InProcessLink":
         """Open an end; the kind of link does not matter here."""
-        end = InProcessLink(self, wish)
+        end = InProcessLink(self, options)
         self._ends.append(end)
         return end
 
-    def warning(self, _wish: LinkWish) -> str | None:
+    def warning(self, _link_options: LinkOptions) -> str | None:
         """Return None: nobody else can listen or send."""
         return None
 
@@ -64,45 +64,49 @@ class InProcessLinks:
         """Remove an end from the bus."""
         self._ends = [other for other in self._ends if other is not end]
 
-    def listeners(self, wish: LinkWish) -> "list[InProcessLink]":
+    def listeners(self, options: LinkOptions) -> "list[InProcessLink]":
         """Return the followers of a leader."""
-        return self._others("slave", wish)
+        return self._others("slave", options)
 
-    def leaders(self, wish: LinkWish) -> "list[InProcessLink]":
+    def leaders(self, options: LinkOptions) -> "list[InProcessLink]":
         """Return a follower's leaders that listen to forces."""
-        return [end for end in self._others("master", wish) if end.wish.reflects]
+        return [end for end in self._others("master", options) if end.options.reflects]
 
-    def _others(self, mode: TeleopMode, wish: LinkWish) -> "list[InProcessLink]":
-        return [end for end in self._ends if end.wish.mode == mode and end.wish.topic == wish.topic]
+    def _others(self, mode: TeleopMode, options: LinkOptions) -> "list[InProcessLink]":
+        return [
+            end
+            for end in self._ends
+            if end.options.mode == mode and end.options.topic == options.topic
+        ]
 
 
 class InProcessLink:
     """One end of the bus inside the process."""
 
-    def __init__(self, links: InProcessLinks, wish: LinkWish) -> None:
-        self.wish = wish
+    def __init__(self, links: InProcessLinks, options: LinkOptions) -> None:
+        self.options = options
         self._links = links
         self._arrived: deque[Arrival] = deque(maxlen=_QUEUED_AT_MOST)
 
     @property
     def status(self) -> LinkStatus:
         """It is open from the start."""
-        leads = self.wish.mode == "master"
+        leads = self.options.mode == "master"
         return LinkStatus(
             "open",
-            matching=bool(self._links.listeners(self.wish)) if leads else None,
+            matching=bool(self._links.listeners(self.options)) if leads else None,
             is_protected=True,
         )
 
     def publish(self, payload: bytes, now_s: float) -> bool:
         """Put a payload into each follower's queue."""
-        for listener in self._links.listeners(self.wish):
+        for listener in self._links.listeners(self.options):
             listener.deliver(Arrival(payload, now_s))
         return True
 
     def reply(self, payload: bytes, _to: str, now_s: float) -> bool:
         """Put a payload into the queue of each leader that listens."""
-        for leader in self._links.leaders(self.wish):
+        for leader in self._links.leaders(self.options):
             leader.deliver(Arrival(payload, now_s))
         return True
 

@@ -7,7 +7,7 @@ link, kept for the daemon's life, and restarted when it dies.
 from collections.abc import Callable, Sequence
 
 from litegripd.io.helper.child import Child, start_here
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
 from litegripd.teleop.link import InProcessLinks, Link
 from litegripd.teleop.wire import (
     CLOSE,
@@ -72,26 +72,30 @@ class TeleopLinks:
         is_protected = None if self.status is None else self.status.is_protected
         return None if is_protected is None else not is_protected
 
-    def open(self, wish: LinkWish) -> Link:
+    def open(self, options: LinkOptions) -> Link:
         """Begin to open a link; the process starts with the next `poll`."""
-        if wish.kind == "none":
-            return self._inside.open(wish)
+        if options.kind == "none":
+            return self._inside.open(options)
         self._generation += 1
-        self._link = ProcessLink(self, Order(self._generation, wish, self._zenoh_config))
-        if (wish.kind, wish.mode) == ("zenoh", "master"):
+        self._link = ProcessLink(self, Order(self._generation, options, self._zenoh_config))
+        if (options.kind, options.mode) == ("zenoh", "master"):
             self._led = self._link
         return self._link
 
-    def warning(self, wish: LinkWish) -> str | None:
+    def warning(self, options: LinkOptions) -> str | None:
         """Return a warning that others may take part, or None."""
-        leads, port = wish.mode == "master", wish.port
-        if wish.kind == "udp":
-            who = f"is between here and {wish.host}:{port}" if leads else f"can send to port {port}"
+        leads, port = options.mode == "master", options.port
+        if options.kind == "udp":
+            who = (
+                f"is between here and {options.host}:{port}"
+                if leads
+                else f"can send to port {port}"
+            )
             whose = "the follower's" if leads else "these"
             return f"whoever {who} can move {whose} jaws: datagrams are not encrypted nor signed"
-        if wish.kind == "none" or self._zenoh_config is not None:
+        if options.kind == "none" or self._zenoh_config is not None:
             return None
-        what = f"listens for anybody at port {port}" if leads else f"follows {wish.host}:{port}"
+        what = f"listens for anybody at port {port}" if leads else f"follows {options.host}:{port}"
         return (
             f"it {what}, without encryption and without an access list"
             " (zenoh_config of [teleop] in the daemon's configuration sets both up)"
@@ -143,13 +147,13 @@ class TeleopLinks:
         if self._link is link:
             self._link = None
 
-    def note(self, link: "ProcessLink", wish: LinkWish, status: LinkStatus) -> None:
+    def note(self, link: "ProcessLink", options: LinkOptions, status: LinkStatus) -> None:
         """Record which leader's session the process keeps (see `ZenohLeaders`)."""
         if link is not self._led:
             return
         if status.is_protected is not None:
-            self._open_port = None if status.is_protected else wish.port
-        elif status.state == "failed" and wish.port != self._open_port:
+            self._open_port = None if status.is_protected else options.port
+        elif status.state == "failed" and options.port != self._open_port:
             self._open_port = None  # closed in favour of another port, which could not be opened
 
     def _spawn(self, link: "ProcessLink", now_s: float) -> None:
@@ -224,4 +228,4 @@ class ProcessLink:
             generation, status = unpack_status(body)
             if generation == self._order.generation:
                 self.status = status
-                self._links.note(self, self._order.wish, status)
+                self._links.note(self, self._order.options, status)

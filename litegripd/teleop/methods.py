@@ -13,7 +13,7 @@ from litegripd.model.teleop import (
     DEFAULT_PORT,
     DEFAULT_REFLECT_GAIN,
     DEFAULT_WATCHDOG_S,
-    LinkWish,
+    LinkOptions,
     TeleopSettings,
     TeleopStatus,
     udp_targets,
@@ -169,9 +169,9 @@ class TeleopMethods:
         config = call.config(
             controller.config, controller.period_s, controller.gripper_id.motor_type
         )
-        wish = _wish(params)
+        options = _link_options(params)
         job = self._teleoperation.start(
-            wish,
+            options,
             _settings(params),
             call.owner,
             config,
@@ -220,10 +220,10 @@ def _settings(params: Mapping[str, Any]) -> TeleopSettings:
     )
 
 
-def _wish(params: Mapping[str, Any]) -> LinkWish:
+def _link_options(params: Mapping[str, Any]) -> LinkOptions:
     """Return the requested link; reject a wrong parameter."""
     mode, fake = params["mode"], params.get("fake_leader", False)
-    wish = LinkWish(
+    options = LinkOptions(
         mode,
         "none" if fake else params.get("link", "zenoh"),
         params.get("host"),
@@ -231,33 +231,35 @@ def _wish(params: Mapping[str, Any]) -> LinkWish:
         params.get("grip_id", DEFAULT_GRIP_ID),
         params.get("reflect_n", 0.0) > 0.0 if mode == "master" else params.get("reflect", False),
     )
-    problem = _of_names(wish) or _of_reflection(params, fake=fake) or _of_ends(wish, fake=fake)
+    problem = (
+        _of_names(options) or _of_reflection(params, fake=fake) or _of_ends(options, fake=fake)
+    )
     if problem is None:
-        return wish
+        return options
     parameter, text = problem
     message = f"teleop.start: {parameter} {text}"
     raise Refused(Refusal("invalid_params", message, {"parameter": parameter}))
 
 
-def _of_names(wish: LinkWish) -> _Problem:
+def _of_names(options: LinkOptions) -> _Problem:
     """Check what becomes a part of keys and endpoints."""
-    if not _GRIP_ID.fullmatch(wish.grip_id):
-        return "grip_id", f"is {wish.grip_id!r}; it has letters, digits, _ . - (1 to 64)"
-    if wish.host is None:
+    if not _GRIP_ID.fullmatch(options.grip_id):
+        return "grip_id", f"is {options.grip_id!r}; it has letters, digits, _ . - (1 to 64)"
+    if options.host is None:
         return None
-    if wish.mode == "master" and wish.kind == "udp":
-        return _of_targets(wish)
-    if not _HOST.fullmatch(wish.host):
-        return "host", f"is {wish.host!r}; it must be a host's name or address, without a port"
+    if options.mode == "master" and options.kind == "udp":
+        return _of_targets(options)
+    if not _HOST.fullmatch(options.host):
+        return "host", f"is {options.host!r}; it must be a host's name or address, without a port"
     return None
 
 
-def _of_targets(wish: LinkWish) -> _Problem:
-    if not _HOSTS.fullmatch(wish.host or ""):
+def _of_targets(options: LinkOptions) -> _Problem:
+    if not _HOSTS.fullmatch(options.host or ""):
         text = "it must be hosts' names or addresses, separated by commas"
-        return "host", f"is {wish.host!r}; {text}"
+        return "host", f"is {options.host!r}; {text}"
     try:
-        udp_targets(wish)
+        udp_targets(options)
     except ValueError as error:
         return "host", str(error)
     return None
@@ -279,17 +281,17 @@ def _of_reflection(params: Mapping[str, Any], *, fake: bool) -> _Problem:
     return None
 
 
-def _of_ends(wish: LinkWish, *, fake: bool) -> _Problem:
+def _of_ends(options: LinkOptions, *, fake: bool) -> _Problem:
     """Check the parameters of the end that must know where the other one is."""
-    leads, has_host = wish.mode == "master", wish.host is not None
+    leads, has_host = options.mode == "master", options.host is not None
     if leads and fake:
         return "fake_leader", "is for a slave: a master is a leader itself"
-    if not leads and not fake and wish.kind == "none":
+    if not leads and not fake and options.kind == "none":
         return "link", "none brings a slave no frames; for a try: fake_leader"
-    if wish.kind == "zenoh" and not leads and not has_host:
+    if options.kind == "zenoh" and not leads and not has_host:
         return "host", "is missing: a slave connects to its leader and to nobody else"
-    if wish.kind == "zenoh" and leads and has_host:
+    if options.kind == "zenoh" and leads and has_host:
         return "host", "is for a slave: a master listens, on all its addresses"
-    if wish.kind == "udp" and leads and not has_host:
+    if options.kind == "udp" and leads and not has_host:
         return "host", "is missing: a master sends its datagrams to its follower"
     return None

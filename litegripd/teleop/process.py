@@ -18,7 +18,7 @@ from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
 from litegripd.teleop.udp import Endpoint, UdpFollower, UdpLeader
 from litegripd.teleop.wire import (
     CLOSE,
@@ -142,7 +142,7 @@ class Station:
         try:
             endpoint = self._make(order)
         except Exception as error:  # noqa: BLE001 - whatever it is: report and retry
-            self._tell(order, LinkStatus("failed", _not_opened(error, order.wish)))
+            self._tell(order, LinkStatus("failed", _not_opened(error, order.options)))
             return None
         self._endpoint = endpoint
         matching, is_protected = endpoint.matching, endpoint.is_protected
@@ -150,7 +150,7 @@ class Station:
         return endpoint
 
     def _make(self, order: Order) -> Endpoint:
-        wish, flood = order.wish, self._flood
+        options, flood = order.options, self._flood
 
         def deliver(payload: bytes, source: str) -> None:
             now_s = time.monotonic()
@@ -159,21 +159,21 @@ class Station:
             if not self._send(pack_arrival(order.generation, Arrival(payload, now_s, source))):
                 flood.refuse()  # the daemon stands still: frames get old, they are not kept
 
-        if wish.kind == "udp":
+        if options.kind == "udp":
             return (
-                UdpLeader(wish, deliver, flood.refuse)
-                if wish.mode == "master"
-                else UdpFollower(wish, deliver, flood.refuse)
+                UdpLeader(options, deliver, flood.refuse)
+                if options.mode == "master"
+                else UdpFollower(options, deliver, flood.refuse)
             )
         from litegripd.teleop.zenoh import (  # noqa: PLC0415 - large, and UDP needs none of it
             ZenohFollower,
             ZenohLeaders,
         )
 
-        if wish.mode == "slave":
-            return ZenohFollower(wish, order.zenoh_config, deliver)
+        if options.mode == "slave":
+            return ZenohFollower(options, order.zenoh_config, deliver)
         self._leaders = self._leaders or ZenohLeaders()
-        return self._leaders.open(wish, order.zenoh_config, deliver)
+        return self._leaders.open(options, order.zenoh_config, deliver)
 
     def _look(self, order: Order, endpoint: Endpoint) -> Endpoint | None:
         """Report changes; close an end that has stopped listening."""
@@ -213,14 +213,15 @@ class Station:
         return True
 
 
-def _not_opened(error: Exception, wish: LinkWish) -> str:
+def _not_opened(error: Exception, options: LinkOptions) -> str:
     """Return why a link could not be opened, and what to do if that is known."""
     text = _worded(error)
     if _IN_USE not in text:
         return text
     return (
-        f"port {wish.port} is in use, by another program or by the daemon of another channel (one"
-        " that has led keeps its port): give another --port at both ends, or restart that daemon"
+        f"port {options.port} is in use, by another program or by the daemon of another channel"
+        " (one that has led keeps its port): give another --port at both ends, or restart that"
+        " daemon"
     )
 
 

@@ -17,14 +17,14 @@ from litegripd.control.admission import (
 from litegripd.control.controller import Controller
 from litegripd.control.gains import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
+from litegripd.model.state import Event
 from litegripd.model.teleop import (
     Arrival,
+    LinkOptions,
     LinkStatus,
-    LinkWish,
     TeleopFrame,
     TeleopSettings,
     TeleopStatus,
@@ -93,7 +93,7 @@ class Teleoperation:
 
     def start(
         self,
-        wish: LinkWish,
+        options: LinkOptions,
         settings: TeleopSettings,
         owner: Owner,
         config: MotionConfig,
@@ -107,24 +107,24 @@ class Teleoperation:
             return geometry
         rate_hz = 1.0 / controller.period_s if settings.rate_hz is None else settings.rate_hz
         gains, conflict = self._gains(settings), None
-        if wish.mode == "slave":
+        if options.mode == "slave":
             conflict = damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad)
         refusal = self._rate_refusal(rate_hz) or conflict_refusal(
             conflict or fast_conflict(config, config.speed_mm_s, controller.period_s)
         )
         if refusal is not None:
             return refusal
-        warning = None if fake_leader else self._links.warning(wish)
+        warning = None if fake_leader else self._links.warning(options)
         if warning is not None:
             self._tell(Event("teleop", f"teleop: {warning}", {"warning": True}))
-        link: Link = FakeLeader(geometry, rate_hz) if fake_leader else self._links.open(wish)
-        if wish.mode == "master":
+        link: Link = FakeLeader(geometry, rate_hz) if fake_leader else self._links.open(options)
+        if options.mode == "master":
             action: TeleopAction = TeleopLeader(
-                link, wish, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
+                link, options, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
             )
         else:
             course = Course(geometry, config, gains, settings, controller.period_s, self._sender)
-            action = TeleopFollower(link, wish, self._tell, course)
+            action = TeleopFollower(link, options, self._tell, course)
         action.is_warned = warning is not None
         self._action = action
         self._job = controller.begin("teleop", action, owner, detached)

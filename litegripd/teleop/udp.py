@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from typing import Any, Protocol, TypeAlias
 
-from litegripd.model.teleop import LinkWish, udp_targets
+from litegripd.model.teleop import LinkOptions, udp_targets
 from litegripd.teleop.wire import MAX_PAYLOAD_BYTES
 
 Deliver: TypeAlias = Callable[[bytes, str], None]
@@ -86,13 +86,13 @@ class UdpLeader:
     matching = None
     is_protected = False
 
-    def __init__(self, wish: LinkWish, deliver: Deliver, refuse: Refuse) -> None:
+    def __init__(self, options: LinkOptions, deliver: Deliver, refuse: Refuse) -> None:
         self._deliver = deliver
         self._refuse = refuse
         self._listeners: list[UdpListener] = []
         found = [
             socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-            for host, port in udp_targets(wish)
+            for host, port in udp_targets(options)
         ]
         self._hosts = {str(entry[4][0]) for entry in found}
         families = {entry[0] for entry in found}
@@ -100,7 +100,7 @@ class UdpLeader:
         self._targets: list[tuple[socket.socket, Address]] = [
             (self._sockets[entry[0]], entry[4]) for entry in found
         ]
-        if wish.reflects:
+        if options.reflects:
             for own in self._sockets.values():
                 own.bind(("", 0))
             self._listeners = [UdpListener(own, self._hear) for own in self._sockets.values()]
@@ -143,19 +143,19 @@ class UdpFollower:
     matching = None
     is_protected = False
 
-    def __init__(self, wish: LinkWish, deliver: Deliver, refuse: Refuse) -> None:
+    def __init__(self, options: LinkOptions, deliver: Deliver, refuse: Refuse) -> None:
         self._deliver = deliver
         self._refuse = refuse
         self._leaders: OrderedDict[str, Address] = OrderedDict()
         self._hosts: set[str] | None = None
         family = socket.AF_INET
-        if wish.host is not None:
-            found = socket.getaddrinfo(wish.host, None, type=socket.SOCK_DGRAM)
+        if options.host is not None:
+            found = socket.getaddrinfo(options.host, None, type=socket.SOCK_DGRAM)
             family = found[0][0]
             self._hosts = {str(entry[4][0]) for entry in found if entry[0] == family}
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
-            self._socket.bind(("", wish.port))
+            self._socket.bind(("", options.port))
         except OSError:
             self._socket.close()
             raise

@@ -9,7 +9,7 @@ import json
 import struct
 from dataclasses import asdict, dataclass
 
-from litegripd.model.teleop import FORCE_FRAME_BYTES, FRAME_BYTES, Arrival, LinkStatus, LinkWish
+from litegripd.model.teleop import FORCE_FRAME_BYTES, FRAME_BYTES, Arrival, LinkOptions, LinkStatus
 
 OPEN, CLOSE, FRAME, REPLY, STATUS = b"o", b"c", b"f", b"r", b"s"
 _ARRIVED = struct.Struct("<IdB")  # generation, when it came, bytes of the source's name
@@ -24,19 +24,19 @@ class Order:
     """The link to open; `generation` distinguishes its reports from those of the one before."""
 
     generation: int
-    wish: LinkWish
+    options: LinkOptions
     zenoh_config: str | None = None
 
 
 def pack_open(order: Order) -> bytes:
     """Return the packet that opens a link."""
-    return OPEN + json.dumps([order.generation, asdict(order.wish), order.zenoh_config]).encode()
+    return OPEN + json.dumps([order.generation, asdict(order.options), order.zenoh_config]).encode()
 
 
 def unpack_open(body: bytes) -> Order:
     """Return the content of `pack_open`'s packet, without its letter."""
-    generation, wish, zenoh_config = json.loads(body)
-    return Order(generation, LinkWish(**wish), zenoh_config)
+    generation, options, zenoh_config = json.loads(body)
+    return Order(generation, LinkOptions(**options), zenoh_config)
 
 
 def pack_reply(payload: bytes, to: str) -> bytes:

@@ -12,7 +12,7 @@ from typing import Any
 
 import zenoh
 
-from litegripd.model.teleop import LinkWish
+from litegripd.model.teleop import LinkOptions
 from litegripd.teleop.udp import Deliver
 from litegripd.teleop.wire import MAX_PAYLOAD_BYTES
 
@@ -42,18 +42,18 @@ class ZenohLeaders:
         self._made_for: tuple[int, str | None] | None = None
         self._is_protected = False
 
-    def open(self, wish: LinkWish, file: str | None, deliver: Deliver) -> "ZenohLeader":
+    def open(self, options: LinkOptions, file: str | None, deliver: Deliver) -> "ZenohLeader":
         """Return a publisher of the topic; raises `zenoh.ZError` if the port is taken."""
-        if self._session is None or self._made_for != (wish.port, file):
+        if self._session is None or self._made_for != (options.port, file):
             if self._session is not None:
                 self._session.close()  # type: ignore[no-untyped-call]
                 self._session = None
             config = _config(file)
             self._is_protected = _is_protected(config, leads=True)
-            _listen(config, [f"{_protocol(config)}/0.0.0.0:{wish.port}"])
+            _listen(config, [f"{_protocol(config)}/0.0.0.0:{options.port}"])
             self._session = zenoh.open(config)
-            self._made_for = (wish.port, file)
-        return ZenohLeader(self._session, wish, deliver, is_protected=self._is_protected)
+            self._made_for = (options.port, file)
+        return ZenohLeader(self._session, options, deliver, is_protected=self._is_protected)
 
 
 class ZenohLeader:
@@ -62,17 +62,17 @@ class ZenohLeader:
     failure = None
 
     def __init__(
-        self, session: zenoh.Session, wish: LinkWish, deliver: Deliver, *, is_protected: bool
+        self, session: zenoh.Session, options: LinkOptions, deliver: Deliver, *, is_protected: bool
     ) -> None:
         self.is_protected = is_protected
-        self._publisher = _publisher(session, wish.topic)
+        self._publisher = _publisher(session, options.topic)
         self._in_use = threading.Lock()  # zenoh undeclares nothing that is in use
         self._forces = None
-        if wish.reflects:
+        if options.reflects:
             # Called from zenoh's thread: a subscriber whose thread waits cannot be undeclared, and
             # the session stays.
             self._forces = session.declare_subscriber(
-                wish.force_topic, lambda sample: _deliver(sample, deliver)
+                options.force_topic, lambda sample: _deliver(sample, deliver)
             )
 
     @property
@@ -102,21 +102,25 @@ class ZenohFollower:
 
     matching = failure = None
 
-    def __init__(self, wish: LinkWish, file: str | None, deliver: Deliver) -> None:
+    def __init__(self, options: LinkOptions, file: str | None, deliver: Deliver) -> None:
         config = _config(file)
         _listen(config, [])
-        host = f"[{wish.host}]" if wish.host is not None and ":" in wish.host else wish.host
-        endpoint = f"{_protocol(config)}/{host}:{wish.port}"
+        host = (
+            f"[{options.host}]"
+            if options.host is not None and ":" in options.host
+            else options.host
+        )
+        endpoint = f"{_protocol(config)}/{host}:{options.port}"
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
         config.insert_json5("connect/retry", json.dumps(_RETRY))
         config.insert_json5("open/return_conditions/connect_scouted", "false")
         self.is_protected = _is_protected(config, leads=False)
         self._session = zenoh.open(config)
         self._in_use = threading.Lock()
-        self._forces = _publisher(self._session, wish.force_topic) if wish.reflects else None
+        self._forces = _publisher(self._session, options.force_topic) if options.reflects else None
         self._deliver = deliver
         self._subscriber = self._session.declare_subscriber(
-            wish.topic, zenoh.handlers.RingChannel(_QUEUED_AT_MOST)
+            options.topic, zenoh.handlers.RingChannel(_QUEUED_AT_MOST)
         )
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()

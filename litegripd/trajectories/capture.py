@@ -15,9 +15,9 @@ from typing import Any
 
 from litegrip_client.protocol.grips import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS
 from litegrip_client.protocol.lgt import SAMPLE
-from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
+from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motor import Feedback, MotorPhase, MotorView

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from litegrip_client.protocol.grips import TaughtGrip
-from litegripd.control.actions.base import PlainAction, Step
-from litegripd.control.actions.grasp import Grasp, GraspRequest
 from litegripd.control.gains import Gains, budgeted, clamp_lead
-from litegripd.control.holds import Grip, Hold, Rest
+from litegripd.control.holds import Grip, Hold, Idle
+from litegripd.control.motions.base import PlainAction, Step
+from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
@@ -38,10 +38,10 @@ _SLOWEST_RAD_S = 1e-3
 
 
 class Follower:
-    """Makes the commands of one motion; `rest` continues to press as the latest one did."""
+    """Makes the commands of one motion; `hold` continues to press as the latest one did."""
 
     def __init__(self, gains: Gains, torque_nm: float, period_s: float) -> None:
-        self.rest: Hold | None = None
+        self.hold: Hold | None = None
         self._gains = gains
         self._torque_nm = torque_nm
         self._period_s = period_s
@@ -55,7 +55,7 @@ class Follower:
 
     def reset(self) -> None:
         """Begin at the next step from where the jaws are then."""
-        self.rest, self._was_s = None, None
+        self.hold, self._was_s = None, None
 
     def step(
         self, now_s: float, feedback: Feedback, target_rad: float, speed_rad_s: float
@@ -75,7 +75,7 @@ class Follower:
         gains, lead_rad = budgeted(self._torque_nm, speed, self._gains, self._period_s)
         reference_rad = clamp_lead(self._was_rad + step_rad, feedback.position_rad, lead_rad)
         self._was_s, self._was_rad = now_s, reference_rad
-        self.rest = Hold(reference_rad, gains)
+        self.hold = Hold(reference_rad, gains)
         return gains.at(reference_rad, velocity_rad_s)
 
 
@@ -225,8 +225,8 @@ class ReplayGrips:
         if self._grasp is None:
             self._grasp, self._let_go_at = self._new_grasp(), None
         step = self._grasp.step(now_s, motor)
-        rest = self._grasp.rest()
-        before, self.held = self.held, rest if isinstance(rest, Grip) else None
+        idle = self._grasp.idle_after()
+        before, self.held = self.held, idle if isinstance(idle, Grip) else None
         if before is None and self.held is not None and motor.feedback is not None:
             self._note(self._geometry.opening_mm(motor.feedback.position_rad))
         return step.command, _missed(step.outcome)
@@ -290,7 +290,7 @@ _ROUNDING_RAD = 1e-9
 
 
 class Replay(PlainAction):
-    """One replay; while it is loading, the jaws follow `resting`."""
+    """One replay; while it is loading, the jaws do what `idle` returns."""
 
     def __init__(
         self,
@@ -301,7 +301,7 @@ class Replay(PlainAction):
         gains: Gains,
         period_s: float,
         motor_type: MotorType,
-        resting: Callable[[], Rest],
+        idle: Callable[[], Idle],
     ) -> None:
         self.speed = request.speed
         self.is_paused = False
@@ -313,7 +313,7 @@ class Replay(PlainAction):
         self._geometry = geometry
         self._config = config
         self._period_s = period_s
-        self._resting = resting
+        self._idle = idle
         self._follower = Follower(gains, request.torque_nm, period_s)
         self._motor_type = motor_type
         self.grips = ReplayGrips(geometry, config, gains, period_s, motor_type)
@@ -352,14 +352,14 @@ class Replay(PlainAction):
             return self._grip(now_s, elapsed_s, motor, feedback, self._path)
         return self._go(now_s, elapsed_s, feedback, self._path)
 
-    def rest(self) -> Rest | None:
-        """Return a rest that continues to press, or to hold; before the first tick, the old rest.
+    def idle_after(self) -> Idle | None:
+        """Return what continues to press or to hold; before the first tick, what the jaws did.
 
         If the replay is cancelled, moving jaws stop where they are.
         """
         if self._path is None:
-            return self._resting()
-        hold, feedback = self._follower.rest, self._feedback
+            return self._idle()
+        hold, feedback = self._follower.hold, self._feedback
         if self.grips.held is not None or hold is None or feedback is None:
             return self.grips.held
         return hold if self.phase == "settle" or hold.presses(feedback) else None

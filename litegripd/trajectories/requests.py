@@ -23,8 +23,7 @@ from litegripd.control.controller import Controller
 from litegripd.control.gains import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.helper_tasks import HelperTask, TaskResult
-from litegripd.model.jobs import Job, Owner
+from litegripd.model.jobs import HelperTask, Job, Owner, TaskResult
 from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_conflict
 from litegripd.trajectories.capture import Capture, Teach, result_of
 from litegripd.trajectories.loading import outcome_of
@@ -265,7 +264,7 @@ class Trajectories:
             gains=Gains(kp, kd),
             period_s=controller.period_s,
             motor_type=controller.gripper_id.motor_type,
-            resting=lambda: controller.rest,
+            idle=lambda: controller.idle,
         )
         self.replay_job = controller.begin("play", action, owner, detached)
         self.replay = action

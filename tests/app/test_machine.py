@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from litegripd.model.bus import BusCondition, CanFrame
-from litegripd.model.motor import MotorOrder, MotorPhase, Status
+from litegripd.model.motor import MotorInput, MotorPhase, Status
 from tests.world import PERIOD_S, World
 
 
@@ -133,7 +133,7 @@ def test_a_disabling_that_is_due_in_a_tick_that_fails_is_not_forgotten(
     motor, step = world.machine.motor, world.machine.motor.step
     fails = [True]
 
-    def failing(now_s: float, order: MotorOrder) -> list[CanFrame]:
+    def failing(now_s: float, order: MotorInput) -> list[CanFrame]:
         if fails.pop() if fails else False:
             raise RuntimeError("a defect")
         return step(now_s, order)

@@ -1,6 +1,6 @@
-"""An controller and its RPC service without a motor: whatever it is told of one is made up.
+"""A controller and its RPC service without a motor: all reports of one are made up.
 
-In every period it is asked what clients may ask, told what a motor may tell, and watched.
+In every period it gets what clients may ask and what a motor may report, and is watched.
 """
 
 import json
@@ -11,14 +11,14 @@ from typing import Any, TypeAlias
 from litegripd.app.features import build_service
 from litegripd.control.controller import Controller
 from litegripd.model.calibration import CalibrationError, read_content
-from litegripd.model.helper_tasks import HelperTask, TaskResult
+from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,
     EnableMotor,
     Feedback,
     MotorIdentity,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     MotorView,
     Ranges,
@@ -41,7 +41,7 @@ class Course:
     """What happens in a few ticks.
 
     `is_ready` clears a stop and enables the motor first. The jaws go `follows` of the way to what
-    is commanded in each tick, 0 to 1, unless they jump to `measured`; a `silent` motor tells
+    is commanded in each tick, 0 to 1, unless they jump to `measured`; a `silent` motor reports
     nothing new.
     """
 
@@ -100,7 +100,7 @@ class Bench:
         return self._service.opened(Peer(7, 1000, 1000, "program"), self._now_s)
 
     def _measure(self, **changes: Any) -> None:
-        """Measure as a frame in these ranges can tell."""
+        """Measure as a frame in these ranges can report it."""
         spans, wanted = self._spans, replace(self._feedback, at_s=self._now_s, **changes)
         self._feedback = replace(
             wanted,
@@ -132,7 +132,7 @@ class Bench:
         self._read(session)
 
     def _read(self, session: Session) -> None:
-        """Nothing that a client gets tells of a defect."""
+        """Nothing that a client gets reports a defect."""
         for line in session.outgoing:
             error = json.loads(line).get("error", {})
             assert error.get("data", {}).get("reason") != "internal_error", error
@@ -144,33 +144,37 @@ class Bench:
         view = MotorView(self._phase, self._feedback, identity, zero=self._zero)
         running, latched = controller.jobs.running, controller.stop_latch.latched
         self._watch.begin()
-        order = controller.step(self._now_s, view)
-        if isinstance(order.request, EnableMotor):
+        motor_input = controller.step(self._now_s, view)
+        if isinstance(motor_input.request, EnableMotor):
             assert running is not None
             assert (running.kind, latched) == ("enable", None)
-        if isinstance(order.request, SetZero):
+        if isinstance(motor_input.request, SetZero):
             assert running is not None
             assert running.kind == "set_zero"
-        if order.command is not None:
-            codec.encode_command(order.command, self._spans)
+        if motor_input.command is not None:
+            codec.encode_command(motor_input.command, self._spans)
         self._watch.check(
-            self._now_s, order.command, self._feedback, self._spans, is_motion=order.is_motion
+            self._now_s,
+            motor_input.command,
+            self._feedback,
+            self._spans,
+            is_motion=motor_input.is_motion,
         )
-        self._obey(order)
+        self._obey(motor_input)
         self._service.after_tick(self._now_s)
         for session in self._sessions:
             self._read(session)
         self._run_errands()
 
-    def _obey(self, order: MotorOrder) -> None:
-        """Become what the motor is told to be, without the delays of a real one."""
-        if isinstance(order.request, DisableMotor):
+    def _obey(self, motor_input: MotorInput) -> None:
+        """Follow the motor's input, without the delays of a real motor."""
+        if isinstance(motor_input.request, DisableMotor):
             self._phase = MotorPhase.DISABLING
         elif self._phase is MotorPhase.DISABLING:
             self._phase = MotorPhase.DISABLED
-        elif isinstance(order.request, EnableMotor) and self._phase is MotorPhase.DISABLED:
+        elif isinstance(motor_input.request, EnableMotor) and self._phase is MotorPhase.DISABLED:
             self._phase = MotorPhase.ENABLED
-        if isinstance(order.request, SetZero):
+        if isinstance(motor_input.request, SetZero):
             self._zero = ZeroView("pending", is_uncertain=True)
         elif self._zero.state == "pending":
             self._zero = ZeroView("done", 0.5, 0.001)

@@ -1,4 +1,4 @@
-"""A gripper that holds an object by force, what may happen to it, and what clients are told."""
+"""A gripper that holds an object by force, what may happen to it, and what clients see."""
 
 from collections.abc import Callable
 from typing import Any
@@ -71,8 +71,8 @@ class Held(World):
     def events(self, kind: str) -> list[dict[str, Any]]:
         """Return the events of a kind so far."""
         self.watcher.read()
-        told = [n["params"] for n in self.watcher.notifications if n["method"] == "event"]
-        return [event for event in told if event["kind"] == kind]
+        reported = [n["params"] for n in self.watcher.notifications if n["method"] == "event"]
+        return [event for event in reported if event["kind"] == kind]
 
     def moved_mm(self) -> list[float]:
         """Return by how much the object moved, each time that it was reported."""

@@ -1,6 +1,6 @@
 """The limits of every command, written down a second time, and watched tick by tick.
 
-Nothing here uses the last-word filter: what it promises is computed anew from the calibration, the
+Nothing here uses the limiter: what it promises is computed independently from the calibration, the
 configuration and the measurement. `slack` is what the codes of a frame may add by rounding.
 """
 
@@ -8,10 +8,9 @@ import math
 from dataclasses import replace
 from itertools import combinations
 
-from litegripd.control.actions.by_hand import CalibrateByHand
-from litegripd.control.actions.zero import Calibrate
 from litegripd.control.controller import Controller
-from litegripd.control.holds import Grip, Hold, Rest, Slack
+from litegripd.control.holds import Grip, Hold, Idle, Slack
+from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import JobState
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
@@ -50,9 +49,9 @@ class LimitWatch:
         self._geometry: Geometry | None = None
         self._stopped = False
         self._was_stopped = False
-        self._before: tuple[MotorPhase, Rest, MitCommand | None] = (
+        self._before: tuple[MotorPhase, Idle, MitCommand | None] = (
             MotorPhase.UNKNOWN,
-            controller.rest,
+            controller.idle,
             None,
         )
 
@@ -103,7 +102,7 @@ class LimitWatch:
     def note(self) -> None:
         """Remember what is wanted, for the next tick to be compared with."""
         controller = self._controller
-        self._before = (controller.motor.phase, controller.rest, controller.output.requested)
+        self._before = (controller.motor.phase, controller.idle, controller.output.requested)
 
     def _check_bounds(
         self,
@@ -171,24 +170,24 @@ class LimitWatch:
         requested = controller.output.requested
         if not self._stopped or requested is None or feedback is None:
             return
-        phase, rest, was = before
-        if isinstance(controller.rest, Slack):
+        phase, idle, was = before
+        if isinstance(controller.idle, Slack):
             assert requested.kp_nm_rad == requested.kd_nm_s_rad == requested.torque_nm == 0.0
             return
-        if isinstance(controller.rest, Hold):
-            assert requested == controller.rest.gains.at(controller.rest.position_rad)
+        if isinstance(controller.idle, Hold):
+            assert requested == controller.idle.gains.at(controller.idle.position_rad)
         if phase is not MotorPhase.ENABLED or was is None or not self._was_stopped:
             return
-        if isinstance(controller.rest, Grip):
-            assert controller.rest is rest
+        if isinstance(controller.idle, Grip):
+            assert controller.idle is idle
             assert abs(requested.torque_nm) <= abs(was.torque_nm) + TINY
             assert requested.torque_nm * was.torque_nm >= 0.0
-        elif isinstance(rest, Grip):
+        elif isinstance(idle, Grip):
             assert requested.position_rad == feedback.position_rad  # what it held is lost
         elif (
-            controller.rest is not rest
+            controller.idle is not idle
         ):  # a hold beyond a stop comes back with the jaws, no further
-            assert isinstance(controller.rest, Hold)
-            assert isinstance(rest, Hold)
+            assert isinstance(controller.idle, Hold)
+            assert isinstance(idle, Hold)
             assert controller.geometry is not None
-            assert controller.rest == rest.eased(feedback.position_rad, controller.geometry)
+            assert controller.idle == idle.eased(feedback.position_rad, controller.geometry)

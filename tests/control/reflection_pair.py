@@ -79,7 +79,7 @@ class Pair:
 
     @property
     def commanded_nm(self) -> float:
-        """The torque that the leader's motor is told, opening positive."""
+        """The torque that the leader's motor gets, opening positive."""
         wanted = self.leader.controller.output.requested
         assert wanted is not None
         return -self.leader.gripper.parameters.close_sign * wanted.torque_nm

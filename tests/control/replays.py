@@ -37,7 +37,7 @@ def openness(world: World) -> float:
 
 
 def followed(world: World, client: Client, number: int) -> list[float]:
-    """Let a replay go on to its end; return how far the jaws were off, share of the travel."""
+    """Run a replay to its end; return how far the jaws were off, as shares of the travel."""
     errors = []
     while not client.has_answer(number):
         action = world.controller.action

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from litegripd.app.features import build_service
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, FixedFacts, World
 
@@ -30,7 +30,7 @@ OPEN = LinkStatus("open")
 class Wire:
     """A link whose network is the test: what is to arrive, and what was sent."""
 
-    wish: LinkWish
+    options: LinkOptions
     arriving: list[Arrival] = field(default_factory=list)
     sent: list[tuple[float, bytes]] = field(default_factory=list)
     replied: list[tuple[float, bytes, str]] = field(default_factory=list)
@@ -63,12 +63,12 @@ class Wires:
     def __init__(self) -> None:
         self.made: list[Wire] = []
 
-    def open(self, wish: LinkWish) -> Wire:
-        self.made.append(Wire(wish))
+    def open(self, options: LinkOptions) -> Wire:
+        self.made.append(Wire(options))
         return self.made[-1]
 
-    def warning(self, wish: LinkWish) -> str | None:
-        return f"{wish.kind} is open to everybody"
+    def warning(self, options: LinkOptions) -> str | None:
+        return f"{options.kind} is open to everybody"
 
 
 class TeleopWorld(World):
@@ -144,10 +144,10 @@ class Follower:
         assert feedback is not None
         return abs(float(self.command().position_rad) - feedback.position_rad) * MM_RAD
 
-    def told(self) -> list[str]:
+    def reported(self) -> list[str]:
         self.client.read()
-        told = [n["params"] for n in self.client.notifications if n["method"] == "event"]
-        return [str(event["message"]) for event in told]
+        reported = [n["params"] for n in self.client.notifications if n["method"] == "event"]
+        return [str(event["message"]) for event in reported]
 
 
 def following(

@@ -65,7 +65,7 @@ class AnyAuthority(RuleBasedStateMachine):
         return self.clients[number % len(self.clients)]
 
     def ask(self, client: Client, method: str, **params: Any) -> None:
-        """Send a request; whoever has no right to a motion must not have begun one."""
+        """Send a request; a client without the right to a motion must not have begun one."""
         controller = self.world.controller
         holder, before = controller.lease.holder, self.newest()
         client.send(method, **params)

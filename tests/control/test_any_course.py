@@ -68,7 +68,7 @@ class AnyCourse(RuleBasedStateMachine):
             self.held_rad = None
             return
         command = commands[-1]
-        if isinstance(self.world.controller.rest, Grip):
+        if isinstance(self.world.controller.idle, Grip):
             self.held_rad = None
             assert self.squeezed_nm <= before_nm + CODE_NM
             assert abs(command.velocity_rad_s) <= FREE_RAD_S

@@ -209,7 +209,7 @@ class AnyMotion(RuleBasedStateMachine):
         self.watch.check(world.now_s, None, None, world.ranges, is_motion=False)
 
     def read(self, client: Client) -> None:
-        """Nothing that a client gets tells of a defect."""
+        """Nothing that a client gets reports a defect."""
         client.read()
         for answer in client.answers.values():
             assert answer.get("error", {}).get("data", {}).get("reason") != "internal_error"

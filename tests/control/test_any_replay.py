@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from litegrip_client.protocol.grips import TaughtGrip, pack
-from litegripd.control.actions.grasp import BUDGET_NM
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.holds import Slack
 from litegripd.control.limiter import torque_bound_nm
+from litegripd.control.motions.grasp import BUDGET_NM
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.helper_tasks import TaskResult
+from litegripd.model.jobs import TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
 from litegripd.model.motor_types import DM4310, FASTEST_MM_S
@@ -55,7 +55,7 @@ class Jaws:
             gains=DEFAULT_GAINS,
             period_s=PERIOD_S,
             motor_type=DM4310,
-            resting=Slack,
+            idle=Slack,
         )
         self.follows = follows
         self.obstacle_rad = obstacle_rad

@@ -1,4 +1,4 @@
-"""The bus's states by name, as clients see them: told once a change, and recovered from."""
+"""The bus's states by name, as clients see them: reported once a change, and recovered from."""
 
 from typing import Any
 
@@ -15,8 +15,8 @@ DOWN: tuple[BusState, ...] = ("link_down", "adapter_gone", "bus_off", "bus_stall
 
 def bus_events(client: Client) -> list[dict[str, Any]]:
     client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "event"]
-    return [event["data"] for event in told if event["kind"] == "bus"]
+    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
+    return [event["data"] for event in reported if event["kind"] == "bus"]
 
 
 def cut(world: World, state: BusState) -> None:
@@ -24,7 +24,7 @@ def cut(world: World, state: BusState) -> None:
     world.lose_to_motor = lambda _frame: True
 
 
-def mend(world: World) -> None:
+def repair(world: World) -> None:
     world.condition = UP
     world.lose_to_motor = lambda _frame: False
 
@@ -42,7 +42,7 @@ def test_a_bus_that_fails_while_holding_is_told_refused_and_recovered_from(state
     error = client.call("motion.open")["error"]
     assert error["data"]["reason"] == "bus_down"
     assert error["data"]["bus"] == state
-    mend(world)
+    repair(world)
     world.run_until(lambda: world.machine.is_disabled, 2.0)
     world.run(1.0)
     assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.2)
@@ -63,7 +63,7 @@ def test_a_silent_motor_on_a_bus_that_works_is_a_state_of_its_own() -> None:
     world.run(2.0)
     assert world.state.bus == "motor_silent"
     assert client.refusal("motor.enable") == "motor_silent"
-    mend(world)
+    repair(world)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 2.0)
     assert [data["state"] for data in bus_events(client)] == ["motor_silent", "up"]
 
@@ -90,9 +90,9 @@ def test_a_bus_that_cannot_be_opened_from_the_start_is_told_once() -> None:
     for number in range(100):
         world.condition = BusCondition("down", f"cannot be opened: error {number}")
         world.tick()
-    [told] = bus_events(client)
-    assert (told["state"], told["error"]) == ("down", "cannot be opened: error 0")
-    mend(world)
+    [reported] = bus_events(client)
+    assert (reported["state"], reported["error"]) == ("down", "cannot be opened: error 0")
+    repair(world)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 2.0)
     assert [data["state"] for data in bus_events(client)][-1] == "up"
 
@@ -122,7 +122,7 @@ def test_a_motor_is_not_called_silent_because_the_bus_took_long_to_open(
     client.result("events.subscribe")
     cut(world, "down")
     world.run(opens_after_s)
-    mend(world)
+    repair(world)
     world.run_until(lambda: world.in_phase(MotorPhase.DISABLED), 2.0)
     assert [data["state"] for data in bus_events(client)] == ["down", "up"]
 
@@ -138,7 +138,7 @@ def test_a_motor_that_was_lost_with_the_bus_is_asked_before_it_is_called_silent(
     client.result("events.subscribe")
     cut(world, state)
     world.run(lost_s)
-    mend(world)
+    repair(world)
     world.run_until(lambda: not (world.machine.is_out_of_reach or world.state.stale), 2.0)
     assert [data["state"] for data in bus_events(client)] == [state, "up"]
 
@@ -186,7 +186,7 @@ def test_a_motor_that_was_lost_with_the_bus_for_a_moment_is_neither_found_anew_n
     cut(world, "link_down")
     world.run(0.05)
     assert world.in_phase(MotorPhase.SILENT)
-    mend(world)
+    repair(world)
     phases = set()
     while not world.in_phase(MotorPhase.ENABLED):
         phases.add(world.phase)
@@ -203,7 +203,7 @@ def test_a_motor_that_was_lost_with_the_bus_for_a_moment_is_neither_found_anew_n
         ("bus_off", "sudo ip link set left down && sudo ip link set left up"),
     ],
 )
-def test_the_commands_that_are_told_name_the_interface_and_suit_any_driver(
+def test_the_commands_that_are_reported_name_the_interface_and_suit_any_driver(
     state: BusState, commands: str
 ) -> None:
     """Those without a restart after bus-off refuse `restart-ms`, and one by hand as well."""
@@ -213,10 +213,10 @@ def test_the_commands_that_are_told_name_the_interface_and_suit_any_driver(
     client.result("events.subscribe")
     cut(world, state)
     world.run(0.1)
-    [told] = bus_events(client)
-    assert told["hint"].endswith(f": {commands}")
+    [reported] = bus_events(client)
+    assert reported["hint"].endswith(f": {commands}")
     error = client.call("motor.enable")["error"]
-    assert error["data"]["hint"] == told["hint"]
+    assert error["data"]["hint"] == reported["hint"]
     assert commands in error["message"]
 
 

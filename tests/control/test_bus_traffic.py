@@ -1,4 +1,4 @@
-"""The frames a second on the bus in each phase, counted with the simulator: as a page tells."""
+"""The frames a second on the bus in each phase, counted with the simulator: as a page says."""
 
 import re
 from collections.abc import Callable

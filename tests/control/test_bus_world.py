@@ -162,7 +162,7 @@ def test_the_state_says_that_the_link_is_down_and_that_it_is_up_again() -> None:
 def test_a_flap_that_no_frame_has_met_does_not_last_while_the_motor_is_silent(
     flap_s: float,
 ) -> None:
-    """Between two polls: receiving tells of it, and each poll after it can be sent."""
+    """Between two polls: receiving detects it, and each poll after it can be sent."""
     with BusWorld() as world:
         client = world.start().client()
         client.result("events.subscribe")
@@ -174,8 +174,8 @@ def test_a_flap_that_no_frame_has_met_does_not_last_while_the_motor_is_silent(
         world.run_until(lambda: world.state.bus == "motor_silent", 0.2)
         assert client.refusal("motor.enable") == "motor_silent"
         client.read()
-        told = [n["params"]["data"].get("state") for n in client.notifications if "params" in n]
-        assert "link_down" in told
+        reported = [n["params"]["data"].get("state") for n in client.notifications if "params" in n]
+        assert "link_down" in reported
 
 
 def test_an_adapter_that_comes_back_is_opened_again() -> None:

@@ -187,7 +187,7 @@ def test_a_measurement_that_is_no_number_leads_to_no_command(
     assert view.feedback is not None
     changed: dict[str, Any] = {name: value}
     wrong = replace(view, feedback=replace(view.feedback, **changed))
-    order = world.controller.step(world.now_s + PERIOD_S, wrong)
-    assert order.command is None
+    motor_input = world.controller.step(world.now_s + PERIOD_S, wrong)
+    assert motor_input.command is None
     world.run(0.2)
     assert world.state.enabled

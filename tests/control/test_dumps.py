@@ -14,13 +14,13 @@ def watching(world: World) -> Client:
     return client
 
 
-def told(client: Client) -> list[dict[str, object]]:
+def reported(client: Client) -> list[dict[str, object]]:
     client.read()
     return [n["params"]["data"] for n in client.notifications if n["method"] == "event"]
 
 
 def causes(observer: Client) -> list[object]:
-    return [event["cause"] for event in told(observer)]
+    return [event["cause"] for event in reported(observer)]
 
 
 def fault(world: World) -> None:
@@ -50,7 +50,7 @@ def test_a_fault_is_dumped_once_with_what_came_before_and_after() -> None:
     assert "motor" in [event.content["kind"] for event in dump.events]
     world.run(130.0)
     assert len(world.disk.dumps) == 1
-    (event,) = told(observer)
+    (event,) = reported(observer)
     assert event == {"cause": "motor_fault", "path": "/state/dumps/1"}
 
 
@@ -118,7 +118,7 @@ def test_a_defect_that_stays_is_dumped_once() -> None:
     world.run(APART_S + 1.0)
     world.dumps.step(world.now_s, failed=True, bus_is_up=True)
     world.run(2.0)
-    assert len(told(observer)) == 2
+    assert len(reported(observer)) == 2
 
 
 def test_a_dump_is_told_to_who_asked_and_to_who_watches() -> None:
@@ -129,7 +129,7 @@ def test_a_dump_is_told_to_who_asked_and_to_who_watches() -> None:
     assert result["ticks"] == len(world.disk.dumps[0].ticks) > 10
     assert result["seconds"] == pytest.approx((result["ticks"] - 1) * PERIOD_S)
     world.tick()
-    assert told(observer) == [{"cause": "demand", "path": "/state/dumps/1"}]
+    assert reported(observer) == [{"cause": "demand", "path": "/state/dumps/1"}]
 
 
 def test_one_dump_is_written_at_a_time() -> None:
@@ -161,7 +161,7 @@ def test_a_disk_that_fails_is_told_and_ends_nothing() -> None:
     assert "no space left" in answer["error"]["message"]
     fault(world)
     world.run(2.0)
-    causes = [(event["cause"], event["error"]) for event in told(observer)]
+    causes = [(event["cause"], event["error"]) for event in reported(observer)]
     assert causes == [(cause, "OSError: no space left") for cause in ("demand", "motor_fault")]
     world.disk.error = None
     assert client.result("recorder.dump")["ticks"]

@@ -110,5 +110,5 @@ def test_the_guard_is_tuned_by_its_fields() -> None:
     changes: dict[str, Any] = {"stop_torque_nm": 1.5, "stop_torque_cycles": 5}
     guard = TorqueGuard(MotionConfig(**changes), speed_rad_s=1.0)
     assert samples(guard, *[(0.1, 1.6)] * 5) == [False] * 4 + [True]
-    guard.rest()
+    guard.reset()
     assert not any(samples(guard, *[(0.1, 1.4)] * 9))

@@ -1,4 +1,4 @@
-"""A hold that heats the coil, through the whole daemon: limited, told, and never in silence."""
+"""A hold that heats the coil, through the whole daemon: limited, and always reported."""
 
 from dataclasses import replace
 
@@ -26,15 +26,15 @@ def test_a_hold_that_would_pass_the_limit_is_reduced_step_by_step_and_told() -> 
     assert world.state.limited == ()
     first_s = heat.model.time_to_limit_s()
     assert first_s is not None
-    hottest_c, told = 0.0, []
+    hottest_c, reported = 0.0, []
     for _ in range(60):
         world.run(1.0)
         hottest_c = max(hottest_c, world.gripper.motor.coil_c)
         while events := world.service.take_events():
-            told += [event for event in events if event.kind == "heat"]
+            reported += [event for event in events if event.kind == "heat"]
     assert 79.0 < hottest_c < 81.0
-    assert len(told) >= 3
-    steps = [event.data["to_nm"] for event in told]
+    assert len(reported) >= 3
+    steps = [event.data["to_nm"] for event in reported]
     assert steps == sorted(steps, reverse=True)  # type: ignore[type-var]
     state = world.state
     assert state.limited == ("heat",)

@@ -1,4 +1,4 @@
-"""Whatever closes on a held object is blocked at once; the hold goes on with its force."""
+"""Each closing on a held object is blocked at once; the hold keeps its force."""
 
 from typing import Any
 

@@ -51,8 +51,8 @@ def test_an_object_that_vanishes_in_a_silence_is_noticed_after_it() -> None:
     world.run(1.0)
     assert not world.state.is_grasped
     watcher.read()
-    told = [n["params"]["kind"] for n in watcher.notifications if n["method"] == "event"]
-    assert "object_lost" in told
+    reported = [n["params"]["kind"] for n in watcher.notifications if n["method"] == "event"]
+    assert "object_lost" in reported
 
 
 def test_a_silence_that_the_motor_does_not_survive_ends_in_a_disabled_motor() -> None:

@@ -62,7 +62,7 @@ class TestLostHolder:
         check_left(world, on_lost)
 
     def test_one_whose_motion_outlives_it_and_is_stopped(self, on_lost: str) -> None:
-        """The stop decides what the jaws do: what was wished would drop what they hold."""
+        """The stop decides what the jaws do: the client's choice would drop what they hold."""
         world, client = self.holder(on_lost)
         client.send("motion.open", wait=False)
         world.run(0.4)

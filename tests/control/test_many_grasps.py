@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import pytest
 
 from bench.rig import PERIOD_S, Rig, ours
-from litegripd.control.actions.grasp import GraspRequest
 from litegripd.control.gains import Gains
+from litegripd.control.motions.grasp import GraspRequest
 from litegripd.model.jobs import Job
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.results import GraspResult

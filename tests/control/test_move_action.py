@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from litegripd.control.actions.move import Direction, MoveToStop
 from litegripd.control.gains import DEFAULT_GAINS
+from litegripd.control.motions.move import Direction, MoveToStop
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MotorPhase, MotorView

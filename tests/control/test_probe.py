@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from litegripd.control.actions.zero import Probe
+from litegripd.control.motions.calibrate import Probe
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback
 
@@ -38,7 +38,7 @@ def test_the_torque_of_what_was_before_is_no_stop(sign: int) -> None:
 
 
 def test_the_command_follows_from_the_measured_position_alone() -> None:
-    """An accumulated target went on leading further at a stop until the jaw broke."""
+    """An accumulated target kept increasing its lead at a stop until the jaw broke."""
     probe = Probe(1, replace(CONFIG, calib_stall_cycles=100))
     for tick in range(400):
         command, verdict = probe.step(tick * 0.005, measured(0.1, 1.0))

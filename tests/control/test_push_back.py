@@ -115,7 +115,7 @@ def test_whatever_is_felt_little_is_given_and_no_more_work_than_was_taken(
 
 
 def test_who_only_yields_is_given_the_grant_alone() -> None:
-    """Jaws that go where they are pushed, and a force that is told for ever."""
+    """Jaws that go where they are pushed, and a force that is reported for ever."""
     jaws = Jaws(PushBack(MOST_N, 1.0, NORMAL))
     for _ in range(2000):
         jaws.step(50.0, -0.001)
@@ -133,7 +133,7 @@ def test_who_presses_on_feels_it_again() -> None:
     assert jaws.given_j < 0.0
 
 
-# What followers tell
+# What followers report
 
 
 def heard(intake: ForceIntake, now_s: float, **frame: float) -> None:

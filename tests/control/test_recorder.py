@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.model.events import Event
+from litegripd.model.state import Event
 from litegripd.motor import codec
 from litegripd.recorder import recorder
 from litegripd.recorder.mcap import tick_fields
@@ -104,7 +104,7 @@ def test_events_are_those_of_the_ticks_that_are_kept() -> None:
     client.result("motion.move", opening_mm=40, speed_mm_s=100)
     kinds = [event.content["kind"] for event in recorded(world).events]
     assert kinds.count("job_started") == kinds.count("job_ended") == 2
-    assert kinds.count("owner") == 1  # told once, not per motion
+    assert kinds.count("owner") == 1  # reported once, not per motion
     world.run(61.0)
     assert recorded(world).events == ()
     assert recorded(world).programs  # the name is still known

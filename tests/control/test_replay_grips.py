@@ -225,10 +225,10 @@ def test_progress_tells_of_the_grip() -> None:
     world.run_until(lambda: in_phase(world, "hold"))
     world.run(0.3)
     client.read()
-    told = [note["params"] for note in client.notifications if note["method"] == "job.progress"]
-    phases = [one["phase"] for one in told]
+    reported = [note["params"] for note in client.notifications if note["method"] == "job.progress"]
+    phases = [one["phase"] for one in reported]
     assert [phase for phase, after in pairwise([*phases, ""]) if phase != after] == [
         "load", "align", "play", "approach", "hold",
     ]  # fmt: skip
-    assert (told[-1]["grips"], told[0]["width_mm"]) == (1, None)
-    assert told[-1]["width_mm"] == pytest.approx(42.0, abs=2.0)
+    assert (reported[-1]["grips"], reported[0]["width_mm"]) == (1, None)
+    assert reported[-1]["width_mm"] == pytest.approx(42.0, abs=2.0)

@@ -55,7 +55,7 @@ def test_nothing_is_energised_until_a_client_asks() -> None:
 
 
 def test_holding_what_is_held_keeps_its_force() -> None:
-    """Holding the measured position anew would give way a little with every call."""
+    """Holding the measured position again would give way a little with every call."""
     world = World()
     client = world.enabled()
     client.result("motion.close")

@@ -1,8 +1,8 @@
-"""Another program that commands our motor: told loudly, and a reason to refuse motions."""
+"""Another program that commands our motor: reported loudly, and a reason to reject motions."""
 
 from typing import Any
 
-from litegripd.control.second_master import QUIET_AFTER_S, TOLD_EVERY_S, SecondMaster
+from litegripd.control.second_master import QUIET_AFTER_S, REPORT_EVERY_S, SecondMaster
 from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase
 from tests.world import CAN_ID, Client, World
@@ -13,8 +13,8 @@ FOREIGN = CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF"))
 def events(client: Client) -> list[dict[str, Any]]:
     """Return the second master's events that this client was sent."""
     client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "event"]
-    return [event for event in told if event["kind"] == "second_master"]
+    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
+    return [event for event in reported if event["kind"] == "second_master"]
 
 
 def listening(world: World) -> Client:
@@ -74,14 +74,18 @@ def test_where_it_is_tolerated_it_is_only_told() -> None:
 
 def test_a_stream_of_frames_is_told_now_and_then_with_the_count() -> None:
     master, now_s = SecondMaster(), 0.0
-    told: list[int] = []
+    reported: list[int] = []
     for count in range(1, 3001):
         now_s += 0.01
         event = master.step(now_s, count)
         if event is not None:
             assert isinstance(event.data["frames"], int)
-            told.append(event.data["frames"])
-    assert [round(frames, -2) for frames in told] == [0, 100 * TOLD_EVERY_S, 200 * TOLD_EVERY_S]
+            reported.append(event.data["frames"])
+    assert [round(frames, -2) for frames in reported] == [
+        0,
+        100 * REPORT_EVERY_S,
+        200 * REPORT_EVERY_S,
+    ]
 
 
 def test_an_answer_whose_id_was_damaged_is_no_command() -> None:

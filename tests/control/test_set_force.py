@@ -32,7 +32,7 @@ def squeeze_nm(world: World) -> float:
 
 
 def holding(client: Client, **params: Any) -> int:
-    """Begin a grasp that holds until told otherwise; return its job."""
+    """Begin a grasp that holds without an end; return its job."""
     world = client.world
     client.send("motion.grasp", force_n=10, **params)
     world.run_until(lambda: world.state.is_grasped)
@@ -48,7 +48,7 @@ def test_a_motor_that_is_off_has_no_set_force() -> None:
     assert world.state.force_set_n == 10.0
     world.lose_from_motor = lambda _frame: True
     world.run_until(lambda: world.in_phase(MotorPhase.SILENT), 1.0)
-    assert world.state.force_set_n == 10.0  # it may go on squeezing
+    assert world.state.force_set_n == 10.0  # it may still squeeze
     world.lose_from_motor = lambda _frame: False
     world.run_until(lambda: not world.in_phase(MotorPhase.SILENT), 1.0)
     assert world.in_phase(MotorPhase.ENABLED)

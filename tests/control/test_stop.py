@@ -3,8 +3,8 @@
 import pytest
 
 from litegripd.control.holds import Grip, Hold
-from litegripd.model.events import Event
 from litegripd.model.motor import Status
+from litegripd.model.state import Event
 from tests.control.states import (
     LEVELS,
     POWERED,
@@ -141,8 +141,8 @@ def test_a_clear_that_was_sent_before_a_stop_does_not_clear_it(mark: str) -> Non
     world.controller.stop("disable", None, "a hand in the jaws", world.now_s)
     error = client.call("stop.clear", **{mark: before[mark]})["error"]
     generation = world.state.stop_generation
-    told = {"reason": "sent_before_stop", "retryable": False, "stop_generation": generation}
-    assert error["data"] == told
+    reported = {"reason": "sent_before_stop", "retryable": False, "stop_generation": generation}
+    assert error["data"] == reported
     assert "a stop has come since" in error["message"]
     stop = world.state.stop
     assert stop is not None
@@ -161,7 +161,7 @@ def test_a_clear_that_does_not_say_when_it_was_sent_clears() -> None:
 
 
 def stop_events(world: World) -> list[Event]:
-    """Return what there is to be told about stops since the last call."""
+    """Return the events about stops since the last call."""
     found: list[Event] = []
     while events := world.service.take_events():
         found += events
@@ -199,11 +199,11 @@ def test_a_repeated_stop_freezes_what_holds_by_force_again() -> None:
     client.result("motion.close")
     client.result("motion.set_force", force_n=5)
     client.result("stop")
-    rest = world.controller.rest
-    assert isinstance(rest, Grip)
-    rest.force_n = 50.0  # as if something had raised it behind the latch
+    idle = world.controller.idle
+    assert isinstance(idle, Grip)
+    idle.force_n = 50.0  # as if something had raised it behind the latch
     client.result("stop")
-    assert rest.force_n == rest.applied_n < 50.0
+    assert idle.force_n == idle.applied_n < 50.0
 
 
 @pytest.mark.parametrize("again", LEVELS)
@@ -212,7 +212,7 @@ def test_a_repeated_stop_goes_by_the_level_that_is_latched(again: str) -> None:
     client = world.enabled()
     client.result("stop", level="relax")
     world.tick()
-    world.controller.rest = Hold(world.gripper.position_rad, world.controller.gains)
+    world.controller.idle = Hold(world.gripper.position_rad, world.controller.gains)
     world.tick()
     assert not is_slack(world)
     client.result("stop", level=again)

@@ -38,8 +38,8 @@ def follow(world: World, client: Client, duration_s: float, **params: Any) -> No
 
 def refusals(client: Client) -> list[str]:
     client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "stream.refused"]
-    return [params["data"]["reason"] for params in told]
+    reported = [n["params"] for n in client.notifications if n["method"] == "stream.refused"]
+    return [params["data"]["reason"] for params in reported]
 
 
 @pytest.mark.parametrize("mount", MOUNTS)

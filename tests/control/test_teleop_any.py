@@ -53,7 +53,7 @@ def damped(given: dict[str, Any]) -> dict[str, Any]:
 
 
 def check(follower: Follower, given: dict[str, Any]) -> None:
-    """Look at what was wanted and sent in this tick, and at what is told."""
+    """Check what was wanted and sent in this tick, and what is reported."""
     controller = follower.world.controller
     wanted, feedback = controller.output.requested, controller.motor.feedback
     assert wanted is not None

@@ -13,7 +13,7 @@ ELSEWHERE = sweep(0.5, 0.1, 1.0)
 
 
 def cut(follower: Follower, given_back_in_s: float) -> None:
-    """Cut the cable for a while; what the leader has sent meanwhile comes when it is mended."""
+    """Cut the cable for a while; the leader's frames of that time come after its repair."""
     began_s = follower.world.now_s
     follower.world.run(CUT_S)
     mended_s = follower.world.now_s

@@ -1,4 +1,4 @@
-"""A leader's clock that leaps ahead: it is another leader, or one that began anew."""
+"""A leader's clock that leaps ahead: it is another leader, or one that restarted."""
 
 from itertools import pairwise
 

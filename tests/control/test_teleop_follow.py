@@ -221,11 +221,13 @@ def test_a_force_limit_bounds_what_it_presses_with() -> None:
 
 
 def most_nm(follower: Follower, course: Callable[[float], float], duration_s: float) -> float:
-    """Let it follow; return the most torque that the motor has told."""
-    told: list[float] = []
+    """Let it follow; return the largest torque that the motor reported."""
+    reported: list[float] = []
     world = follower.world
-    follower.lead(course, duration_s, each=lambda: told.append(abs(world.state.torque_nm or 0.0)))
-    return max(told)
+    follower.lead(
+        course, duration_s, each=lambda: reported.append(abs(world.state.torque_nm or 0.0))
+    )
+    return max(reported)
 
 
 @pytest.mark.parametrize("gains", [{}, {"kd": 4.0}, {"kp": 30.0}])

@@ -32,7 +32,7 @@ def test_it_lets_go_and_goes_on_streaming(rate_hz: float) -> None:
     assert is_slack(follower.world)
     assert abs(status["torque_nm"]) < 0.1
     assert follower.world.longest_gap_s(began_s) == pytest.approx(PERIOD_S)
-    assert any("let go" in text for text in follower.told())
+    assert any("let go" in text for text in follower.reported())
 
 
 def test_it_trips_after_60_ms_and_not_before() -> None:
@@ -72,7 +72,7 @@ def test_it_stays_free_until_the_leader_has_reopened_and_then_aligns() -> None:
     assert follower.world.openness == pytest.approx(0.6, abs=0.01)
     follower.lead(sweep(0.6, 0.3, 0.8), 1.2)
     assert follower.status()["torque_trips"] == 2
-    assert any("armed again" in text for text in follower.told())
+    assert any("armed again" in text for text in follower.reported())
 
 
 @pytest.mark.parametrize("openness", [0.96, 0.99, 1.0])

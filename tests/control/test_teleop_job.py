@@ -112,9 +112,9 @@ def test_a_leader_that_stops_holds_where_it_is(how: str) -> None:
     assert len(world.wire.sent) == count
 
 
-@pytest.mark.parametrize("wish", [MASTER, SLAVE, {"mode": "slave", "fake_leader": True}])
+@pytest.mark.parametrize("asked", [MASTER, SLAVE, {"mode": "slave", "fake_leader": True}])
 @pytest.mark.parametrize("why", ["uncalibrated", "disabled", "stopped", "moving", "ending"])
-def test_it_is_refused_before_anything_moves(wish: dict[str, Any], why: str) -> None:
+def test_it_is_refused_before_anything_moves(asked: dict[str, Any], why: str) -> None:
     world = TeleopWorld(calibrated=why != "uncalibrated")
     client = world.start().client() if why == "disabled" else world.enabled()
     expected = {
@@ -130,7 +130,7 @@ def test_it_is_refused_before_anything_moves(wish: dict[str, Any], why: str) -> 
         client.send("motion.open")
     elif why == "ending":
         world.controller.shut_down()
-    assert client.refusal("teleop.start", **wish) == expected
+    assert client.refusal("teleop.start", **asked) == expected
     assert world.wires.made == []
     assert not client.result("teleop.status")["active"]
 
@@ -217,13 +217,13 @@ def test_a_motor_that_is_lost_ends_it_and_is_named() -> None:
     assert follower.world.wire.is_closed
 
 
-@pytest.mark.parametrize("wish", [MASTER, {"mode": "slave", "fake_leader": True}])
-def test_no_successor_takes_over_meanwhile(wish: dict[str, Any]) -> None:
+@pytest.mark.parametrize("asked", [MASTER, {"mode": "slave", "fake_leader": True}])
+def test_no_successor_takes_over_meanwhile(asked: dict[str, Any]) -> None:
     """Who restarts the daemon ends teleoperation first: a link cannot be handed over."""
     world = TeleopWorld()
     client = world.enabled()
     assert world.controller.why_not_restartable() is None
-    client.result("teleop.start", **wish)
+    client.result("teleop.start", **asked)
     refusal = world.controller.why_not_restartable()
     assert refusal is not None
     assert refusal.reason == "teleop_busy"
@@ -277,14 +277,14 @@ def test_the_links_state_is_told_once_and_shown() -> None:
     world.run(0.1)
     assert client.result("teleop.status")["matching"] is True
     client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "event"]
-    texts = [event["message"] for event in told]
+    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
+    texts = [event["message"] for event in reported]
     assert texts == [
         "teleop: zenoh is open to everybody",
         "teleop: the link is failed: port 17448 is taken",
         "teleop: the link is open",
     ]
-    assert [event["data"]["warning"] for event in told] == [True, True, False]
+    assert [event["data"]["warning"] for event in reported] == [True, True, False]
 
 
 def test_a_link_that_was_let_go_of_is_not_shown_as_open() -> None:

@@ -42,7 +42,7 @@ def test_without_frames_it_holds_its_last_target_under_its_gains() -> None:
     assert follower.command().position_rad == pytest.approx(target_rad, abs=CODE_RAD)
     assert follower.command().velocity_rad_s == pytest.approx(0.0, abs=0.01)
     assert follower.status()["last_frame_age_ms"] == pytest.approx(2210.0, abs=15.0)
-    assert any("no frame for 0.2 s" in text for text in follower.told())
+    assert any("no frame for 0.2 s" in text for text in follower.reported())
 
 
 @pytest.mark.parametrize("watchdog_s", [0.05, 0.2, 1.0])
@@ -220,7 +220,7 @@ def test_two_leaders_whom_only_their_clocks_tell_apart_are_not_mixed() -> None:
     assert status["openness"] == 0.9
     assert follower.world.openness == pytest.approx(0.9, abs=0.005)
     assert max(leads) < 2.5  # aligned, and not leapt
-    assert any("second leader" in text for text in follower.told())
+    assert any("second leader" in text for text in follower.reported())
 
 
 def test_a_second_leader_is_told_and_not_followed() -> None:
@@ -233,7 +233,7 @@ def test_a_second_leader_is_told_and_not_followed() -> None:
     assert status["other_leaders"] == 200
     assert status["openness"] == 0.6
     assert follower.world.openness == pytest.approx(0.6, abs=0.005)
-    assert sum("a second leader" in text for text in follower.told()) == 1
+    assert sum("a second leader" in text for text in follower.reported()) == 1
     follower.world.run(0.3)
     for tick in range(200):  # the first one is gone: now the other may lead
         follower.put(packed(0.4, 8000.0 + 0.005 * tick), "there")
@@ -261,7 +261,7 @@ def test_a_leader_that_comes_and_goes_all_the_time_is_told_of_now_and_then() -> 
         follower.world.run(0.05)
     passed_s = follower.world.now_s - began_s
     for words in ("no frame for", "the leader is heard", "aligned"):
-        assert 2 <= sum(words in text for text in follower.told()) <= passed_s + 2
+        assert 2 <= sum(words in text for text in follower.reported()) <= passed_s + 2
 
 
 def test_however_frames_jump_the_command_steps_by_no_more_than_the_leads_cap() -> None:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.teleop import Arrival, LinkWish
+from litegripd.model.teleop import Arrival, LinkOptions
 from litegripd.teleop.leader import DEAD_BAND_N
 from litegripd.teleop.link import InProcessLinks
 from tests.control.reflection_pair import FORCE, force_frame, pair
@@ -106,8 +106,8 @@ def test_a_tripped_guard_is_not_felt_nor_is_the_way_to_the_leader() -> None:
     follower = following(reflect=True, aligned=False, opening_mm=100.0)
     follower.stay(0.1, 0.2)
     assert follower.status()["phase"] == "aligning"
-    told = [FORCE.unpack(payload)[2] for _, payload, _ in follower.world.wire.replied]
-    assert 0.0 < max(map(abs, told)) < DEAD_BAND_N
+    reported = [FORCE.unpack(payload)[2] for _, payload, _ in follower.world.wire.replied]
+    assert 0.0 < max(map(abs, reported)) < DEAD_BAND_N
 
 
 def test_a_script_that_knows_the_page_alone_is_felt_and_reads_ours() -> None:
@@ -137,7 +137,7 @@ def test_a_script_that_knows_the_page_alone_is_felt_and_reads_ours() -> None:
 
 @pytest.mark.parametrize("watchdog_s", [0.05, 0.2, 1.0])
 def test_one_datagram_gets_no_answers_without_end(watchdog_s: float) -> None:
-    """Anybody can forge one; whoever it names would be flooded."""
+    """Anybody can forge one; the address that it names would be flooded."""
     follower = following(reflect=True, aligned=False, watchdog_s=watchdog_s)
     follower.put(packed(0.5, 7.0), "forged:17448")
     follower.world.run(3.0)
@@ -197,9 +197,9 @@ def test_what_does_not_go_together_is_refused_by_name(
 
 def test_inside_one_process_forces_come_to_the_leader() -> None:
     links = InProcessLinks()
-    leader = links.open(LinkWish("master", "none", reflects=True))
-    deaf = links.open(LinkWish("master", "none"))
-    follower = links.open(LinkWish("slave", "none", reflects=True))
+    leader = links.open(LinkOptions("master", "none", reflects=True))
+    deaf = links.open(LinkOptions("master", "none"))
+    follower = links.open(LinkOptions("slave", "none", reflects=True))
     assert follower.reply(b"force", "", 5.0)
     leader.publish(b"frame", 5.0)
     assert [arrival.payload for arrival in leader.receive(5.0)] == [b"force"]

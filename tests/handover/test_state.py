@@ -211,7 +211,7 @@ def test_no_period_passes_without_a_command_and_the_motor_stays_enabled() -> Non
         exchange(world)
         world.tick()
         assert world.phase is MotorPhase.ENABLED
-        assert isinstance(world.controller.rest, Grip)
+        assert isinstance(world.controller.idle, Grip)
     commands = world.commands_since(since_s + PERIOD_S / 2)
     assert len(commands) == 20
     assert {command.torque_nm for _, command in commands} == {commands[0][1].torque_nm}
@@ -223,7 +223,7 @@ def test_an_object_that_is_lost_after_the_restart_is_noticed() -> None:
     exchange(world)
     world.run(0.1)
     world.gripper.remove_object()
-    world.run_until(lambda: not isinstance(world.controller.rest, Grip))
+    world.run_until(lambda: not isinstance(world.controller.idle, Grip))
     assert world.state.mode == "holding"
 
 
@@ -247,7 +247,7 @@ def test_slack_jaws_stay_slack() -> None:
     world = slack("normal")
     exchange(world)
     world.run(0.1)
-    assert isinstance(world.controller.rest, Slack)
+    assert isinstance(world.controller.idle, Slack)
 
 
 def test_a_stop_stays_latched_and_what_was_sent_before_it_stays_void() -> None:
@@ -431,7 +431,7 @@ def of_slices(source: object) -> Iterator[object]:
 @pytest.mark.parametrize("scene", [hold, grip])
 def test_every_attribute_is_carried_or_said_not_to_be(scene: Scene) -> None:
     world = scene("normal")
-    assert isinstance(world.controller.rest, Hold | Grip)
+    assert isinstance(world.controller.idle, Hold | Grip)
     groups = [group for feature in world.service._features for group in feature.groups]
     objects = [
         *carried(world.machine.motor),
@@ -439,8 +439,8 @@ def test_every_attribute_is_carried_or_said_not_to_be(scene: Scene) -> None:
         *carried(world.service),
         *(found for group in groups for found in of_slices(group)),
     ]
-    if isinstance(world.controller.rest, Grip):
-        objects += carried(world.controller.rest)
+    if isinstance(world.controller.idle, Grip):
+        objects += carried(world.controller.idle)
     classes = {type(source) for source in objects}
     assert {Motor, Plausibility, Controller, HeatModel, RpcService, Trajectories} <= classes
     undecided = {

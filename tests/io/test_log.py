@@ -12,7 +12,7 @@ import pytest
 from litegripd.app.status import log_event
 from litegripd.io import log
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
-from litegripd.model.events import Event, EventKind
+from litegripd.model.state import Event, EventKind
 
 
 def record(level: int, text: str, *arguments: object) -> logging.LogRecord:

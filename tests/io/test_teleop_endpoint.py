@@ -6,7 +6,7 @@ from queue import SimpleQueue
 
 import pytest
 
-from litegripd.model.teleop import LinkStatus, LinkWish, TeleopMode
+from litegripd.model.teleop import LinkOptions, LinkStatus, TeleopMode
 from litegripd.teleop.process import Station
 from litegripd.teleop.udp import UdpFollower, UdpLeader
 from litegripd.teleop.wire import FRAME, STATUS, Order, unpack_arrival, unpack_status
@@ -57,7 +57,7 @@ def test_an_error_of_listening_is_told_and_the_port_opened_anew(mode: TeleopMode
             other.close()  # the port is the follower's
         station = Station(daemon)
         threading.Thread(target=station.work, daemon=True).start()
-        station.order(Order(1, LinkWish(mode, "udp", "127.0.0.1", port, reflects=True)))
+        station.order(Order(1, LinkOptions(mode, "udp", "127.0.0.1", port, reflects=True)))
         assert daemon.status().state == "open"
         socket_of(station).close()
         status = daemon.status()

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.io.helper.child import Child
-from litegripd.model.teleop import Arrival, LinkStatus, LinkWish
+from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
 from litegripd.teleop.link import Link
 from litegripd.teleop.links import ProcessLink, TeleopLinks
 from litegripd.teleop.process import Flood, Station
@@ -33,8 +33,8 @@ from litegripd.teleop.wire import (
 DEADLINE_S = 30.0
 FRAME = struct.pack(">4d", 0.25, 30.0, 0.0, 1.0)
 
-WISHES = st.builds(
-    LinkWish,
+OPTIONS = st.builds(
+    LinkOptions,
     st.sampled_from(["master", "slave"]),
     st.sampled_from(["zenoh", "udp", "none"]),
     st.none() | st.text(max_size=20),
@@ -43,11 +43,11 @@ WISHES = st.builds(
 )
 
 
-@given(st.integers(0, 2**32 - 1), WISHES, st.none() | st.text(max_size=20))
+@given(st.integers(0, 2**32 - 1), OPTIONS, st.none() | st.text(max_size=20))
 def test_orders_are_the_same_after_their_journey(
-    generation: int, wish: LinkWish, file: str | None
+    generation: int, options: LinkOptions, file: str | None
 ) -> None:
-    order = Order(generation, wish, file)
+    order = Order(generation, options, file)
     assert unpack_open(pack_open(order)[1:]) == order
 
 
@@ -110,7 +110,7 @@ def test_a_state_that_meets_a_full_socket_is_told_when_there_is_room() -> None:
         used.bind(("", 0))
         station = Station(peer)
         threading.Thread(target=station.work, daemon=True).start()
-        station.order(Order(5, LinkWish("slave", "udp", port=used.getsockname()[1])))
+        station.order(Order(5, LinkOptions("slave", "udp", port=used.getsockname()[1])))
         generation, status = unpack_status(peer.taken.get(timeout=DEADLINE_S)[1:])
         assert (generation, status.state) == (5, "failed")
         station.order(None)
@@ -143,10 +143,10 @@ def until(link: Link, condition: Callable[[], bool]) -> list[Arrival]:
 
 
 def test_nothing_is_started_before_a_link_is_used(links: TeleopLinks) -> None:
-    links.open(LinkWish("master", "none")).receive(0.0)
+    links.open(LinkOptions("master", "none")).receive(0.0)
     links.poll(time.monotonic())
     assert links.pid is None
-    link = links.open(LinkWish("slave", "udp", port=free_port(socket.SOCK_DGRAM)))
+    link = links.open(LinkOptions("slave", "udp", port=free_port(socket.SOCK_DGRAM)))
     assert links.pid is None
     assert link.status == LinkStatus("opening")
     link.receive(time.monotonic())
@@ -157,7 +157,7 @@ def test_nothing_is_started_before_a_link_is_used(links: TeleopLinks) -> None:
 
 def test_datagrams_come_with_their_sender_and_their_time(links: TeleopLinks) -> None:
     port = free_port(socket.SOCK_DGRAM)
-    link = links.open(LinkWish("slave", "udp", port=port))
+    link = links.open(LinkOptions("slave", "udp", port=port))
     until(link, lambda: link.status.state == "open")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
         sending.bind(("127.0.0.1", 0))
@@ -178,7 +178,7 @@ def test_datagrams_come_with_their_sender_and_their_time(links: TeleopLinks) -> 
 
 def test_a_follower_with_a_host_listens_to_nobody_else(links: TeleopLinks) -> None:
     port = free_port(socket.SOCK_DGRAM)
-    link = links.open(LinkWish("slave", "udp", "127.0.0.2", port))
+    link = links.open(LinkOptions("slave", "udp", "127.0.0.2", port))
     until(link, lambda: link.status.state == "open")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
         sending.sendto(FRAME, ("127.0.0.1", port))
@@ -196,7 +196,7 @@ def test_a_port_that_is_taken_is_told_and_tried_again(links: TeleopLinks) -> Non
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("", 0))
         port = int(taken.getsockname()[1])
-        link = links.open(LinkWish("slave", "udp", port=port))
+        link = links.open(LinkOptions("slave", "udp", port=port))
         until(link, lambda: link.status.state == "failed")
         assert link.status.error == in_use(port)
     until(link, lambda: link.status.state == "open")
@@ -208,14 +208,14 @@ def test_a_zenoh_port_that_is_taken_is_told(links: TeleopLinks) -> None:
         taken.bind(("", 0))
         taken.listen()
         port = int(taken.getsockname()[1])
-        link = links.open(LinkWish("master", "zenoh", port=port))
+        link = links.open(LinkOptions("master", "zenoh", port=port))
         until(link, lambda: link.status.state == "failed")
         assert link.status.error == in_use(port)
         assert not link.publish(FRAME, 0.0)
 
 
 def test_an_unknown_host_is_told(links: TeleopLinks) -> None:
-    link = links.open(LinkWish("master", "udp", "no.such.host.invalid"))
+    link = links.open(LinkOptions("master", "udp", "no.such.host.invalid"))
     until(link, lambda: link.status.state == "failed")
     assert link.status.error
 
@@ -223,7 +223,7 @@ def test_an_unknown_host_is_told(links: TeleopLinks) -> None:
 def test_a_zenoh_configuration_that_cannot_be_read_is_told(tmp_path: Path) -> None:
     links = TeleopLinks(str(tmp_path / "missing.json5"))
     try:
-        link = links.open(LinkWish("master", port=free_port(socket.SOCK_STREAM)))
+        link = links.open(LinkOptions("master", port=free_port(socket.SOCK_STREAM)))
         until(link, lambda: link.status.state == "failed")
         assert link.status.error == "No such file or directory (os error 2)"
     finally:
@@ -232,20 +232,20 @@ def test_a_zenoh_configuration_that_cannot_be_read_is_told(tmp_path: Path) -> No
 
 def test_what_the_link_before_still_tells_is_not_for_the_next_one(links: TeleopLinks) -> None:
     ports = [free_port(socket.SOCK_DGRAM) for _ in range(2)]
-    first = links.open(LinkWish("slave", "udp", port=ports[0]))
+    first = links.open(LinkOptions("slave", "udp", port=ports[0]))
     until(first, lambda: first.status.state == "open")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
         for _ in range(20):
             sending.sendto(FRAME, ("127.0.0.1", ports[0]))
     first.close()
-    second = links.open(LinkWish("slave", "udp", port=ports[1]))
+    second = links.open(LinkOptions("slave", "udp", port=ports[1]))
     assert until(second, lambda: second.status.state == "open") == []
 
 
 def test_closing_gives_the_port_back(links: TeleopLinks) -> None:
     port = free_port(socket.SOCK_DGRAM)
     for _ in range(3):
-        link = links.open(LinkWish("slave", "udp", port=port))
+        link = links.open(LinkOptions("slave", "udp", port=port))
         until(link, lambda link=link: link.status.state == "open")  # type: ignore[misc]
         link.close()
     ends_s = time.monotonic() + DEADLINE_S
@@ -260,7 +260,7 @@ def test_closing_gives_the_port_back(links: TeleopLinks) -> None:
 
 
 def test_a_process_that_dies_without_a_link_is_not_started_again(links: TeleopLinks) -> None:
-    link = links.open(LinkWish("slave", "udp", port=free_port(socket.SOCK_DGRAM)))
+    link = links.open(LinkOptions("slave", "udp", port=free_port(socket.SOCK_DGRAM)))
     until(link, lambda: link.status.state == "open")
     link.close()
     child = links._child
@@ -283,7 +283,7 @@ def test_a_process_that_cannot_be_started_is_told_and_tried_again() -> None:
         raise OSError(12, "Cannot allocate memory")
 
     links = TeleopLinks(start=start)
-    link = links.open(LinkWish("slave", "udp"))
+    link = links.open(LinkOptions("slave", "udp"))
     for tick in range(400):
         links.poll(1000.0 + 0.005 * tick)
         link.receive(1000.0 + 0.005 * tick)
@@ -295,7 +295,7 @@ def test_a_process_that_cannot_be_started_is_told_and_tried_again() -> None:
 def test_the_process_ends_with_the_daemon(
     links: TeleopLinks, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    link = links.open(LinkWish("master", "zenoh", port=free_port(socket.SOCK_STREAM)))
+    link = links.open(LinkOptions("master", "zenoh", port=free_port(socket.SOCK_STREAM)))
     until(link, lambda: link.status.state == "open")
     child = links._child
     assert child is not None
@@ -305,21 +305,21 @@ def test_the_process_ends_with_the_daemon(
 
 
 @pytest.mark.parametrize(
-    ("wish", "words"),
+    ("options", "words"),
     [
-        (LinkWish("master"), ("listens for anybody", "17448", "without encryption")),
-        (LinkWish("slave", host="a"), ("follows a:17448", "without encryption")),
-        (LinkWish("slave", "udp"), ("these jaws", "send to port 17448")),
-        (LinkWish("master", "udp", "b"), ("between here and b:17448", "the follower's jaws")),
+        (LinkOptions("master"), ("listens for anybody", "17448", "without encryption")),
+        (LinkOptions("slave", host="a"), ("follows a:17448", "without encryption")),
+        (LinkOptions("slave", "udp"), ("these jaws", "send to port 17448")),
+        (LinkOptions("master", "udp", "b"), ("between here and b:17448", "the follower's jaws")),
     ],
 )
-def test_who_else_may_take_part_is_told(wish: LinkWish, words: tuple[str, ...]) -> None:
-    told = TeleopLinks().warning(wish)
+def test_who_else_may_take_part_is_told(options: LinkOptions, words: tuple[str, ...]) -> None:
+    told = TeleopLinks().warning(options)
     assert told is not None
     assert all(word in told for word in words)
 
 
 def test_there_is_nothing_to_warn_of_inside_the_process_or_behind_tls() -> None:
-    assert TeleopLinks().warning(LinkWish("master", "none")) is None
-    assert TeleopLinks("/etc/zenoh.json5").warning(LinkWish("master")) is None
-    assert TeleopLinks("/etc/zenoh.json5").warning(LinkWish("slave", "udp")) is not None
+    assert TeleopLinks().warning(LinkOptions("master", "none")) is None
+    assert TeleopLinks("/etc/zenoh.json5").warning(LinkOptions("master")) is None
+    assert TeleopLinks("/etc/zenoh.json5").warning(LinkOptions("slave", "udp")) is not None

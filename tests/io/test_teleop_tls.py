@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.model.teleop import LinkWish
+from litegripd.model.teleop import LinkOptions
 from litegripd.teleop.link import Link
 from litegripd.teleop.links import TeleopLinks
 from tests.control.reflection_pair import force_frame
@@ -64,8 +64,8 @@ def links(folder: Path) -> Iterator[Callable[[str | None], TeleopLinks]]:
         one.close()
 
 
-def opened(links: TeleopLinks, wish: LinkWish) -> Link:
-    link = links.open(wish)
+def opened(links: TeleopLinks, options: LinkOptions) -> Link:
+    link = links.open(options)
     until(link, lambda: link.status.state == "open")
     return link
 
@@ -75,10 +75,10 @@ Make = Callable[[str | None], TeleopLinks]
 
 def test_frames_travel_encrypted_both_ways_and_strangers_hear_nothing(links: Make) -> None:
     port = free_port(socket.SOCK_STREAM)
-    leader = opened(links("own/localhost"), LinkWish("master", port=port, reflects=True))
-    wish = LinkWish("slave", host="localhost", port=port, reflects=True)
-    strangers = [opened(links(who), wish) for who in (None, "strange/localhost")]
-    follower = opened(links("own/127.0.0.1"), wish)
+    leader = opened(links("own/localhost"), LinkOptions("master", port=port, reflects=True))
+    options = LinkOptions("slave", host="localhost", port=port, reflects=True)
+    strangers = [opened(links(who), options) for who in (None, "strange/localhost")]
+    follower = opened(links("own/127.0.0.1"), options)
     heard: list[bytes] = []
     felt: list[bytes] = []
 
@@ -100,10 +100,10 @@ def test_frames_travel_encrypted_both_ways_and_strangers_hear_nothing(links: Mak
 
 def test_a_follower_does_not_believe_a_leader_of_another_authority(links: Make) -> None:
     port = free_port(socket.SOCK_STREAM)
-    leader = opened(links("strange/localhost"), LinkWish("master", port=port))
-    wish = LinkWish("slave", host="localhost", port=port)
-    follower = opened(links("own/localhost"), wish)
-    own = opened(links("strange/127.0.0.1"), wish)
+    leader = opened(links("strange/localhost"), LinkOptions("master", port=port))
+    options = LinkOptions("slave", host="localhost", port=port)
+    follower = opened(links("own/localhost"), options)
+    own = opened(links("strange/127.0.0.1"), options)
     heard: list[bytes] = []
 
     def is_heard() -> bool:
@@ -130,8 +130,8 @@ def test_certificates_within_the_configuration_are_used_as_those_in_files(
     port = free_port(socket.SOCK_STREAM)
     within = TeleopLinks(str(file))
     try:
-        leader = opened(within, LinkWish("master", port=port))
-        follower = opened(links("own/127.0.0.1"), LinkWish("slave", host="localhost", port=port))
+        leader = opened(within, LinkOptions("master", port=port))
+        follower = opened(links("own/127.0.0.1"), LinkOptions("slave", host="localhost", port=port))
         heard: list[bytes] = []
 
         def is_heard() -> bool:
@@ -180,14 +180,14 @@ def test_a_configuration_that_protects_nothing_is_told(
     file = tmp_path / "zenoh.json5"
     file.write_text(json.dumps(content), encoding="utf-8")
     port = free_port(socket.SOCK_STREAM)
-    for wish, expected in (
-        (LinkWish("master", port=port), leads),
-        (LinkWish("slave", host="127.0.0.1", port=port), follows),
+    for options, expected in (
+        (LinkOptions("master", port=port), leads),
+        (LinkOptions("slave", host="127.0.0.1", port=port), follows),
     ):
         links = TeleopLinks(str(file))
         try:
             assert links.is_open_to_network is None
-            assert opened(links, wish).status.is_protected is expected
+            assert opened(links, options).status.is_protected is expected
             assert links.is_open_to_network is not expected
         finally:
             links.close()

@@ -11,7 +11,7 @@ from collections.abc import Callable
 import pytest
 import zenoh
 
-from litegripd.model.teleop import LinkKind, LinkWish
+from litegripd.model.teleop import LinkKind, LinkOptions
 from litegripd.teleop.links import TeleopLinks
 from tests.control.reflection_pair import force_frame
 from tests.io.test_teleop_links import DEADLINE_S, free_port, until
@@ -32,22 +32,27 @@ def stranger(port: int) -> zenoh.Session:
 
 def test_frames_that_a_stranger_gives_the_leader_are_not_passed_on_to_followers() -> None:
     """A stranger on an open link hears frames, and is heard as a follower: not as a leader."""
-    port, wish = free_port(socket.SOCK_STREAM), LinkWish("slave", host="127.0.0.1", reflects=True)
+    port, options = (
+        free_port(socket.SOCK_STREAM),
+        LinkOptions("slave", host="127.0.0.1", reflects=True),
+    )
     leading, following = TeleopLinks(), TeleopLinks()
     try:
-        leader = leading.open(LinkWish("master", port=port, reflects=True))
+        leader = leading.open(LinkOptions("master", port=port, reflects=True))
         until(leader, lambda: leader.status.state == "open")
-        follower = following.open(LinkWish(wish.mode, host=wish.host, port=port, reflects=True))
+        follower = following.open(
+            LinkOptions(options.mode, host=options.host, port=port, reflects=True)
+        )
         until(follower, lambda: follower.status.state == "open")
         with stranger(port) as session:
             heard: list[bytes] = []
             felt: list[bytes] = []
             overheard: set[bytes] = set()
             session.declare_subscriber(
-                wish.topic, lambda sample: overheard.add(sample.payload.to_bytes())
+                options.topic, lambda sample: overheard.add(sample.payload.to_bytes())
             )
-            false_leader = session.declare_publisher(wish.topic)
-            false_follower = session.declare_publisher(wish.force_topic)
+            false_leader = session.declare_publisher(options.topic)
+            false_follower = session.declare_publisher(options.force_topic)
 
             def is_heard() -> bool:
                 leader.publish(FRAME, 0.0)
@@ -71,11 +76,11 @@ def test_a_leader_that_reflects_can_be_closed_and_opened_on_the_same_session() -
     links = TeleopLinks()
     try:
         for reflects in (True, False, True):
-            leader = links.open(LinkWish("master", port=port, reflects=reflects))
+            leader = links.open(LinkOptions("master", port=port, reflects=reflects))
             until(leader, lambda link=leader: link.status.state == "open")  # type: ignore[misc]
             pid = links.pid
             with stranger(port) as session:
-                publisher = session.declare_publisher(LinkWish("master").force_topic)
+                publisher = session.declare_publisher(LinkOptions("master").force_topic)
                 felt: list[bytes] = []
 
                 def is_felt(link=leader, put=publisher.put, felt=felt) -> bool:  # type: ignore[no-untyped-def]
@@ -110,7 +115,7 @@ def test_a_leaders_session_that_stays_open_is_told_until_it_is_gone() -> None:
     port = free_port(socket.SOCK_STREAM)
     links = TeleopLinks()
     try:
-        leader = links.open(LinkWish("master", port=port))
+        leader = links.open(LinkOptions("master", port=port))
         until(leader, lambda: leader.status.state == "open")
         leader.close()
         links.poll(time.monotonic())
@@ -119,14 +124,14 @@ def test_a_leaders_session_that_stays_open_is_told_until_it_is_gone() -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as taken:
             taken.bind(("", 0))
             taken.listen()
-            other = links.open(LinkWish("master", port=taken.getsockname()[1]))
+            other = links.open(LinkOptions("master", port=taken.getsockname()[1]))
             assert is_open(links) is True
             until(other, lambda: other.status.state == "failed")
             assert is_open(links) is None
             with pytest.raises(ConnectionRefusedError):
                 socket.create_connection(("127.0.0.1", port))
             other.close()
-        again = links.open(LinkWish("master", port=port))
+        again = links.open(LinkOptions("master", port=port))
         until(again, lambda: again.status.state == "open")
         again.close()
         assert links.pid is not None
@@ -143,12 +148,12 @@ def test_a_leader_that_is_closed_while_it_opens_may_be_open_nevertheless(
 ) -> None:
     links = TeleopLinks()
     try:
-        leader = links.open(LinkWish("master", port=free_port(socket.SOCK_STREAM)))
+        leader = links.open(LinkOptions("master", port=free_port(socket.SOCK_STREAM)))
         until(leader, lambda: leader.is_ordered)  # type: ignore[attr-defined]
         leader.close()
         if followed_by is not None:
-            wish = LinkWish("slave", followed_by, port=free_port(socket.SOCK_DGRAM))
-            other = links.open(wish)
+            options = LinkOptions("slave", followed_by, port=free_port(socket.SOCK_DGRAM))
+            other = links.open(options)
             until(other, lambda: other.status.state == "open")
             other.close()
         keep_polling(links, lambda: links.is_open_to_network is True)

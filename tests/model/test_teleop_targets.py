@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.model.teleop import LinkWish, udp_targets
+from litegripd.model.teleop import LinkOptions, udp_targets
 
 
 @pytest.mark.parametrize(
@@ -17,7 +17,7 @@ from litegripd.model.teleop import LinkWish, udp_targets
     ],
 )
 def test_hosts_and_their_ports(host: str, targets: list[tuple[str, int]]) -> None:
-    assert list(udp_targets(LinkWish("master", "udp", host, 9))) == targets
+    assert list(udp_targets(LinkOptions("master", "udp", host, 9))) == targets
 
 
 @pytest.mark.parametrize(
@@ -26,4 +26,4 @@ def test_hosts_and_their_ports(host: str, targets: list[tuple[str, int]]) -> Non
 )
 def test_what_names_nobody_is_refused(host: str) -> None:
     with pytest.raises(ValueError, match=r"HOST|port|most"):
-        udp_targets(LinkWish("master", "udp", host, 9))
+        udp_targets(LinkOptions("master", "udp", host, 9))

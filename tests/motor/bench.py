@@ -8,7 +8,7 @@ from litegripd.model.motor import (
     EnableMotor,
     Feedback,
     MitCommand,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     MotorRequest,
     MotorView,
@@ -106,8 +106,8 @@ class Bench:
 
     def step(self, request: MotorRequest | None = None) -> list[CanFrame]:
         """Let the motor send what is wanted in this period."""
-        order = MotorOrder(self._damping(), request, register=self.register)
-        frames = self.motor.step(self.now_s, order)
+        wanted = MotorInput(self._damping(), request, register=self.register)
+        frames = self.motor.step(self.now_s, wanted)
         for frame in frames:
             self.sent.append((self.now_s, frame))
             if not self.lose_to_motor(frame):

@@ -3,7 +3,7 @@
 import struct
 
 from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorOrder
+from litegripd.model.motor import MotorInput
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
 from tests.world import CAN_ID, PERIOD_S, World
@@ -44,10 +44,10 @@ class Registers:
         self.status = 0
         self.extra: list[CanFrame] = []
 
-    def tick(self, order: MotorOrder | None = None, *, answers: bool = True) -> list[CanFrame]:
+    def tick(self, wanted: MotorInput | None = None, *, answers: bool = True) -> list[CanFrame]:
         """Let one period pass: the motor's frames, their answers if any, and `extra`."""
         self.now_s += PERIOD_S
-        sent = self.motor.step(self.now_s, order or MotorOrder())
+        sent = self.motor.step(self.now_s, wanted or MotorInput())
         replies = [reply for frame in sent for reply in self._answer(frame)] if answers else []
         self.motor.receive(self.now_s, self.extra + replies)
         return sent

@@ -11,7 +11,7 @@ from litegripd.model.motor import (
     DisableMotor,
     EnableMotor,
     MitCommand,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     Ranges,
     RegisterRequest,
@@ -73,9 +73,9 @@ REQUESTS = {
 }
 
 
-def order_of(request: str | None, register: int | None = None) -> MotorOrder:
+def input_of(request: str | None, register: int | None = None) -> MotorInput:
     asked = None if register is None else RegisterRequest(register, register)
-    return MotorOrder(COMMAND, REQUESTS[request], is_motion=True, register=asked)
+    return MotorInput(COMMAND, REQUESTS[request], is_motion=True, register=asked)
 
 
 def is_slack(data: bytes, spans: Ranges) -> bool:
@@ -110,7 +110,7 @@ def test_it_never_raises_and_energises_nothing_unasked(
         elif period.request == "disable":
             asked = False
         spans = before.identity.ranges if before.identity is not None else DM4310.ranges
-        sent = bus.tick(order_of(period.request, period.register), answers=period.answers)
+        sent = bus.tick(input_of(period.request, period.register), answers=period.answers)
         own = [frame.data for frame in sent if frame.can_id == CAN_ID]
         assert asked or codec.ENABLE not in own
         if codec.SET_ZERO in own:
@@ -145,15 +145,15 @@ def test_it_always_finds_back_to_disabled(course: list[Period]) -> None:
     for period in course:
         bus.extra = list(period.extra)
         bus.status = bus.status if period.status is None else period.status
-        bus.tick(order_of(period.request), answers=period.answers)
+        bus.tick(input_of(period.request), answers=period.answers)
     bus.extra = []
     bus.status = 0
-    bus.tick(order_of("disable"))
+    bus.tick(input_of("disable"))
     for _ in range(300):
         bus.tick()
     assert motor.view().phase is MotorPhase.DISABLED
-    bus.tick(order_of("enable"))
+    bus.tick(input_of("enable"))
     for _ in range(20):
-        bus.tick(MotorOrder(COMMAND))
+        bus.tick(MotorInput(COMMAND))
     view = motor.view()
     assert view.phase is MotorPhase.ENABLED or view.problem is not None

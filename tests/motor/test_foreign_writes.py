@@ -56,8 +56,8 @@ def watched(world: World) -> Client:
 
 def events(client: Client, kind: str) -> list[dict[str, Any]]:
     client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "event"]
-    return [event for event in told if event["kind"] == kind]
+    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
+    return [event for event in reported if event["kind"] == kind]
 
 
 def gripping(**options: Any) -> tuple[World, Client]:
@@ -232,8 +232,10 @@ def test_what_was_written_while_disabled_is_known_before_the_motor_is_enabled(
     assert world.gripper.motor.registers.ranges == type(world.gripper.motor.registers.ranges)(
         world.ranges.position_rad, world.ranges.velocity_rad_s, world.ranges.torque_nm
     )
-    told = events(client, "second_master")
-    assert [event["data"]["active"] for event in told] == ([] if heard == "none" else [True, False])
+    reported = events(client, "second_master")
+    assert [event["data"]["active"] for event in reported] == (
+        [] if heard == "none" else [True, False]
+    )
     if register in (PMAX, VMAX, TMAX):
         assert any(register.name in event["message"] for event in events(client, "motor"))
 
@@ -244,10 +246,10 @@ def test_a_write_is_told_by_name_and_value_and_refuses_motions(heard: str) -> No
     write(world, TMAX, 54.0, heard)
     world.run(0.05)
     assert client.refusal("motion.open") == "second_master"
-    (told,) = events(client, "second_master")
-    assert "TMAX to 54" in told["message"]
-    assert (told["data"]["frames"], told["data"]["register"]) == (1, "TMAX")
-    assert told["data"]["value"] == 54.0
+    (reported,) = events(client, "second_master")
+    assert "TMAX to 54" in reported["message"]
+    assert (reported["data"]["frames"], reported["data"]["register"]) == (1, "TMAX")
+    assert reported["data"]["value"] == 54.0
     world.run(2.0)
     assert client.result("motion.open")["ok"]
 
@@ -261,8 +263,8 @@ def test_a_save_is_a_second_masters_frame_and_a_read_is_not() -> None:
     assert not events(client, "second_master")
     world.inject(CanFrame(REGISTER_CAN_ID, bytes([CAN_ID, 0, 0xAA, 1])))
     world.run(0.1)
-    (told,) = events(client, "second_master")
-    assert "saves the motor's registers" in told["message"]
+    (reported,) = events(client, "second_master")
+    assert "saves the motor's registers" in reported["message"]
 
 
 def test_our_own_write_of_the_watchdog_is_no_second_masters() -> None:

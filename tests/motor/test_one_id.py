@@ -23,8 +23,8 @@ def world_of_one_id() -> tuple[World, Client]:
 
 def second_masters(client: Client) -> list[dict[str, Any]]:
     client.read()
-    told = [n["params"] for n in client.notifications if n["method"] == "event"]
-    return [event for event in told if event["kind"] == "second_master"]
+    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
+    return [event for event in reported if event["kind"] == "second_master"]
 
 
 def test_it_is_found_and_told_in_clear_words() -> None:

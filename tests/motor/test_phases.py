@@ -74,7 +74,7 @@ def test_a_motor_that_somebody_else_enabled_is_disabled(phase: Phase) -> None:
 
 
 def test_a_fault_that_is_gone_leaves_a_disabled_motor() -> None:
-    for phase in (Phase.FAULT, Phase.UNFAULTING, Phase.LOOKING, Phase.DISABLING):
+    for phase in (Phase.FAULT, Phase.CLEARING_FAULT, Phase.LOOKING, Phase.DISABLING):
         assert TRANSITIONS[phase, Event.SAW_DISABLED] is Phase.DISABLED
 
 

@@ -1,4 +1,4 @@
-"""A position that no jaw can have got to: never acted upon, and told when it stays."""
+"""A position that no jaw can have reached: never acted upon, and reported when it stays."""
 
 import struct
 
@@ -13,21 +13,21 @@ from litegripd.motor.plausibility import IMPLAUSIBLE_FRAMES, Plausibility
 from tests.world import CAN_ID, PERIOD_S, Client, World
 
 MOVED_BY_ITSELF_MM = 15.0
-"""What the motor does with all its torque in the period before it tells of the jump, and in the one
+"""What the motor does with all its torque in the period before it reports the jump, and in the one
 in which the answer is under way."""
 
 CODES_PER_RAD = 65535 / 25.0
 
 
 def shifted(frame: CanFrame, by_rad: float) -> CanFrame:
-    """Let a feedback frame tell another position; beyond the range it wraps, as the motor's do."""
+    """Give a feedback frame another position; beyond the range it wraps, as the motor's do."""
     (code,) = struct.unpack_from(">H", frame.data, 1)
     code = (code + round(by_rad * CODES_PER_RAD)) % 65536
     return CanFrame(frame.can_id, frame.data[:1] + struct.pack(">H", code) + frame.data[3:])
 
 
 def jump(world: World, by_rad: float, frames: float = float("inf")) -> None:
-    """From now on the motor tells a position that is off, for so many frames."""
+    """From now on the motor reports a wrong position, for `frames` frames."""
     left = frames
 
     def replaced(frame: CanFrame) -> bool:
@@ -105,17 +105,17 @@ def test_jaws_that_a_hand_moves_fast_are_plausible() -> None:
     assert world.machine.motor.counters.implausible_frames == 0
 
 
-def told(at_s: float, position_rad: float, velocity_rad_s: float, status: int = 1) -> Feedback:
+def reported(at_s: float, position_rad: float, velocity_rad_s: float, status: int = 1) -> Feedback:
     return Feedback(status, position_rad, velocity_rad_s, 0.0, 30, 30, at_s)
 
 
 SPEEDS, ACCELERATIONS = st.floats(-29.0, 29.0), st.floats(-5000.0, 5000.0)
 
 
-def told_after(elapsed: float, velocity: float, acceleration: float) -> Feedback:
-    """Return what is told of jaws that were at 0 with this velocity, and have accelerated since."""
+def reported_after(elapsed: float, velocity: float, acceleration: float) -> Feedback:
+    """Return the report of jaws that were at 0 with this velocity and have accelerated since."""
     way = velocity * elapsed + acceleration * elapsed**2 / 2.0
-    return told(elapsed, way, velocity + acceleration * elapsed)
+    return reported(elapsed, way, velocity + acceleration * elapsed)
 
 
 @given(velocity=SPEEDS, acceleration=ACCELERATIONS, elapsed=st.floats(0.0, 0.005))
@@ -123,8 +123,8 @@ def test_whatever_torque_can_do_in_a_period_is_plausible(
     velocity: float, acceleration: float, elapsed: float
 ) -> None:
     judge = Plausibility()
-    assert accepts(judge, told(0.0, 0.0, velocity))
-    assert accepts(judge, told_after(elapsed, velocity, acceleration))
+    assert accepts(judge, reported(0.0, 0.0, velocity))
+    assert accepts(judge, reported_after(elapsed, velocity, acceleration))
 
 
 @given(velocity=SPEEDS, acceleration=ACCELERATIONS, elapsed=st.floats(0.0, 0.02))
@@ -132,35 +132,35 @@ def test_whatever_torque_can_do_in_a_gap_is_plausible_by_two_frames(
     velocity: float, acceleration: float, elapsed: float
 ) -> None:
     judge = Plausibility()
-    assert accepts(judge, told(0.0, 0.0, velocity))
-    first = told_after(elapsed, velocity, acceleration)
+    assert accepts(judge, reported(0.0, 0.0, velocity))
+    first = reported_after(elapsed, velocity, acceleration)
     if not accepts(judge, first):
         way, then = first.position_rad, first.velocity_rad_s
-        assert accepts(judge, told(elapsed + 0.005, way + then * 0.005, then))
+        assert accepts(judge, reported(elapsed + 0.005, way + then * 0.005, then))
     assert judge.refusal is None
 
 
 def test_a_motor_that_is_not_enabled_may_be_anywhere() -> None:
     judge = Plausibility()
-    assert accepts(judge, told(0.0, 0.0, 0.0))
-    assert accepts(judge, told(0.005, 6.28, 0.0, status=0))
-    assert accepts(judge, told(0.010, 0.0, 0.0, status=0xD))
-    assert not accepts(judge, told(0.015, 6.28, 0.0))
+    assert accepts(judge, reported(0.0, 0.0, 0.0))
+    assert accepts(judge, reported(0.005, 6.28, 0.0, status=0))
+    assert accepts(judge, reported(0.010, 0.0, 0.0, status=0xD))
+    assert not accepts(judge, reported(0.015, 6.28, 0.0))
 
 
 def test_a_speed_beyond_what_a_frame_can_tell_is_not_judged() -> None:
     judge = Plausibility()
-    assert accepts(judge, told(0.0, 0.0, 30.0))
-    assert accepts(judge, told(0.005, 0.4, 30.0))
-    assert accepts(judge, told(0.010, 0.5, 5.0))
-    assert not accepts(judge, told(0.015, 0.9, 5.0))
+    assert accepts(judge, reported(0.0, 0.0, 30.0))
+    assert accepts(judge, reported(0.005, 0.4, 30.0))
+    assert accepts(judge, reported(0.010, 0.5, 5.0))
+    assert not accepts(judge, reported(0.015, 0.9, 5.0))
 
 
 def test_a_jump_of_slack_jaws_is_believed_when_it_stays() -> None:
     judge = Plausibility()
-    assert accepts(judge, told(0.0, 0.0, 0.0))
+    assert accepts(judge, reported(0.0, 0.0, 0.0))
     answers = [
-        judge.accepts(told(0.005 * tick, 1.0, 0.0), 29.7, is_driven=False) for tick in (1, 2, 3)
+        judge.accepts(reported(0.005 * tick, 1.0, 0.0), 29.7, is_driven=False) for tick in (1, 2, 3)
     ]
     assert answers == [False, False, True]
     assert judge.refusal is None
@@ -168,11 +168,11 @@ def test_a_jump_of_slack_jaws_is_believed_when_it_stays() -> None:
 
 def test_a_jump_after_a_gap_is_believed_by_two_frames_that_agree() -> None:
     judge = Plausibility()
-    assert accepts(judge, told(0.0, 0.0, 0.0))
-    assert not accepts(judge, told(0.020, 0.3, 0.0))  # it may be disturbed
-    assert accepts(judge, told(0.025, 0.01, 0.0))  # it was
-    assert not accepts(judge, told(0.045, 0.3, 0.0))
-    assert accepts(judge, told(0.050, 0.3, 0.0))
+    assert accepts(judge, reported(0.0, 0.0, 0.0))
+    assert not accepts(judge, reported(0.020, 0.3, 0.0))  # it may be disturbed
+    assert accepts(judge, reported(0.025, 0.01, 0.0))  # it was
+    assert not accepts(judge, reported(0.045, 0.3, 0.0))
+    assert accepts(judge, reported(0.050, 0.3, 0.0))
 
 
 def accepts(judge: Plausibility, feedback: Feedback) -> bool:
@@ -281,10 +281,10 @@ def test_a_jump_is_told_as_an_event_once() -> None:
     world.gripper.jump(0.5)
     world.run(1.0)
     client.read()
-    told_of = [n["params"] for n in client.notifications if n["method"] == "event"]
-    assert [event["kind"] for event in told_of] == ["implausible"]
-    assert 0.2 < told_of[0]["data"]["jump_rad"] < 0.6  # the jaws have followed it meanwhile
-    assert "motor.clear_fault" in told_of[0]["message"]
+    reported_of = [n["params"] for n in client.notifications if n["method"] == "event"]
+    assert [event["kind"] for event in reported_of] == ["implausible"]
+    assert 0.2 < reported_of[0]["data"]["jump_rad"] < 0.6  # the jaws have followed it meanwhile
+    assert "motor.clear_fault" in reported_of[0]["message"]
 
 
 def test_a_jump_is_told_once_even_after_the_motor_was_away() -> None:
@@ -315,22 +315,22 @@ def test_without_damping_a_jump_that_stays_disables_the_motor_all_the_same(by_ra
 def test_a_disturbed_frame_that_was_believed_does_not_put_the_true_ones_in_doubt_for_long() -> None:
     """A little off in its position, and in its speed the other way."""
     judge = Plausibility()
-    assert accepts(judge, told(0.0, 0.0, 0.0))
-    assert accepts(judge, told(0.005, 0.08, 25.0))
-    assert not accepts(judge, told(0.010, 0.0, 0.0))
-    assert accepts(judge, told(0.015, 0.0, 0.0))
+    assert accepts(judge, reported(0.0, 0.0, 0.0))
+    assert accepts(judge, reported(0.005, 0.08, 25.0))
+    assert not accepts(judge, reported(0.010, 0.0, 0.0))
+    assert accepts(judge, reported(0.015, 0.0, 0.0))
     assert judge.refusal is None
 
 
 def test_late_answers_that_come_together_are_no_jump() -> None:
-    """They are dated alike, for nobody can tell them apart; the jaws have gone on between them."""
+    """They are dated alike, because nothing distinguishes them; the jaws moved between them."""
     judge = Plausibility()
     speed_rad_s, period_s = 10.0, 0.010
-    assert accepts(judge, told(0.0, 0.0, speed_rad_s))
+    assert accepts(judge, reported(0.0, 0.0, speed_rad_s))
     for tick in range(1, 4):
-        assert accepts(judge, told(tick * period_s, speed_rad_s * tick * period_s, speed_rad_s))
+        assert accepts(judge, reported(tick * period_s, speed_rad_s * tick * period_s, speed_rad_s))
     for tick in range(4, 8):
-        accepts(judge, told(4 * period_s, speed_rad_s * tick * period_s, speed_rad_s))
+        accepts(judge, reported(4 * period_s, speed_rad_s * tick * period_s, speed_rad_s))
     assert judge.refusal is None
 
 
@@ -339,7 +339,7 @@ def test_a_bounce_that_each_measurement_leads_to_is_no_jump() -> None:
     judge = Plausibility()
     bounce = [(-1.081, 12.5), (-1.230, -18.6), (-1.296, 4.2), (-1.344, -9.4), (-1.42, -7.0)]
     for tick, (position_rad, velocity_rad_s) in enumerate(bounce):
-        accepts(judge, told(0.010 * tick, position_rad, velocity_rad_s))
+        accepts(judge, reported(0.010 * tick, position_rad, velocity_rad_s))
     assert judge.refusal is None
     assert judge.in_a_row == 0
 
@@ -350,7 +350,7 @@ def test_a_motor_in_doubt_is_braked_by_no_more_than_its_peak(
     speed_rad_s: float, sign: float
 ) -> None:
     judge = Plausibility()
-    judge.believe(told(0.0, 0.0, sign * speed_rad_s))
+    judge.believe(reported(0.0, 0.0, sign * speed_rad_s))
     expected = 1.0 if speed_rad_s <= 7.0 else 7.0 / speed_rad_s
     assert judge.brake_kd_nm_s_rad == pytest.approx(expected)
     assert judge.brake_kd_nm_s_rad * speed_rad_s <= 7.0 + 1e-9

@@ -11,14 +11,13 @@ from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
     EnableMotor,
     MitCommand,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     RegisterReply,
     RegisterRequest,
 )
 from litegripd.motor.phases import Phase
-from litegripd.motor.register_reader import READ_TRIES, RegisterReader
-from litegripd.motor.registers import REGISTERS, Answer
+from litegripd.motor.registers import READ_TRIES, REGISTERS, Answer, RegisterReader
 from tests.motor.bench import (
     CAN_ID,
     MASTER_ID,
@@ -86,7 +85,7 @@ def test_reading_while_enabled_changes_no_measured_value() -> None:
 def test_an_answer_and_feedback_in_one_tick_are_told_apart(first: str) -> None:
     bus = started()
     request = RegisterRequest(5, TIMEOUT)
-    bus.tick(MotorOrder(register=request), answers=False)
+    bus.tick(MotorInput(register=request), answers=False)
     feedback = CanFrame(MASTER_ID, bytes.fromhex("08 9000 7FF800 2020"))
     frames = [answer(TIMEOUT, struct.pack("<I", 2000)), feedback]
     bus.motor.receive(bus.now_s, frames if first == "answer" else frames[::-1])
@@ -130,7 +129,7 @@ def test_a_register_that_is_never_answered_fails_after_five_tries() -> None:
 def test_a_value_that_is_no_number_is_a_failure(bad: float) -> None:
     bus = started(r20=struct.pack("<f", bad))
     for _ in range(3):
-        bus.tick(MotorOrder(register=RegisterRequest(3, 20)))
+        bus.tick(MotorInput(register=RegisterRequest(3, 20)))
     reply = bus.motor.view().register
     assert reply is not None
     assert reply.failure is not None
@@ -161,8 +160,8 @@ def test_a_number_that_the_table_does_not_have_is_refused_and_not_sent(number: i
 )
 def test_what_is_not_the_awaited_answer_is_neither_value_nor_feedback(frame: CanFrame) -> None:
     bus = started()
-    order = MotorOrder(register=RegisterRequest(1, TIMEOUT))
-    bus.tick(order, answers=False)
+    wanted = MotorInput(register=RegisterRequest(1, TIMEOUT))
+    bus.tick(wanted, answers=False)
     before = bus.motor.view().feedback
     counters = bus.motor.counters
     counted = counters.ignored_frames + counters.foreign_commands
@@ -176,7 +175,7 @@ def test_what_is_not_the_awaited_answer_is_neither_value_nor_feedback(frame: Can
 
 def test_an_answer_that_came_twice_counts_once() -> None:
     bus = started()
-    bus.tick(MotorOrder(register=RegisterRequest(1, TIMEOUT)))
+    bus.tick(MotorInput(register=RegisterRequest(1, TIMEOUT)))
     ignored = bus.motor.counters.ignored_frames
     bus.motor.receive(bus.now_s, [answer(TIMEOUT, struct.pack("<I", 7))])
     assert bus.motor.view().register == RegisterReply(1, 2000)
@@ -208,9 +207,9 @@ def test_a_lossy_bus_gives_a_true_value_or_none() -> None:
 
 def test_a_command_goes_out_though_its_register_request_is_impossible() -> None:
     bus = started()
-    bus.tick(MotorOrder(request=EnableMotor(3, 0.2)))
+    bus.tick(MotorInput(request=EnableMotor(3, 0.2)))
     for _ in range(20):
-        bus.tick(MotorOrder(MitCommand(0.0, 0.0, 0.0, 1.0, 0.0)))
+        bus.tick(MotorInput(MitCommand(0.0, 0.0, 0.0, 1.0, 0.0)))
     assert bus.motor.view().phase is MotorPhase.ENABLED
-    order = MotorOrder(MitCommand(0.0, 0.0, 0.0, 1.0, 0.0), register=RegisterRequest(1, 999))
-    assert [frame.can_id for frame in bus.tick(order)] == [CAN_ID]
+    wanted = MotorInput(MitCommand(0.0, 0.0, 0.0, 1.0, 0.0), register=RegisterRequest(1, 999))
+    assert [frame.can_id for frame in bus.tick(wanted)] == [CAN_ID]

@@ -1,4 +1,4 @@
-"""Register frames byte for byte, and answers told apart from feedback."""
+"""Register frames byte for byte, and answers distinguished from feedback."""
 
 import struct
 

@@ -148,7 +148,7 @@ def test_jaws_that_are_moved_before_it_is_confirmed_leave_it_uncertain() -> None
 
 
 def test_an_answer_from_before_the_frame_does_not_confirm_it() -> None:
-    """It may have been under way. Here it tells of a zero that the motor never took."""
+    """It may have been under way. Here it reports a zero that the motor never took."""
     bench = Bench().started()
     bench.lose_to_motor = LosesFirst(1, is_zero)
     until_sent(bench)
@@ -255,7 +255,7 @@ def test_it_is_confirmed_in_any_range_and_with_noise(range_rad: float) -> None:
 
 @pytest.mark.parametrize("near_rad", [0.0, 0.008, -0.008])
 def test_a_lost_frame_near_the_old_zero_does_no_harm(near_rad: float) -> None:
-    """It cannot be told from a taken one, but what is said of the positions is true."""
+    """It looks like a taken one, but what is said of the positions is true."""
     bench = Bench().started()
     set_zero(bench)
     bench.gripper.motor._offset_rad += near_rad

@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.control.actions.by_hand import SetZero as SetZeroAction
+from litegripd.control.motions.power import SetZero as SetZeroAction
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import (
     DisableMotor,

@@ -220,9 +220,9 @@ def test_every_status_but_two_is_a_fault(status: int) -> None:
     world = World()
     moving(world)
     world.lose_from_motor = lambda _frame: True
-    told = CanFrame(0x18, bytes([status << 4 | CAN_ID, 0x79, 0xDA, 0x7F, 0xF7, 0xFF, 30, 30]))
+    reported = CanFrame(0x18, bytes([status << 4 | CAN_ID, 0x79, 0xDA, 0x7F, 0xF7, 0xFF, 30, 30]))
     for phase in (MotorPhase.ENABLED, MotorPhase.FAULT):  # a second frame must agree
-        world.inject(told)
+        world.inject(reported)
         world.tick()
         assert world.in_phase(phase)
     view = world.machine.motor.view()

@@ -10,7 +10,7 @@ from tests.world import PERIOD_S, Client, World
 
 
 def stand_still(world: World, duration_s: float) -> None:
-    """Let time pass in which the daemon does nothing, but the motor goes on."""
+    """Let time pass in which the daemon does nothing, but the motor continues."""
     world.now_s += duration_s - PERIOD_S
     world.tick()
 
@@ -46,8 +46,8 @@ def test_a_daemon_that_stood_still_says_so_and_for_how_long() -> None:
     assert error["data"]["status"] == "communication_lost"
     world.run(5.0)
     assert message_of(client) == error["message"]  # for as long as the fault lasts
-    told = [n["params"] for n in client.notifications if n["method"] == "event"]
-    assert any("stood still for 312 ms" in event["message"] for event in told)
+    reported = [n["params"] for n in client.notifications if n["method"] == "event"]
+    assert any("stood still for 312 ms" in event["message"] for event in reported)
     assert client.result("motor.enable")["ok"]
 
 

@@ -8,13 +8,13 @@ from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
     DisableMotor,
     EnableMotor,
-    MotorOrder,
+    MotorInput,
     MotorPhase,
     RegisterReply,
     RegisterRequest,
 )
 from litegripd.motor import codec
-from litegripd.motor.register_reader import READ_WITHIN_S
+from litegripd.motor.registers import READ_WITHIN_S
 from tests.motor.bench import (
     MASTER_ID,
     PERIOD_S,
@@ -75,7 +75,7 @@ def test_reading_does_not_make_old_feedback_look_new() -> None:
             polled_s = bus.now_s
             break
     assert polled_s is not None
-    assert bus.tick(MotorOrder(register=RegisterRequest(1, PMAX)), answers=False)
+    assert bus.tick(MotorInput(register=RegisterRequest(1, PMAX)), answers=False)
     bus.motor.receive(bus.now_s, [CanFrame(MASTER_ID, bytes.fromhex("0880007FF8002020"))])
     view = bus.motor.view()
     assert view.feedback is not None
@@ -98,7 +98,7 @@ def test_a_reply_stays_and_the_same_request_is_not_read_again() -> None:
 
 def test_a_withdrawn_request_is_dropped_and_its_late_answer_ignored() -> None:
     bus = started()
-    bus.tick(MotorOrder(register=RegisterRequest(1, TIMEOUT)), answers=False)
+    bus.tick(MotorInput(register=RegisterRequest(1, TIMEOUT)), answers=False)
     for _ in range(10):
         assert not [frame for frame in bus.tick() if is_read(frame)]
     ignored = bus.motor.counters.ignored_frames
@@ -109,8 +109,8 @@ def test_a_withdrawn_request_is_dropped_and_its_late_answer_ignored() -> None:
 
 def test_a_request_in_place_of_a_pending_one_is_read_alone() -> None:
     bus = started()
-    bus.tick(MotorOrder(register=RegisterRequest(1, TIMEOUT)), answers=False)
-    sent = bus.tick(MotorOrder(register=RegisterRequest(2, PMAX)), answers=False)
+    bus.tick(MotorInput(register=RegisterRequest(1, TIMEOUT)), answers=False)
+    sent = bus.tick(MotorInput(register=RegisterRequest(2, PMAX)), answers=False)
     assert [frame.data[3] for frame in sent if is_read(frame)] == [PMAX]
     bus.motor.receive(bus.now_s, [answer(TIMEOUT, struct.pack("<I", 2000))])
     assert bus.motor.view().register is None

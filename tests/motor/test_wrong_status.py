@@ -22,7 +22,7 @@ def gripping() -> tuple[World, Client]:
 
 
 def falsify(world: World, status: int, frames: int = 1) -> None:
-    """Let the motor's next answers tell another status, and nonsense beside it."""
+    """Give the motor's next answers another status, and nonsense beside it."""
     left = frames
 
     def replaced(frame: CanFrame) -> bool:
@@ -78,27 +78,27 @@ def test_a_wrong_status_after_a_silence_does_not_end_the_hold(status: int) -> No
     assert world.state.is_grasped
 
 
-def told(status: int, at_s: float) -> Feedback:
+def reported(status: int, at_s: float) -> Feedback:
     return Feedback(status, 0.0, 0.0, 0.0, 30, 30, at_s)
 
 
 def test_a_doubled_frame_proves_no_more_than_it_did_once() -> None:
     judge = StatusJudge()
-    assert not judge.accepts(told(9, 1.0))
-    assert not judge.accepts(told(9, 1.0))
-    assert judge.accepts(told(9, 1.005))
+    assert not judge.accepts(reported(9, 1.0))
+    assert not judge.accepts(reported(9, 1.0))
+    assert judge.accepts(reported(9, 1.005))
 
 
 def test_a_right_answer_between_two_wrong_ones_ends_the_doubt() -> None:
     judge = StatusJudge()
     for tick in range(0, 20, 2):
-        assert not judge.accepts(told(9, tick * 0.005))
-        assert judge.accepts(told(1, (tick + 1) * 0.005))
+        assert not judge.accepts(reported(9, tick * 0.005))
+        assert judge.accepts(reported(1, (tick + 1) * 0.005))
 
 
 def test_answers_that_differ_are_believed_in_the_end() -> None:
     judge = StatusJudge()
-    answers = [judge.accepts(told(8 + tick, tick * 0.005)) for tick in range(CERTAIN_AFTER)]
+    answers = [judge.accepts(reported(8 + tick, tick * 0.005)) for tick in range(CERTAIN_AFTER)]
     assert answers == [False] * (CERTAIN_AFTER - 1) + [True]
 
 

@@ -1,4 +1,4 @@
-"""A motor of another type than the configured one: it is told, and not enabled."""
+"""A motor of another type than the configured one: it is reported, and not enabled."""
 
 import math
 import struct
@@ -13,7 +13,7 @@ from litegripd.motor.identity import unsuitable
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters
 from tests.motor.helpers import set_register
-from tests.motor.test_look import disturbed_once, identity_with
+from tests.motor.test_register_scan import disturbed_once, identity_with
 from tests.world import CAN_ID, World
 
 GR = 20

@@ -91,7 +91,7 @@ def test_a_squeeze_that_is_to_be_held_is_not_let_go_for_noise(
         holding.world.run(2.5)
         holding.client.result("motion.hold")
         holding.world.run(1.0)
-        assert isinstance(holding.world.controller.rest, Grip)
+        assert isinstance(holding.world.controller.idle, Grip)
 
 
 @pytest.mark.parametrize("method", [None, "motion.grasp", "motion.set_force"])

@@ -4,7 +4,7 @@ from typing import Any, get_args
 
 import pytest
 
-from litegripd.model.events import Event, EventKind
+from litegripd.model.state import Event, EventKind
 from litegripd.rpc.events import EVENT_KINDS, KEPT_EVENTS
 from litegripd.rpc.jsonrpc import encode
 from litegripd.rpc.subscriptions import MAX_PER_SESSION

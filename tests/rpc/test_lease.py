@@ -9,11 +9,11 @@ from litegripd.rpc.sessions import Role
 from tests.world import Client, World
 
 
-def pair(**wish: Any) -> tuple[World, Client, Client, str]:
+def pair(**options: Any) -> tuple[World, Client, Client, str]:
     """Return a world, the holder of its lease, another client, and the token."""
     world = World()
     holder = world.enabled()
-    token = str(holder.result("lease.acquire", **wish)["lease"])
+    token = str(holder.result("lease.acquire", **options)["lease"])
     return world, holder, world.client(), token
 
 

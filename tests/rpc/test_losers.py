@@ -18,29 +18,29 @@ HALF_OPEN_MM = 50.0
 class Scene:
     """A world in which jaws hold at half their travel: one client drives, another one looks on."""
 
-    def __init__(self, *, uid: int = 1000, role: Role = "operator", **wish: Any) -> None:
+    def __init__(self, *, uid: int = 1000, role: Role = "operator", **options: Any) -> None:
         self.world = World()
         self.first = self.world.enabled()
         self.first.session.role = "operator"
         self.first.result("motion.move", opening_mm=HALF_OPEN_MM)
-        if wish:
-            self.token = str(self.first.result("lease.acquire", **wish)["lease"])
+        if options:
+            self.token = str(self.first.result("lease.acquire", **options)["lease"])
         self.second = self.world.client(uid=uid, role=role)
 
     def nothing_of(self, act: Callable[[], Any]) -> Any:
         """Let somebody act, and check that nothing has come of it; return what the act returned."""
         world, controller = self.world, self.world.controller
         world.run(0.1)
-        jobs, rest, calibration = (
+        jobs, idle, calibration = (
             list(controller.jobs),
-            controller.rest,
+            controller.idle,
             controller.calibrated.calibration,
         )
         opening_mm, phase = world.state.opening_mm, world.phase
         answer = act()
         world.run(0.5)
         assert [job.number for job in controller.jobs] == [job.number for job in jobs]
-        assert controller.rest is rest
+        assert controller.idle is idle
         assert controller.calibrated.calibration is calibration
         assert world.phase is phase
         assert opening_mm is not None
@@ -60,9 +60,9 @@ def wish_of(leased: bool) -> dict[str, Any]:
     return {"on_lost": "hold"} if leased else {}
 
 
-def holding(**wish: Any) -> Scene:
+def holding(**options: Any) -> Scene:
     """Return a scene whose jaws hold an object by 8 N."""
-    scene = Scene(**wish)
+    scene = Scene(**options)
     scene.world.gripper.put_object(width_mm=30.0)
     assert scene.first.result("motion.grasp", force_n=8, until="verdict")["ok"]
     scene.world.run(1.0)

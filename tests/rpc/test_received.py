@@ -56,11 +56,11 @@ def test_a_take_over_that_came_before_a_stop_drops_nothing_that_the_stop_holds()
     received_s = world.now_s
     world.run(0.02)
     other.result("stop")
-    rest = world.controller.rest
+    idle = world.controller.idle
     answer = send(client, "lease.take", received_s, why="it hangs", jaws="relax")
     assert reason(answer) == "sent_before_stop"
     world.run(0.1)
-    assert world.controller.rest is rest
+    assert world.controller.idle is idle
     assert "result" in send(client, "lease.take", world.now_s, why="it hangs", jaws="relax")
 
 

@@ -87,7 +87,7 @@ class TwoMachines:
         lead()
         assert apart == pytest.approx([0.0], abs=0.01)
         assert share_open(leader) > 0.9
-        assert [wish.host for wish in links.wishes] == [None, "192.168.1.20"]
+        assert [options.host for options in links.opened] == [None, "192.168.1.20"]
         assert not leader.is_energised
         assert not follower.is_energised
 

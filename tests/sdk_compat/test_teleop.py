@@ -16,7 +16,7 @@ from litegrip_client import (
     TeleopBusyError,
     TeleopNotReady,
 )
-from litegripd.model.teleop import Arrival, LinkWish
+from litegripd.model.teleop import Arrival, LinkOptions
 from litegripd.teleop.link import InProcessLink, InProcessLinks
 from tests.drop_in import Daemon, Site, a_site
 from tests.sdk_compat.scenes import bench_unit, jaws_are_loose
@@ -30,19 +30,19 @@ class Tapped(InProcessLinks):
 
     def __init__(self) -> None:
         super().__init__()
-        self.wishes: list[LinkWish] = []
+        self.opened: list[LinkOptions] = []
         self.heard: list[bytes] = []
         self.is_cut = False
 
-    def open(self, wish: LinkWish) -> InProcessLink:
-        self.wishes.append(wish)
-        return super().open(wish)
+    def open(self, options: LinkOptions) -> InProcessLink:
+        self.opened.append(options)
+        return super().open(options)
 
-    def listeners(self, wish: LinkWish) -> list[InProcessLink]:
-        return [] if self.is_cut else super().listeners(wish)
+    def listeners(self, options: LinkOptions) -> list[InProcessLink]:
+        return [] if self.is_cut else super().listeners(options)
 
     def say(self, payload: bytes, now_s: float) -> None:
-        for listener in self.listeners(LinkWish("master")):
+        for listener in self.listeners(LinkOptions("master")):
             listener.deliver(Arrival(payload, now_s))
 
 
@@ -144,7 +144,7 @@ def test_the_master_goes_slack_and_publishes_at_the_loop_rate(pair: Pair) -> Non
 
 def test_endpoints_key_and_defaults_are_the_field_stacks(pair: Pair) -> None:
     pair.start()
-    leads, follows = pair.links.wishes
+    leads, follows = pair.links.opened
     assert (leads.kind, leads.port, leads.topic) == ("zenoh", 17448, KEY)
     assert (follows.host, follows.port, follows.topic) == ("192.168.1.20", 17448, KEY)
 
@@ -154,7 +154,7 @@ def test_a_frame_is_byte_identical_to_the_litearm_stacks(pair: Pair) -> None:
     pair.slave.teleop_start("slave", host="192.168.1.20")
     pair.say(0.7, 1.5)
     assert pair.openness[1] == pytest.approx(0.7, abs=0.006)
-    listener = pair.links.open(LinkWish("slave"))
+    listener = pair.links.open(LinkOptions("slave"))
     pair.slave.teleop_stop()
     pair.master.teleop_start("master")
     pair.site.run(0.1)
@@ -167,14 +167,14 @@ def test_a_frame_is_byte_identical_to_the_litearm_stacks(pair: Pair) -> None:
 
 def test_link_udp_is_a_choice(pair: Pair) -> None:
     pair.slave.teleop_start("slave", link="udp")
-    assert pair.links.wishes[-1].kind == "udp"
+    assert pair.links.opened[-1].kind == "udp"
     assert pair.slave.teleop_status()["link"] == "udp"
 
 
 def test_an_own_transport_is_refused_with_the_reason(pair: Pair) -> None:
     with pytest.raises(CommandError, match="daemon"):
         pair.slave.teleop_start("slave", transport=object())
-    assert pair.links.wishes == []
+    assert pair.links.opened == []
 
 
 def test_the_fake_leader_sweeps_and_shows_the_guard_on_a_rigid_object(pair: Pair) -> None:
@@ -184,7 +184,7 @@ def test_the_fake_leader_sweeps_and_shows_the_guard_on_a_rigid_object(pair: Pair
     pair.site.run_until(lambda: not pair.slave.teleop_status()["over_torque"])
     pair.site.run_until(lambda: pair.follower.gripper.opening_mm > 100.0)
     pair.site.run_until(lambda: pair.slave.teleop_status()["torque_trips"] == 2)
-    assert pair.links.wishes == []
+    assert pair.links.opened == []
 
 
 def test_the_example_runs_one_end(home: Path, capsys: pytest.CaptureFixture[str]) -> None:

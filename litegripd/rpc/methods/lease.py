@@ -6,7 +6,7 @@ from hmac import compare_digest
 from typing import Any, TypedDict
 
 from litegripd.control.controller import Controller
-from litegripd.control.lease import Grant, Wish
+from litegripd.control.lease import Grant, LeaseOptions
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import OnLost
 from litegripd.model.plain import Carried
@@ -133,16 +133,16 @@ class LeaseMethods:
         }
 
     def _holder(self, grant: Grant) -> Holder:
-        owner, wish = grant.owner, grant.wish
+        owner, options = grant.owner, grant.options
         return {
             "client": owner.client,
             "pid": owner.pid,
             "uid": owner.uid,
             "program": owner.program,
-            "purpose": wish.purpose,
+            "purpose": options.purpose,
             "since_s": grant.since_s,
-            "ttl_s": wish.ttl_s,
-            "on_lost": wish.on_lost,
+            "ttl_s": options.ttl_s,
+            "on_lost": options.on_lost,
             "number": grant.number,
         }
 
@@ -170,14 +170,14 @@ class LeaseMethods:
     def _acquire(self, call: Call) -> Answer:
         holder = self._controller.lease.holder
         mine = holder is not None and holder.owner.client == call.owner.client
-        before = holder.wish if holder is not None and mine else Wish()
-        wish, wait_s = _wish(call.params, before), call.params.get("wait_s", 0.0)
-        answer = self._controller.acquire(call.owner, wish)
+        before = holder.options if holder is not None and mine else LeaseOptions()
+        options, wait_s = _lease_options(call.params, before), call.params.get("wait_s", 0.0)
+        answer = self._controller.acquire(call.owner, options)
         if isinstance(answer, Grant) or wait_s == 0.0:
             return self._granted(answer)
         deferred = Deferred()
         refusal = self._controller.await_lease(
-            call.owner, wish, wait_s, lambda late: deferred.resolve(self._granted(late))
+            call.owner, options, wait_s, lambda late: deferred.resolve(self._granted(late))
         )
         return refusal or deferred
 
@@ -264,7 +264,9 @@ class LeaseMethods:
             )
             return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
         left = params.get("jaws", "hold")
-        grant = controller.take_over(call.owner, _wish(params, Wish()), params["why"], left)
+        grant = controller.take_over(
+            call.owner, _lease_options(params, LeaseOptions()), params["why"], left
+        )
         goes_on = controller.jobs.running
         taken: Taken = {
             **self._grant_view(grant),
@@ -286,9 +288,9 @@ class LeaseMethods:
         }
 
 
-def _wish(params: Mapping[str, Any], before: Wish) -> Wish:
+def _lease_options(params: Mapping[str, Any], before: LeaseOptions) -> LeaseOptions:
     """Return what is wished; what a holder does not name stays as it was."""
-    return Wish(
+    return LeaseOptions(
         purpose=params.get("purpose", before.purpose),
         ttl_s=params.get("ttl_s", before.ttl_s),
         on_lost=params.get("on_lost", before.on_lost),

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypedDict
 
-from litegripd.control.actions.grasp import GraspRequest
-from litegripd.control.actions.move import Direction
 from litegripd.control.admission import Target
 from litegripd.control.controller import Controller
-from litegripd.control.motions import Motions
+from litegripd.control.motions.grasp import GraspRequest
+from litegripd.control.motions.move import Direction
+from litegripd.control.requests import MotionRequests
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import STOP_LEVELS, Job, StopLevel
 from litegripd.model.motion_config import MotionConfig, ranges_of
@@ -75,7 +75,7 @@ class MotionMethods:
     def __init__(self, controller: Controller, reporter: Reporter) -> None:
         self._controller = controller
         self._reporter = reporter
-        self._motions = Motions(controller)
+        self._motions = MotionRequests(controller)
 
     def _config(self, call: Call) -> MotionConfig:
         return call.config(

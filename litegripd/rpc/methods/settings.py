@@ -5,13 +5,13 @@ from dataclasses import replace
 from typing import Any, TypeAlias, TypedDict
 
 from litegripd.control.admission import ENDING, conflict_refusal
-from litegripd.control.calibrating import Calibrating
 from litegripd.control.calibration import content_of
 from litegripd.control.controller import Controller
+from litegripd.control.requests import CalibrationRequests
 from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
-from litegripd.model.helper_tasks import HelperTask, TaskResult
+from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import fast_conflict, ranges_of
 from litegripd.model.motor import RegisterReply
 from litegripd.model.results import SetZeroResult, ZeroResult
@@ -132,7 +132,7 @@ class SettingsMethods:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        self._calibrating = Calibrating(controller)
+        self._calibrations = CalibrationRequests(controller)
         self._is_saving_config = False
 
     @Method("calibration.get", "Tell the calibration in use.", "The calibration.", CalibrationView)
@@ -188,7 +188,7 @@ class SettingsMethods:
         if "template" in params and "content" in params:
             text = "calibration.load takes a template or a content, not both"
             return Refusal("invalid_params", text, {"parameter": "content"})
-        refusal = self._calibrating.refusal_to_load()
+        refusal = self._calibrations.refusal_to_load()
         if refusal is not None:
             return refusal
         if "content" not in params:
@@ -206,7 +206,7 @@ class SettingsMethods:
             calibration = read_content(params["content"])
         except CalibrationError as error:
             return Refusal("calibration_unreadable", f"the content cannot be used: {error}")
-        refusal = self._calibrating.load(calibration, None)
+        refusal = self._calibrations.load(calibration, None)
         return refusal or self._loaded(loaded=True, factory=False, skipped=[])
 
     def _loaded(self, *, loaded: bool, factory: bool, skipped: list[str]) -> CalibrationLoaded:
@@ -243,7 +243,7 @@ class SettingsMethods:
         if value["calibration"] is None:
             return self._loaded(loaded=False, factory=False, skipped=skipped)
         calibration = from_plain(value["calibration"])
-        refusal = self._calibrating.load(calibration, value["path"])
+        refusal = self._calibrations.load(calibration, value["path"])
         return refusal or self._loaded(loaded=True, factory=value["factory"], skipped=skipped)
 
     @Method(
@@ -261,7 +261,7 @@ class SettingsMethods:
         def saved(result: TaskResult) -> None:
             deferred.resolve(_outcome("calibration.save", result))
 
-        return self._calibrating.save(saved, call.owner.uid) or deferred
+        return self._calibrations.save(saved, call.owner.uid) or deferred
 
     @Method(
         "calibration.zero",
@@ -280,7 +280,7 @@ class SettingsMethods:
             controller.config, controller.period_s, controller.gripper_id.motor_type
         )
         return later(
-            self._calibrating.zero(
+            self._calibrations.zero(
                 call.owner,
                 config,
                 mount=call.params.get("mount"),
@@ -310,7 +310,7 @@ class SettingsMethods:
         waits=True,
     )
     def _by_hand(self, call: Call) -> Answer:
-        step, calibrating, controller = call.params["step"], self._calibrating, self._controller
+        step, calibrating, controller = call.params["step"], self._calibrations, self._controller
         if step == "begin":
             return JobNumber(
                 job=accepted(calibrating.by_hand(call.owner, controller.config)).number
@@ -339,7 +339,7 @@ class SettingsMethods:
             named = RegisterValue(number=number, name=name, value=reply.value)
             deferred.resolve(reply.failure or named)
 
-        return self._controller.inquiries.add(register.number, replied) or deferred
+        return self._controller.register_reads.add(register.number, replied) or deferred
 
     @Method(
         "motor.set_zero",
@@ -354,7 +354,7 @@ class SettingsMethods:
         waits=True,
     )
     def _set_zero(self, call: Call) -> Answer:
-        return later(self._calibrating.set_zero(call.owner, call.detached))
+        return later(self._calibrations.set_zero(call.owner, call.detached))
 
     @Method(
         "config.get", "Tell the daemon's motion configuration.", "Fields and ranges.", ConfigView

@@ -1,17 +1,19 @@
-"""What clients may ask of the gripper: admitted or refused at once, then run by the controller.
+"""Requests for motions and calibrations: rejected at once, or made into a job of the controller.
 
-A motion's `config` is the caller's own; it counts for this motion only.
+A motion's `config` is the caller's own; it counts for this motion only. The calibration never
+changes while a motion runs: the travel would change its meaning under that motion.
 """
 
-from litegripd.control.actions.grasp import BUDGET_NM, Grasp, GraspRequest
-from litegripd.control.actions.move import Direction, MoveTo, MoveToStop
-from litegripd.control.actions.power import ClearFault, Disable, Enable
-from litegripd.control.actions.stream import SetPoint, Stream
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TypeAlias
+
 from litegripd.control.admission import (
     FAULTLESS,
     NO_FEEDBACK,
     Target,
     busy_refusal,
+    busy_with,
     conflict_refusal,
     duration_refusal,
     heat_refusal,
@@ -19,11 +21,18 @@ from litegripd.control.admission import (
     position_refusal,
     target_refusal,
 )
+from litegripd.control.calibration import Saving, content_of, save_task
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
+from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
+from litegripd.control.motions.grasp import BUDGET_NM, Grasp, GraspRequest
+from litegripd.control.motions.move import Direction, MoveTo, MoveToStop
+from litegripd.control.motions.power import ClearFault, Disable, Enable, SetZero
+from litegripd.control.motions.stream import SetPoint, Stream
+from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
-from litegripd.model.jobs import Job, Owner
+from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry, Mount
+from litegripd.model.jobs import Job, Owner, TaskResult
 from litegripd.model.motion_config import (
     MotionConfig,
     damping_conflict,
@@ -37,8 +46,8 @@ from litegripd.model.results import ForceResult, HoldResult, MoveResult, SlackRe
 SMALLEST_MOVE_RAD = 1e-4
 
 
-class Motions:
-    """Begins motions on one controller; a refusal says why not, and nothing has changed."""
+class MotionRequests:
+    """Begins motions on one controller; after a refusal nothing has changed."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
@@ -53,7 +62,7 @@ class Motions:
         return controller.begin("enable", Enable(request), owner, detached)
 
     def disable(self, owner: Owner, detached: bool) -> Job | Refusal:
-        """Begin to disable the motor; ends the owner's own motion, but not another's."""
+        """Begin to disable the motor; end the owner's own motion, but not another client's."""
         controller = self._controller
         running = controller.jobs.running
         if running is not None and running.owner.client == owner.client:
@@ -64,7 +73,7 @@ class Motions:
         return controller.begin("disable", Disable(), owner, detached)
 
     def clear_fault(self, owner: Owner, detached: bool) -> Job | Refusal:
-        """Begin to clear what the motor has latched; it stays disabled."""
+        """Begin to clear the fault that the motor has latched; the motor stays disabled."""
         controller = self._controller
         enabled = controller.motor.phase in (MotorPhase.ENABLED, MotorPhase.ENABLING)
         refusal = busy_refusal(controller.jobs.running) or (FAULTLESS if enabled else None)
@@ -104,7 +113,7 @@ class Motions:
     def grasp(
         self, request: GraspRequest, owner: Owner, config: MotionConfig, detached: bool
     ) -> Job | Refusal:
-        """Begin to close until something is gripped; what is held already is held on."""
+        """Begin to close until something is gripped; an object that is held already stays held."""
         controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
@@ -171,20 +180,20 @@ class Motions:
         return controller.begin("move", action, owner, detached)
 
     def hold(self, owner: Owner) -> Job | Refusal:
-        """Hold from now on: what is held already, else the measured position."""
+        """Hold from now on: the present object or hold, otherwise the measured position."""
         controller, feedback = self._controller, self._powered()
         if isinstance(feedback, Refusal):
             return feedback
-        rest = controller.rest
-        if isinstance(rest, Slack):  # holding anew would lose the force of a hold
-            rest = Hold(feedback.position_rad, controller.gains)
-        elif isinstance(rest, Grip):
-            rest.stay()
-        position_rad = rest.position_rad if isinstance(rest, Hold) else feedback.position_rad
-        return controller.settle("hold", rest, owner, HoldResult(position_rad))
+        idle = controller.idle
+        if isinstance(idle, Slack):  # a new hold would lose the force of the present one
+            idle = Hold(feedback.position_rad, controller.gains)
+        elif isinstance(idle, Grip):
+            idle.stay()
+        position_rad = idle.position_rad if isinstance(idle, Hold) else feedback.position_rad
+        return controller.settle("hold", idle, owner, HoldResult(position_rad))
 
     def zero_gravity(self, owner: Owner) -> Job | Refusal:
-        """Let the jaws go: enabled, but without stiffness, damping and torque."""
+        """Release the jaws: enabled, but without stiffness, damping and torque."""
         feedback = self._powered()
         if isinstance(feedback, Refusal):
             return feedback
@@ -192,9 +201,9 @@ class Motions:
         return self._controller.settle("zero_gravity", Slack(), owner, result)
 
     def set_force(self, force_n: float, owner: Owner, config: MotionConfig) -> Job | Refusal:
-        """Squeeze by `force_n` from now on: what is gripped, else from where the jaws are.
+        """Squeeze with `force_n` from now on: the present object, or from where the jaws are.
 
-        The owner's running grasp goes on with it; anybody else's is not touched.
+        A running grasp of the owner continues with the new force; another client's is not changed.
         """
         controller, grip, running = (
             self._controller,
@@ -227,11 +236,11 @@ class Motions:
         speed_mm_s: float | None,
         torque_nm: float,
     ) -> Job | Refusal:
-        """Take a set-point that counts until a time of CLOCK_MONOTONIC; the first one begins it."""
+        """Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
         controller = self._controller
         running, action = controller.jobs.running, controller.action
-        goes_on = running is not None and running.owner.client == owner.client
-        if not (goes_on and isinstance(action, Stream)):
+        is_own = running is not None and running.owner.client == owner.client
+        if not (is_own and isinstance(action, Stream)):
             running, action = None, Stream(controller.gains, controller.period_s)
         geometry = (
             self._ready()
@@ -258,7 +267,7 @@ class Motions:
         return grip if grip is not None and grip.is_holding else None
 
     def _blocked(self, target_rad: float) -> MoveResult:
-        """Return the result of a closing that what is held ends before it begins.
+        """Return the result of a closing that is rejected because an object is held.
 
         It would crush the object, and then let go of it.
         """
@@ -277,12 +286,12 @@ class Motions:
         )
 
     def _powered(self) -> Feedback | Refusal:
-        """Return the present feedback where the motor is free and enabled, else why not."""
+        """Return the present feedback if the motor is free and enabled, otherwise a refusal."""
         refusal = self._controller.why_busy() or motor_refusal(self._controller.motor)
         return refusal or self._controller.motor.feedback or NO_FEEDBACK
 
     def _ready(self) -> Geometry | Refusal:
-        """Return the travel where a motion in it may begin, else say why not."""
+        """Return the travel if a motion in it may begin, otherwise a refusal."""
         controller = self._controller
         refusal = controller.why_busy()
         if refusal is not None:
@@ -292,3 +301,128 @@ class Motions:
             return controller.calibrated.problem
         refusal = motor_refusal(controller.motor) or position_refusal(controller.motor, geometry)
         return refusal or geometry
+
+
+OnSaved: TypeAlias = Callable[[TaskResult], None]
+
+
+class CalibrationRequests:
+    """Begins calibrations on one controller, and changes the calibration in use."""
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+
+    def zero(
+        self,
+        owner: Owner,
+        config: MotionConfig,
+        *,
+        mount: Mount | None,
+        keep: bool,
+        detached: bool,
+    ) -> Job | Refusal:
+        """Begin to probe both stops; `mount` sets the direction, otherwise the calibration does."""
+        controller = self._controller
+        refusal = self._unready()
+        if refusal is not None:
+            return refusal
+        before = controller.calibrated.calibration
+        geometry = controller.geometry
+        if mount is None and geometry is None:
+            return controller.calibrated.problem
+        if mount is not None:
+            close_sign = 1 if mount == "normal" else -1
+        else:
+            close_sign = 1 if geometry is None else geometry.close_sign
+        saving = Saving(before, controller.gripper_id, controller.gains, keep=keep)
+        return controller.begin("zero", Calibrate(close_sign, config, saving), owner, detached)
+
+    def by_hand(self, owner: Owner, config: MotionConfig) -> Job | Refusal:
+        """Begin a calibration by hand: the jaws go slack."""
+        refusal = self._unready()
+        if refusal is not None:
+            return refusal
+        return self._controller.begin("calibrate_by_hand", CalibrateByHand(config), owner, False)
+
+    def mark(self, side: Side, owner: Owner) -> dict[Side, float] | Refusal:
+        """Take the present position as a stop; return all marks so far, in rad."""
+        action = self._by_hand_of(owner)
+        if isinstance(action, Refusal):
+            return action
+        return action.mark(side) or dict(action.marks)
+
+    def finish(self, owner: Owner, *, keep: bool) -> Job | Refusal:
+        """Make a calibration of the marks; the job ends when it is in use."""
+        controller = self._controller
+        action, running = self._by_hand_of(owner), controller.jobs.running
+        if isinstance(action, Refusal):
+            return action
+        saving = Saving(
+            controller.calibrated.calibration, controller.gripper_id, controller.gains, keep=keep
+        )
+        return action.finish(saving) or running or _NOT_BY_HAND
+
+    def give_up(self, owner: Owner) -> Refusal | None:
+        """End a calibration by hand without a result; the jaws hold where they are."""
+        action = self._by_hand_of(owner)
+        if isinstance(action, Refusal):
+            return action
+        self._controller.end(Refusal("cancelled", "the calibration by hand was given up"))
+        return None
+
+    def set_zero(self, owner: Owner, detached: bool) -> Job | Refusal:
+        """Begin to make the present position the motor's zero."""
+        controller = self._controller
+        refusal = controller.why_busy() or (None if controller.motor.feedback else NO_FEEDBACK)
+        if refusal is not None:
+            return refusal
+        return controller.begin("set_zero", SetZero(), owner, detached)
+
+    def refusal_to_load(self) -> Refusal | None:
+        """Return why no other calibration may be loaded now, or None."""
+        return busy_refusal(self._controller.jobs.running)
+
+    def load(self, calibration: Calibration, file: str | None) -> Refusal | None:
+        """Use another calibration."""
+        refusal = self.refusal_to_load()
+        if refusal is None:
+            self._controller.use_calibration(calibration, file=file)
+        return refusal
+
+    def save(self, on_saved: OnSaved, uid: int | None = None) -> Refusal | None:
+        """Let the helper write the calibration in use to the daemon's own file."""
+        controller = self._controller
+        calibration = controller.calibrated.calibration
+        if calibration is None or not calibration.calibrated:
+            return controller.calibrated.problem
+        content = content_of(calibration, controller.gripper_id, controller.gains, controller.motor)
+
+        def saved(result: TaskResult) -> None:
+            if result.error is None and isinstance(result.value, dict):
+                stored = result.value
+                controller.calibrated.note_saved(
+                    calibration, controller.gripper_id.channel, stored["path"], stored["saved_s"]
+                )
+            on_saved(result)
+
+        controller.tasks.append(replace(save_task(controller.gripper_id, content, saved), uid=uid))
+        return None
+
+    def _unready(self) -> Refusal | None:
+        controller = self._controller
+        return controller.why_busy() or motor_refusal(controller.motor)
+
+    def _by_hand_of(self, owner: Owner) -> CalibrateByHand | Refusal:
+        running, action = self._controller.jobs.running, self._controller.action
+        if not isinstance(action, CalibrateByHand) or running is None:
+            return _NOT_BY_HAND
+        if running.owner.client != owner.client:
+            return busy_with(running)
+        return action
+
+
+_NOT_BY_HAND = Refusal(
+    "not_calibrated",
+    "no calibration by hand is under way: begin one (calibration.manual)",
+    {"hint": "calibration.manual"},
+)

@@ -1,4 +1,4 @@
-"""Reading what the motor tells about itself, and refusing what does not fit."""
+"""Reading what the motor reports about itself, and rejecting what does not fit."""
 
 import random
 import struct
@@ -6,7 +6,7 @@ import struct
 import pytest
 
 from litegripd.model.bus import CanFrame
-from litegripd.model.motor import EnableMotor, MotorIdentity, MotorOrder, MotorPhase, Ranges
+from litegripd.model.motor import EnableMotor, MotorIdentity, MotorInput, MotorPhase, Ranges
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import registers as reg
 from litegripd.motor.identity import LONGEST_WATCHDOG_S, RegisterScan, unsuitable, warnings
@@ -16,7 +16,7 @@ from tests.motor.helpers import MASTER_ID, Registers, world_with
 from tests.world import CAN_ID, World
 
 
-def test_the_first_frames_only_look() -> None:
+def test_the_first_frames_only_read() -> None:
     world = World()
     world.run(2.0)
     assert world.phase is MotorPhase.DISABLED
@@ -122,7 +122,7 @@ def test_a_motor_with_absurd_ranges_shows_no_position_and_is_not_enabled(bad: fl
     assert view.feedback is None
     assert view.problem is not None
     assert view.problem.reason == "motor_unsuitable"
-    frames = motor.step(1.0, MotorOrder(request=EnableMotor(3, 0.2)))
+    frames = motor.step(1.0, MotorInput(request=EnableMotor(3, 0.2)))
     assert not [frame for frame in frames if frame.can_id == 8]
     assert motor.view().failure == view.problem
 

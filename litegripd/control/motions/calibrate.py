@@ -1,38 +1,43 @@
 """Calibrating by probing both mechanical stops, the open one first, and confirming each.
 
-The direction is the one declared before: a stall cannot tell one stop from the other.
+The direction is declared before: a stall cannot distinguish one stop from the other.
 
-`Probe` feels for a stop with little torque, where no travel is known yet. Its command is derived
-anew from the measured position in every tick: an accumulated target went on leading further at a
-stop until the structure gave way (field use of the gripper). The torque ceiling does not depend on
+`Probe` feels for a stop with little torque, before any travel is known. In every tick it derives
+its command from the measured position. An accumulated target kept increasing its lead at a stop
+until the structure gave way (field use of the gripper). The torque ceiling does not depend on
 standing still, which a structure that yields never does. Only torque towards the probed side
-counts: the first feedback still has the torque of what was before, such as the press onto the other
-stop.
+counts: the first feedback still has the torque of the motion before, for example of a press on the
+other stop.
 
 `Stroke` comes to a stop with a run-up, and confirms or corrects what a probe has found. Standing
 and slow jaws may stick where moving ones pass (the closing side does, in front of its stop), and a
 probe that pushes gently is slow. So the jaws come with the speed of an `open` or `close`, bounded
-by a torque whatever they meet. Where they slow down, they are left to a probe, which presses no
-harder than the first one did: a stop that yields is met as deep as before.
+by a torque whatever they meet. Where they slow down, a probe takes over. It presses no harder than
+the first one did, so a stop that yields is met at the same depth.
 
-`Pressing` presses on a stop that was found: an end stays where it is, jaws that only stick come
-loose. They may stick by more than a probe pushes with, after a stroke with a run-up, too; so they
-are pressed harder, but below the ceiling of a calibration, and slowly. Ends are soft: what tells
-them from jaws that came loose is where the jaws are met again by the same probe as before, once the
-press has been taken back. It is taken back by what friction keeps.
+`Pressing` presses on a stop that was found. An end stays where it is; jaws that only stick come
+loose. They may stick by more than a probe's push, also after a stroke with a run-up. So they are
+pressed harder, but slowly, and below the ceiling of a calibration. Ends are soft. After the press
+is taken back, the same probe as before shows where the jaws are met again: that distinguishes an
+end from jaws that came loose. The press is taken back by what friction keeps.
 
 `Confirming` repeats strokes until two in a row end at the same place, and presses there. A stop is
-saved only where two finds in a row agree.
+saved only if two finds in a row agree.
+
+`CalibrateByHand` makes no stroke: the jaws are slack, and a person marks the two stops. The marks
+alone decide which way closing runs.
 """
 
 from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.calibration import Saving, failed
 from litegripd.control.gains import Gains
+from litegripd.control.holds import Slack
 from litegripd.control.limiter import Bounds, probe_bounds
+from litegripd.control.motions.base import PlainAction, Step, progress_of
+from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
 from litegripd.model.results import Progress, ZeroResult
@@ -52,7 +57,7 @@ class Probe:
         self.iterations = 0
 
     def step(self, now_s: float, feedback: Feedback) -> tuple[MitCommand, ProbeVerdict | None]:
-        """Push on, and judge whether the stop has been met."""
+        """Push, and judge whether the jaws have met the stop."""
         config, position_rad = self._config, feedback.position_rad
         if self._sign * feedback.torque_nm >= config.calib_tau_limit:
             return self._gains.at(position_rad), "found"
@@ -75,14 +80,14 @@ class Probe:
 StrokeVerdict: TypeAlias = Literal["at_stop", "stuck", "not_found"]
 
 RUN_SHARE = 0.85
-"""Of `calib_tau_limit`: jaws that bounce, and the lag of a measurement, need the rest."""
+"""Share of `calib_tau_limit`. The rest is for jaws that bounce, and for the lag of measurements."""
 DAMPING_SHARE = 0.5
-"""At most so much of the torque comes from the velocity, the rest from the lead."""
+"""The largest share of the torque that comes from the velocity; the rest comes from the lead."""
 
 WINDOW_S = 0.02
 SLOWED_SHARE = 0.5
 LEAST_RAD_S = 0.1
-"""Slower jaws are not past what makes slow jaws stick; 7 mm/s of the standard gripper."""
+"""Slower jaws may still stick; this is 7 mm/s of the standard gripper."""
 START_WITHIN_S = 0.5
 
 
@@ -103,7 +108,7 @@ class Stroke:
         self._lead_rad = min(config.calib_step_rad, left_nm / config.calib_kp)
         self._probe = Probe(sign, config)
         self._probing = False
-        self._led: tuple[float, float] | None = None
+        self._sent: tuple[float, float] | None = None
         self._began_s: float | None = None
         self._window: deque[tuple[float, float]] = deque()
         self._fastest_rad_s = 0.0
@@ -117,7 +122,7 @@ class Stroke:
         return self._torque_sum_nm / self._torques if self._torques else None
 
     def step(self, now_s: float, feedback: Feedback) -> tuple[MitCommand, StrokeVerdict | None]:
-        """Drive on, or press, and judge whether the jaws are at the end."""
+        """Drive or press the jaws, and judge whether they are at the end."""
         self.ticks += 1
         if self._probing:
             command, verdict = self._probe.step(now_s, feedback)
@@ -134,20 +139,20 @@ class Stroke:
         if self._fastest_rad_s >= LEAST_RAD_S:
             self._torque_sum_nm += pushed_nm
             self._torques += 1
-        return self._led_on(now_s, feedback.position_rad), None
+        return self._lead_command(now_s, feedback.position_rad), None
 
-    def _led_on(self, now_s: float, position_rad: float) -> MitCommand:
-        """Advance the target by the speed, but never further than the lead allows."""
-        since_s, target_rad = self._led or (now_s, position_rad)
+    def _lead_command(self, now_s: float, position_rad: float) -> MitCommand:
+        """Advance the target by the speed, but never beyond the largest lead."""
+        since_s, target_rad = self._sent or (now_s, position_rad)
         ahead_rad = (target_rad - position_rad) * self._sign
         ahead_rad += self._speed_rad_s * (now_s - since_s)
         ahead_rad = min(max(ahead_rad, -self._lead_rad), self._lead_rad)
         target_rad = position_rad + self._sign * ahead_rad
-        self._led = (now_s, target_rad)
+        self._sent = (now_s, target_rad)
         return self._gains.at(target_rad, self._sign * self._fed_rad_s)
 
     def _has_slowed(self, now_s: float, feedback: Feedback) -> bool:
-        """Return whether jaws that were moving have lost half of their speed, over some 20 ms."""
+        """Return True if moving jaws have lost half of their speed, over some 20 ms."""
         window = self._window
         window.append((now_s, feedback.position_rad))
         while len(window) > 2 and now_s - window[1][0] >= WINDOW_S * 0.999:
@@ -164,13 +169,14 @@ class Stroke:
 PressVerdict: TypeAlias = Literal["held", "gave_way", "not_found"]
 
 HARD_SHARE = 0.95
-"""Of `calib_tau_limit`: the jaws stand, so only noise needs the rest."""
+"""Share of `calib_tau_limit`. The jaws stand, so only noise needs the rest."""
 LEFT_SHARE = 0.3
-"""Of the probe's push, at most, remains while the press is taken back: the jaws stay in touch."""
+"""The largest share of the probe's push that remains while the press is taken back, so that the
+jaws stay in touch."""
 RATE_NM_S = 4.0
 REST_S = 0.1
 FAR_TOLERANCES = 1.5
-"""Times `stop_tol`: jaws that give way by so much need not be pressed harder."""
+"""Times `stop_tol`: jaws that give way this far need no harder press."""
 
 
 class Pressing:
@@ -196,7 +202,7 @@ class Pressing:
         self._down_since_s: float | None = None
 
     def step(self, now_s: float, feedback: Feedback) -> tuple[MitCommand, PressVerdict | None]:
-        """Press, take it back, or probe; judge by where the jaws are met again."""
+        """Press, take the press back, or probe; judge by where the jaws are met again."""
         if self._down_since_s is None:
             return self._press(now_s, feedback), None
         down_s = now_s - self._down_since_s
@@ -216,14 +222,14 @@ class Pressing:
         self._up_nm = min(wanted_nm, self._most_nm)
         gave_rad = (feedback.position_rad - self._stop_rad) * self._sign
         if gave_rad >= FAR_TOLERANCES * self._tolerance_rad:
-            self._up_nm = self._push_nm  # they may be thrown back by the end: damping adds to it
+            self._up_nm = self._push_nm  # the end may throw them back: damping adds to it
             self._down_since_s = now_s
         elif wanted_nm >= self._most_nm + RATE_NM_S * REST_S:
             self._down_since_s = now_s
         return self._pushed(feedback, self._up_nm)
 
     def _pushed(self, feedback: Feedback, torque_nm: float) -> MitCommand:
-        """Return the command that makes a torque, and brakes whatever moves."""
+        """Return the command that makes a torque, and brakes all movement."""
         held = self._gains.at(feedback.position_rad)
         return MitCommand(
             held.position_rad, 0.0, held.kp_nm_rad, held.kd_nm_s_rad, self._sign * torque_nm
@@ -231,14 +237,14 @@ class Pressing:
 
 
 Confirmed: TypeAlias = Literal["confirmed", "stuck", "not_found", "apart"]
-"""`stuck`: the jaws did not get going; `not_found`: they did not stop; `apart`: nowhere twice."""
+"""Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
 
 MOST_STROKES = 4
 RUN_UP_MM = 25.0
-"""Past the zone in which slow jaws stick, some 15 mm, and far enough to be at speed before it."""
+"""Longer than the zone in which slow jaws stick, some 15 mm, and long enough to reach the speed."""
 RUN_UP_WITHIN_S = 1.5
 SPEED_RANGE_MM_S = (25.0, 100.0)
-"""Slower jaws may stick where a `close` from afar passes; faster ones would only hit harder."""
+"""Slower jaws may stick where a `close` from afar passes. Faster ones would only hit harder."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +268,7 @@ class StrokePlan:
 class Confirming:
     """Strokes towards one side (`sign` of the motor's radians), the first from where the jaws are.
 
-    `stop_rad` is where the latest find is, at first the probe's.
+    `stop_rad` is the latest find, at first the probe's.
     """
 
     def __init__(self, sign: int, found_rad: float, plan: StrokePlan) -> None:
@@ -281,7 +287,7 @@ class Confirming:
         return self._strokes
 
     def step(self, now_s: float, feedback: Feedback) -> tuple[MitCommand, Confirmed | None]:
-        """Go on with the stroke, with the way back that the next one needs, or with the press."""
+        """Continue the stroke, the way back before the next stroke, or the press."""
         if self._pressing is not None:
             return self._press(self._pressing, now_s, feedback)
         command, verdict = self._stroke.step(now_s, feedback)
@@ -313,7 +319,7 @@ class Confirming:
         return command, verdict if verdict == "not_found" else self._again(now_s, feedback)
 
     def _again(self, now_s: float, feedback: Feedback) -> Confirmed | None:
-        """Take the stop to be here, and begin the way back for another stroke, if there is one."""
+        """Set the stop to here, and begin the way back for another stroke, if one is left."""
         self.stop_rad = feedback.position_rad
         if self._strokes >= MOST_STROKES:
             return "apart"
@@ -323,7 +329,7 @@ class Confirming:
         return None
 
     def _has_backed_off(self, now_s: float, feedback: Feedback, since_s: float) -> bool:
-        """Return whether there is enough of a run-up, or no time for more of it."""
+        """Return True if the run-up is long enough, or its time is over."""
         backed_rad = (self.stop_rad - feedback.position_rad) * self._sign
         is_far = backed_rad >= RUN_UP_MM / self._plan.rad_to_mm
         return is_far or now_s - since_s >= RUN_UP_WITHIN_S
@@ -367,7 +373,7 @@ class Calibrate(PlainAction):
             self._command_rad = step.command.position_rad
         if step.outcome is None:
             return step
-        return replace(step, command=None)  # the hold that follows begins; its bounds are others
+        return replace(step, command=None)  # the following hold has other bounds
 
     def progress(self) -> Progress | None:
         """Return the phase, the probe's samples or the strokes, and where command and jaws are."""
@@ -422,7 +428,7 @@ class Calibrate(PlainAction):
         return Step(command, outcome=self._too_stiff())
 
     def _unmoved(self) -> ZeroResult | None:
-        """Return a failure where the probe did not move the jaws at all."""
+        """Return a failure if the probe did not move the jaws at all."""
         config = self._config
         if abs(self._closed_rad - self._open_rad) >= config.calib_step_rad:
             return None
@@ -434,7 +440,7 @@ class Calibrate(PlainAction):
         return failed("not_found", text)
 
     def _judged(self) -> ZeroResult | None:
-        """Return how it ended already, where the stops cannot be right."""
+        """Return a failure if the stops cannot be right, or None."""
         return self._saving.begin(self._closed_rad, self._open_rad, plausible=True)
 
     @property
@@ -442,7 +448,7 @@ class Calibrate(PlainAction):
         return "open" if self._phase.endswith("open") else "closed"
 
     def _unconfirmed(self, verdict: Confirmed) -> str:
-        """Return why there is no stop that could be saved, and what to do."""
+        """Return why no stop can be saved, and what to do."""
         if verdict == "apart":
             what = f"{MOST_STROKES} strokes to the {self._side} stop ended at different places"
         elif verdict == "stuck":
@@ -453,7 +459,7 @@ class Calibrate(PlainAction):
         return f"{what}: clear the jaws' way and clean their guides, then try again"
 
     def _too_stiff(self) -> ZeroResult | None:
-        """Return a failure where friction takes all that an `open` or a `close` presses with."""
+        """Return a failure if friction takes all torque with which `open` and `close` press."""
         press_nm = self._saving.kp_nm_rad * self._config.stop_lead_mm / self._saving.rad_to_mm
         if self._friction_nm < press_nm:
             return None
@@ -465,7 +471,7 @@ class Calibrate(PlainAction):
         return failed("not_confirmed", text)
 
     def _back_off(self, now_s: float, feedback: Feedback) -> Step:
-        """Open by one probe step: the jaws shall not rest pressed against each other."""
+        """Open by one probe step: the jaws must not stay pressed against each other."""
         step_rad = self._config.calib_step_rad
         backed_rad = (self._closed_rad - feedback.position_rad) * self._close_sign
         position_rad = feedback.position_rad - self._close_sign * step_rad
@@ -474,3 +480,56 @@ class Calibrate(PlainAction):
         self._held_rad = feedback.position_rad
         self._phase = "saving"
         return Step(self._gains.at(self._held_rad), outcome=self._judged())
+
+
+Side: TypeAlias = Literal["closed", "open"]
+
+
+class CalibrateByHand(PlainAction):
+    """Releases the jaws until `finish`; then saves what was marked."""
+
+    def __init__(self, config: MotionConfig) -> None:
+        self.bounds: Bounds | None = probe_bounds(config)
+        self.marks: dict[Side, float] = {}
+        self._saving: Saving | None = None
+        self._feedback: Feedback | None = None
+
+    def mark(self, side: Side) -> Refusal | None:
+        """Take the measured position as one of the stops."""
+        if self._feedback is None or self._saving is not None:
+            return Refusal("busy", "the calibration is not ready for a mark: try again")
+        self.marks[side] = self._feedback.position_rad
+        return None
+
+    def finish(self, saving: Saving) -> Refusal | None:
+        """Begin to save; both stops must be marked."""
+        if self._saving is not None:
+            return Refusal("busy", "the calibration is being saved already: wait for its end")
+        missing = [side for side in ("closed", "open") if side not in self.marks]
+        if missing:
+            text = f"{' and '.join(missing)} not marked yet: push the jaws there and mark it"
+            return Refusal("out_of_limits", text)
+        failure = saving.begin(self.marks["closed"], self.marks["open"], plausible=False)
+        if failure is not None:
+            return Refusal("out_of_limits", f"{failure.message}; mark them again")
+        self._saving = saving
+        return None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Keep the jaws slack."""
+        feedback = motor.feedback
+        if feedback is None:
+            return Step()
+        self._feedback = feedback
+        command = Slack().command(now_s, feedback)
+        if self._saving is None:
+            return Step(command)
+        return replace(self._saving.step(now_s, motor), command=command)
+
+    def progress(self) -> Progress | None:
+        """Return how many stops are marked, and where the jaws are."""
+        if self._feedback is None:
+            return None
+        phase = "by_hand" if self._saving is None else "saving"
+        here_rad = self._feedback.position_rad
+        return progress_of(phase, len(self.marks), 2, here_rad, self._feedback)

@@ -1,27 +1,28 @@
 """Moves: to a position, and to a stop, which is pressed gently.
 
 `MoveTo` goes to a position inside the travel, at a speed: a ramp with velocity feed-forward. Moves
-may be slow. Static friction holds slow jaws for longer than a stall window, so on the way they
-count as stalled only while the ramp is ahead of them by more than friction can hold.
+may be slow. Static friction holds slow jaws for longer than a stall window. So on the way they
+count as stalled only if the ramp is ahead of them by more than friction can hold.
 
 `MoveToStop` opens and closes: a ramp past the calibrated stop, which the mechanical stop ends. The
-command is an absolute ramp in time; only the part of it that leads the measured position is capped:
-by `max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm` within
-`press_zone_mm` of the stop, so that the jaws press gently. A move's lead is capped alike.
+command is an absolute ramp in time. Only its lead over the measured position is limited: by
+`max_lead_mm` on the way, enough to break static friction, and by `stop_lead_mm` within
+`press_zone_mm` of the stop, so that the jaws press gently. The lead of a `MoveTo` has the same
+limits.
 
-Damping turns the velocity of the command into torque as soon as something stops the jaws. So what
-comes of lead and velocity together is bounded: by kp times the lead, and at most a quarter more
-while the ramp lasts.
+Damping turns the velocity of the command into torque as soon as something stops the jaws. So the
+torque of lead and velocity together is bounded: kp times the lead, and at most a quarter more while
+the ramp lasts.
 """
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.detectors import StallDetector, TorqueGuard
 from litegripd.control.gains import Gains, clamp_lead, is_in_press_zone, max_lead_rad
 from litegripd.control.holds import Slack
 from litegripd.control.limiter import bounds_of
+from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.geometry import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
@@ -39,11 +40,11 @@ class Ramp:
 
     @property
     def duration_s(self) -> float:
-        """How long it takes."""
+        """The time from start to target."""
         return abs(self.target_rad - self.start_rad) / self.speed_rad_s
 
     def is_over(self, now_s: float) -> bool:
-        """Return whether the target is what it commands."""
+        """Return True if the ramp commands the target."""
         return now_s - self.began_s >= self.duration_s
 
     def at(self, now_s: float) -> tuple[float, float]:
@@ -55,7 +56,7 @@ class Ramp:
 
 
 FRICTION_NM = 1.1
-"""More than holds the jaws: the closing side may stick with 0.95 N·m (field measurements)."""
+"""More than what holds the jaws: the closing side may stick with 0.95 N·m (field measurements)."""
 
 _GIVE_UP_EXTRA_S = 2.0
 
@@ -86,7 +87,7 @@ class MoveTo(PlainAction):
         self._feedback: Feedback | None = None
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Lead the jaws on, and judge where they are."""
+        """Return the command, and the outcome once the jaws have arrived or stalled."""
         feedback = motor.feedback
         if feedback is None:
             return Step()
@@ -99,7 +100,7 @@ class MoveTo(PlainAction):
         lead_rad = self._lead_rad(position_rad, self._ramp)
         self._command_rad = clamp_lead(ramp_rad, position_rad, lead_rad)
         if self._command_rad != ramp_rad:
-            velocity_rad_s = 0.0  # kd·dq would add to the torque that the cap is to bound
+            velocity_rad_s = 0.0  # kd·dq would add to the torque that is bounded
         is_behind = self._is_behind(abs(ramp_rad - position_rad))
         outcome = self._judge(now_s, position_rad, self._ramp, is_behind=is_behind)
         return Step(
@@ -128,7 +129,7 @@ class MoveTo(PlainAction):
         return geometry.closed_rad if closing else geometry.open_rad
 
     def _is_behind(self, distance_rad: float) -> bool:
-        """Return whether jaws so far from the ramp are held by more than friction."""
+        """Return True if jaws this far behind the ramp are held by more than friction."""
         held_nm = self._gains.kp_nm_rad * distance_rad
         return held_nm >= FRICTION_NM or distance_rad >= self._geometry.to_rad(
             self._config.max_lead_mm
@@ -167,23 +168,24 @@ Phase: TypeAlias = Literal["ramp", "press", "settle", "release"]
 
 _GIVE_UP_FACTOR = 2.0
 _FED_SHARE = 0.25
-"""On the way the velocity adds at most so much of kp·max_lead; by default the gains stay whole."""
+"""The largest share of kp·max_lead that the velocity adds on the way; the default gains stay
+whole."""
 _RUN_IN_BUDGET = 1.1
-"""Of kp·stop_lead, near the stop while the ramp lasts: slow jaws would stick in front of it."""
+"""Times kp·stop_lead, near the stop while the ramp lasts: slow jaws would stick in front of it."""
 _RUN_IN_SHARES = (0.55, 0.85)
-"""Of it from the velocity: more, the further the jaws are ahead of where they were measured."""
+"""Shares of it from the velocity: more, the further the jaws are ahead of their measurement."""
 _STALE_PERIODS = 1.5
 _LOOK_AHEAD_PERIODS = 2.0
-"""So old a measurement may be when its command arrives: the jaws are that much nearer."""
+"""How old a measurement may be when its command arrives; the jaws are that much nearer."""
 
 
 class MoveToStop(PlainAction):
     """One `open` or `close` at `speed_mm_s`.
 
-    Phases: `ramp`, until the command has reached the target past the stop; `press`, until the
-    jaws stall; `settle`, a while of pressing that is not checked, since a still jaw is expected.
-    A stall short of the stop ends the move at once; a jam that yields slowly, after a while of
-    letting go (`release`).
+    Phases: `ramp`, until the command has reached the target past the stop; `press`, until the jaws
+    stall; `settle`, some pressing without a check, because still jaws are expected. A stall short
+    of the stop ends the move at once. A jam that yields slowly ends it after some time without
+    force (`release`).
     """
 
     def __init__(
@@ -219,7 +221,7 @@ class MoveToStop(PlainAction):
         self._feedback: Feedback | None = None
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Lead the jaws on, and judge where they are."""
+        """Return the command, and the outcome once the move has ended."""
         feedback = motor.feedback
         if feedback is None:
             return Step()
@@ -230,7 +232,7 @@ class MoveToStop(PlainAction):
         ramp_rad, velocity_rad_s = self._ramp.at(now_s)
         self._command_rad = self._capped(ramp_rad, feedback)
         outcome = self._judge(now_s, feedback, self._ramp)
-        command = self._led(velocity_rad_s, ramp_rad, feedback.position_rad)
+        command = self._lead_command(velocity_rad_s, ramp_rad, feedback.position_rad)
         self._command_rad = command.position_rad
         if self._phase == "release":
             command = Slack().command(now_s, feedback)
@@ -249,13 +251,13 @@ class MoveToStop(PlainAction):
         self._phase_began_s = now_s
         start_rad = position_rad
         if (self.target_rad - position_rad) * self._sign < 0.0:
-            start_rad = self.target_rad  # they are past it: there is nothing to go back to
+            start_rad = self.target_rad  # past it: they do not go back
         return Ramp(now_s, start_rad, self.target_rad, self._speed_rad_s)
 
     def _capped(self, command_rad: float, feedback: Feedback) -> float:
-        """Lead by what is allowed where the jaws will be when the command arrives."""
+        """Limit the lead to what is allowed where the jaws will be when the command arrives."""
         speed_rad_s = self._speed_rad_s
-        if not self._is_near_stop:  # else: what the jaws lose of their speed does not matter
+        if not self._is_near_stop:  # otherwise a loss of speed does not matter
             speed_rad_s = min(max(feedback.velocity_rad_s * self._sign, 0.0), speed_rad_s)
         ahead_rad = speed_rad_s * _LOOK_AHEAD_PERIODS * self._period_s
         short_rad = self._short_rad(feedback.position_rad) - ahead_rad
@@ -263,13 +265,15 @@ class MoveToStop(PlainAction):
         lead_rad = max_lead_rad(short_rad, self._geometry, self._config)
         return clamp_lead(command_rad, feedback.position_rad, lead_rad)
 
-    def _led(self, velocity_rad_s: float, ramp_rad: float, position_rad: float) -> MitCommand:
-        """Return the command for a velocity (rad/s) with gains that keep it within its torque."""
+    def _lead_command(
+        self, velocity_rad_s: float, ramp_rad: float, position_rad: float
+    ) -> MitCommand:
+        """Return the command for a velocity (rad/s), with gains that keep it within its torque."""
         kp, kd = self._gains.kp_nm_rad, self._gains.kd_nm_s_rad
         if self._phase in ("press", "settle") or velocity_rad_s == 0.0:
             return self._gains.at(self._command_rad)
         if self._is_near_stop:
-            # The velocity stays: without it damping would brake jaws that must not get slow here.
+            # The velocity stays: without it damping would brake jaws that must stay fast here.
             lead_rad = self._geometry.to_rad(self._config.stop_lead_mm)
             budget_nm = _RUN_IN_BUDGET * kp * lead_rad
             least, most = _RUN_IN_SHARES
@@ -282,7 +286,7 @@ class MoveToStop(PlainAction):
                 clamp_lead(wanted_rad, position_rad, lead_rad), velocity_rad_s
             )
         if self._command_rad != ramp_rad:
-            return self._gains.at(self._command_rad)  # kd·dq would add to what the cap bounds
+            return self._gains.at(self._command_rad)  # kd·dq would add to the bounded torque
         lead_rad = self._geometry.to_rad(self._config.max_lead_mm)
         kd = min(kd, _FED_SHARE * kp * lead_rad / self._speed_rad_s)
         return Gains(kp, kd).at(self._command_rad, velocity_rad_s)
@@ -292,7 +296,7 @@ class MoveToStop(PlainAction):
         return (self._limit_rad - position_rad) * self._sign
 
     def _judge(self, now_s: float, feedback: Feedback, ramp: Ramp) -> MoveOutcome | None:
-        """Go on to the next phase, or say how the move ended."""
+        """Begin the next phase, or return how the move ended."""
         position_rad = feedback.position_rad
         in_phase_s = now_s - self._phase_began_s
         if self._phase == "release":
@@ -318,9 +322,9 @@ class MoveToStop(PlainAction):
         return None
 
     def _is_jammed(self, now_s: float, feedback: Feedback) -> bool:
-        """Check if something takes the torque where nothing should; at the stop, the stop does."""
+        """Return True if something takes the torque before the stop."""
         if self._is_near_stop:
-            self._guard.rest()
+            self._guard.reset()
             return False
         return self._guard.add(now_s, feedback.position_rad, feedback.torque_nm)
 
@@ -329,11 +333,11 @@ class MoveToStop(PlainAction):
         self._phase_began_s = now_s
 
     def _is_home(self, position_rad: float) -> bool:
-        """Check if the jaws are at the calibrated stop; beyond it, nothing is in the way."""
+        """Return True if the jaws are at the calibrated stop; beyond it, nothing is in the way."""
         return self._short_rad(position_rad) <= self._config.stop_tol
 
     def _has_reached_target(self, position_rad: float) -> bool:
-        """Return whether the jaws have come as far past the stop as they were led, and met none."""
+        """Return True if the jaws came as far past the stop as commanded, and met none."""
         return (self.target_rad - position_rad) * self._sign <= self._config.reach_tol
 
     def _result(self, outcome: MoveOutcome) -> MoveResult:

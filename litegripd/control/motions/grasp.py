@@ -1,22 +1,22 @@
 """Grasping: close until something resists, then hold it by force and watch that it stays.
 
 `Approach` closes with a torque budget. Its command never pushes jaws that are stopped with more
-than `BUDGET_NM`, whatever has stopped them and however old the feedback is: the position part is
-bounded by the lead, the damping part by the speed commanded. (Jaws that are thrown back, or shot
-forward, are braked harder.) A ramp of full stiffness reaches 3.2 N·m 50 ms after it has met an
+than `BUDGET_NM`, whatever has stopped them and however old the feedback is. The lead bounds the
+position part, and the commanded speed bounds the damping part. (Jaws that are thrown back, or shot
+forward, are braked harder.) A ramp of full stiffness would reach 3.2 N·m 50 ms after it has met an
 object of 250 N·m/rad.
 
-The hold is `Grip`, which goes on when this action has ended: at the verdict or after `hold_s`, as
-the caller wanted.
+The hold is `Grip`. It continues after this action has ended: at the verdict or after `hold_s`, as
+the caller chose.
 """
 
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
 from litegripd.control.gains import Gains, budgeted, clamp_lead
-from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Rest
+from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Idle
+from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
@@ -26,17 +26,17 @@ from litegripd.model.results import GraspOutcome, GraspResult, Progress
 Verdict: TypeAlias = Literal["contact", "stalled", "empty", "timed_out"]
 
 BUDGET_NM = 1.05
-"""A little more than the 0.95 N·m by which the closing side may stick, and within 1.3 times the
-0.94 N·m with which open and close press."""
+"""A little more than the 0.95 N·m by which the closing side may stick, and less than 1.3 times
+the 0.94 N·m with which open and close press."""
 CONTACT_S = 0.08
-"""So long all signs of a contact must last: a thump on the way, or a jaw that sticks, is over by
-then. The lead takes about 15 ms to build up before."""
+"""How long all signs of a contact must last. A thump on the way, or a jaw that sticks, is over
+by then. The lead takes about 15 ms to build up first."""
 CONTACT_SPEED_SHARE = 0.5
-"""Slower than this share of their speed the jaws are held up. With less, something soft and damped
-that they meet slowly would take its time: they slow down as they compress it."""
+"""Jaws below this share of their speed are held up. A smaller share would detect something soft
+and damped late: it slows the jaws down only as they compress it."""
 CONTACT_TORQUE_SHARE = 0.5
 STANDS_S = 0.02
-"""Over so long the positions show whether the jaws stand, whatever speed is reported."""
+"""The time over which positions show that the jaws stand, whatever speed is reported."""
 KP_MAX_NM_RAD = 500.0  # what a command frame can carry
 SLOWEST_RAD_S = 0.02  # feedback counts velocity in steps of 0.015 rad/s
 
@@ -47,8 +47,8 @@ _GIVE_UP_EXTRA_S = 2.0
 class Approach:
     """Closes from where the jaws are to `margin` inside the closed stop.
 
-    The command is a ramp in time. Where the lead is used up the ramp begins anew from there, so
-    that jaws which come free go on at their speed instead of catching up.
+    The command is a ramp in time. When its lead is used up, the ramp restarts from there, so that
+    jaws which come free continue at their speed and do not catch up.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class Approach:
         self.speed_rad_s = geometry.to_rad(speed_mm_s)
         self._config = config
         self._moving, self._lead_rad = budgeted(BUDGET_NM, self.speed_rad_s, gains, period_s)
-        # Soft gains would leave the jaws stuck short of the end, in front of nothing.
+        # Soft gains would leave the jaws stuck short of the end, with nothing between them.
         kp = min(max(gains.kp_nm_rad, BUDGET_NM / config.reach_tol), KP_MAX_NM_RAD)
         self._arrived = Gains(kp, gains.kd_nm_s_rad)
         self._arrived_lead_rad = BUDGET_NM / kp
@@ -82,11 +82,11 @@ class Approach:
 
     @property
     def ramp_s(self) -> float:
-        """How long the way to the target takes, once begun."""
+        """How long the way to the target takes; known once begun."""
         return self._ramp_s
 
     def step(self, now_s: float, feedback: Feedback) -> tuple[MitCommand, Verdict | None]:
-        """Lead the jaws on, and judge what they have met."""
+        """Return the command, and the verdict on what the jaws have met."""
         position_rad = feedback.position_rad
         if self._began_s is None:
             self._began_s = now_s
@@ -99,7 +99,7 @@ class Approach:
         return (self.target_rad - position_rad) * self._sign
 
     def _command(self, now_s: float, position_rad: float) -> tuple[MitCommand, bool]:
-        """Return the command, and whether the jaws hold it back."""
+        """Return the command, and True if the jaws hold it back."""
         anchor_s, anchor_rad = self._anchor
         velocity_rad_s = self._sign * self.speed_rad_s
         wanted_rad = anchor_rad + velocity_rad_s * (now_s - anchor_s)
@@ -118,10 +118,10 @@ class Approach:
         return self._moving.at(command_rad, velocity_rad_s), held_back
 
     def _judge(self, now_s: float, feedback: Feedback, held_back: bool) -> Verdict | None:
-        """Say what the jaws have met, once it is sure.
+        """Return what the jaws have met, once it is certain.
 
-        Within `reach_tol` of the end of their way, where the closing side may stick, nothing that
-        resists counts as an object.
+        Within `reach_tol` of the end of their way the closing side may stick, so nothing that
+        resists there counts as an object.
         """
         position_rad = feedback.position_rad
         if self._arrived_s is not None and self._short_rad(position_rad) <= self._config.reach_tol:
@@ -132,7 +132,7 @@ class Approach:
             return "contact"
         stalled = self._stall.add(now_s, position_rad)
         if stalled and self._slow.has_lasted(now_s):
-            return "stalled"  # and not just turning round where a thump has thrown them
+            return "stalled"  # and does not just turn round after a thump
         began_s = now_s if self._began_s is None else self._began_s
         late_s = _GIVE_UP_FACTOR * self._ramp_s + _GIVE_UP_EXTRA_S
         return "timed_out" if now_s - began_s > late_s else None
@@ -140,8 +140,8 @@ class Approach:
     def _touches(self, now_s: float, feedback: Feedback, held_back: bool) -> bool:
         """Return True once the jaws have stood against something that takes the torque.
 
-        Thrown back, they do not stand. A noisy speed does not hide that they do: either the
-        reported speed or the way of the last `STANDS_S` may show it.
+        Jaws that are thrown back do not stand. A noisy speed does not hide that they stand: either
+        the reported speed or the way of the last `STANDS_S` may show it.
         """
         mean_rad_s = self._window.add(now_s, feedback.position_rad)
         slow_rad_s = max(CONTACT_SPEED_SHARE * self.speed_rad_s, SLOWEST_RAD_S)
@@ -157,17 +157,17 @@ class Approach:
 
 
 FELT_S = 0.1
-"""So long what is there must bear the force that would drive free jaws: twice what a loss takes."""
+"""How long an object must bear twice the force that drives free jaws."""
 
 Until: TypeAlias = Literal["held", "verdict"]
 
 
 @dataclass(frozen=True, slots=True)
 class GraspRequest:
-    """What a caller wants of a grasp.
+    """The options of a grasp.
 
-    `hold_s` 0 holds until told otherwise. With `width_mm` an object of another width, by more
-    than `tolerance_mm`, is held all the same but not a success.
+    `hold_s` 0 holds without an end. With `width_mm`, an object that differs by more than
+    `tolerance_mm` is held as well, but is no success.
     """
 
     force_n: float
@@ -180,7 +180,7 @@ class GraspRequest:
 
 
 class Grasp(PlainAction):
-    """One grasp; of what is `held` already, without letting go of it to feel for it."""
+    """One grasp; an object that is `held` already is not released to feel for it."""
 
     def __init__(
         self,
@@ -244,8 +244,8 @@ class Grasp(PlainAction):
         self._command_rad = command.position_rad
         return Step(command, outcome=self._outcome(self._grip))
 
-    def rest(self) -> Rest | None:
-        """Go on holding what is held; jaws that have lost it still run, and are held calmly."""
+    def idle_after(self) -> Idle | None:
+        """Keep holding the object; after its loss, hold the running jaws calmly."""
         if self._grip is None:
             return None
         if self._grip.is_holding or self._feedback is None:
@@ -264,10 +264,10 @@ class Grasp(PlainAction):
         return progress_of("approach", step, total, self._command_rad, self._feedback)
 
     def _is_felt(self, now_s: float, feedback: Feedback, grip: Grip) -> bool:
-        """Return True once it is sure that what was held is still there.
+        """Return True once it is certain that the held object is still there.
 
-        With a force whose loss would not be noticed it may have gone long ago: then the jaws press
-        for a moment as hard as a grasp that begins does, or as it takes.
+        If its loss would not be noticed with the present force, it may be gone. Then the jaws press
+        for a moment as hard as at the beginning of a grasp, or as hard as it takes.
         """
         if self._feels_n is None:
             opening_mm = self._geometry.opening_mm(feedback.position_rad)
@@ -283,7 +283,7 @@ class Grasp(PlainAction):
         return True
 
     def _take(self, now_s: float, feedback: Feedback) -> Grip:
-        """Go over from closing to holding, without a step in the torque."""
+        """Change from closing to holding, without a step in the torque."""
         self._note_contact(now_s, feedback)
         settings = self._settings(self._approach.friction.friction_nm)
         in_flight_nm = self._geometry.close_sign * feedback.torque_nm
@@ -309,7 +309,7 @@ class Grasp(PlainAction):
         return None
 
     def _held(self) -> GraspOutcome:
-        """Return whether what is held has the width that the caller expects."""
+        """Return the outcome by the width that the caller expects of the object."""
         expected_mm, width_mm = self._request.width_mm, self._width_mm
         if expected_mm is None or width_mm is None:
             return "object_held"

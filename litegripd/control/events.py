@@ -1,4 +1,4 @@
-"""The controller's events, worded: what the log tells a person about motions, stops and power."""
+"""The controller's events in words: what the log reports about motions, stops and power."""
 
 import math
 from collections.abc import Mapping
@@ -9,10 +9,10 @@ from litegripd.control.lease import Grant, Loss, LossCause
 from litegripd.model.bus import BusCondition, remedy
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.events import Event
 from litegripd.model.jobs import Job, OnLost, Owner, StopLevel
 from litegripd.model.motor import MotorIdentity, MotorPhase, MotorView
 from litegripd.model.results import GraspResult, ReplayResult, Result
+from litegripd.model.state import Event
 
 _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
 
@@ -26,7 +26,7 @@ def job_started(job: Job) -> Event:
 
 
 def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
-    """Report how a job ended, and, of a grip, that its object is lost."""
+    """Report how a job ended, and the loss of a gripped object."""
     how = outcome.message if isinstance(outcome, Refusal) else _worded(outcome)
     text = f"job {job.number}: {job.kind} {job.state.value}: {how}"
     reason = outcome.reason if isinstance(outcome, Refusal) else None
@@ -37,25 +37,25 @@ def job_ended(job: Job, outcome: Result | Refusal) -> list[Event]:
 
 
 def object_lost(job: int | None) -> Event:
-    """Report that the jaws closed on after a grip."""
+    """Report that the jaws closed further after a grip."""
     text = "the object is lost: the jaws closed on, and hold where they are"
     return Event("object_lost", text, {"job": job})
 
 
 def object_moved(moved_mm: float, width_mm: float) -> Event:
-    """Report that the jaws had to follow what they hold, and hold it again."""
+    """Report that the jaws followed the object, and hold it again."""
     text = f"the object gave way by {moved_mm:.1f} mm and is held again, at {width_mm:.1f} mm"
     return Event("object_moved", text, {"moved_mm": moved_mm, "width_mm": width_mm})
 
 
 def heat_changed(change: HeatChange) -> Event:
-    """Report that the coil's heat limits the torque otherwise than before."""
+    """Report that the coil's heat changes the limit of the torque."""
     data = {"from_nm": _finite(change.from_nm), "to_nm": _finite(change.to_nm)}
     return Event("heat", change.why, {**data, "coil_c": change.coil_c})
 
 
 def calibrated(calibration: Calibration, file: str | None) -> Event:
-    """Report which calibration is in use, and which way closing runs by it."""
+    """Report the calibration in use, and which way closing runs by it."""
     geometry = calibration.geometry
     turning = "increasing" if geometry.close_sign > 0 else "decreasing"
     usable = "" if calibration.calibrated else "; NOT calibrated: motions are refused"
@@ -67,13 +67,13 @@ def calibrated(calibration: Calibration, file: str | None) -> Event:
 
 
 def not_saved(error: str) -> Event:
-    """Report that the file still holds a calibration that fits no longer."""
+    """Report that the file still holds an outdated calibration."""
     text = f"the calibration file still holds what fits no longer; it was not rewritten: {error}"
     return Event("calibration", text, {"error": error})
 
 
 def _worded(result: Result) -> str:
-    """Return a result's figures in one line; what has no value, or many, is left out."""
+    """Return a result's figures in one line, without those that have no value or many."""
     shown = []
     for field in fields(result):
         value = getattr(result, field.name)
@@ -89,7 +89,7 @@ def _finite(torque_nm: float) -> float | None:
 
 
 def stop_cleared(by: Owner, repeats: int) -> Event:
-    """Report who allowed motions again, and how many stops came that were told nowhere else."""
+    """Report who allowed motions again, and how many stops came without an event."""
     text = f"stop cleared by {by.program} (pid {by.pid})"
     if repeats:
         text += f"; stops that raised nothing meanwhile: {repeats}"
@@ -97,12 +97,12 @@ def stop_cleared(by: Owner, repeats: int) -> Event:
 
 
 def stopped(level: StopLevel, refusal: Refusal) -> Event:
-    """Report which stop is latched, in the words in which it refuses motions."""
+    """Report the latched stop, with the message that rejects motions."""
     return Event("stop", refusal.message, {"level": level})
 
 
 def lease_lost(loss: Loss) -> Event:
-    """Report whose lease is lost, why, and to whom."""
+    """Report whose lease is lost, why, and who has it."""
     owner = loss.grant.owner
     text = f"lease {loss.grant.number} of {_named(owner)} is lost: {loss.text}"
     data = {"client": owner.client, "pid": owner.pid, "uid": owner.uid, **loss.data}
@@ -110,8 +110,8 @@ def lease_lost(loss: Loss) -> Event:
 
 
 def lease_granted(grant: Grant) -> Event:
-    """Report who got the lease, and what for."""
-    owner, purpose = grant.owner, grant.wish.purpose
+    """Report who got the lease, and for what purpose."""
+    owner, purpose = grant.owner, grant.options.purpose
     why = "" if purpose is None else f" for {purpose}"
     text = f"lease {grant.number} granted to {_named(owner)}{why}"
     data = {"client": owner.client, "pid": owner.pid, "lease": grant.number, "held": True}
@@ -119,7 +119,7 @@ def lease_granted(grant: Grant) -> Event:
 
 
 def lease_released(grant: Grant, by: Owner) -> Event:
-    """Report who gave back the lease, which another connection can do by its token."""
+    """Report who released the lease; its token allows another connection to do so."""
     owner = grant.owner
     whose = "" if by.client == owner.client else f", in the place of {_named(owner)}"
     text = f"lease {grant.number} given back by {_named(by)}{whose}"
@@ -132,7 +132,7 @@ def _named(owner: Owner) -> str:
 
 
 def loss_refusal(loss: Loss | None) -> Refusal:
-    """Return why a motion ends with its client or its lease."""
+    """Return why a motion ends together with its client or its lease."""
     if loss is None or loss.cause in ("connection", "process"):
         on_lost = "hold" if loss is None else loss.on_lost
         text = "the client that owned it went away"
@@ -142,7 +142,7 @@ def loss_refusal(loss: Loss | None) -> Refusal:
 
 
 def taken_refusal(by: Owner, why: str, left: OnLost) -> Refusal:
-    """Say that a motion ends because somebody takes the gripper over."""
+    """Return why a motion ends when somebody takes the gripper over."""
     data = {"on_lost": left, "cause": "taken", "why": why, "by": _who(by)}
     return Refusal("lease_lost", f"the gripper was taken over by {_named(by)}: {why}", data)
 
@@ -158,7 +158,7 @@ _LOSERS = {
 
 
 def client_lost(on_lost: OnLost, cause: LossCause | None, *, later: bool) -> Event:
-    """Report what becomes of the jaws of a lost client, or of one that has lost its lease."""
+    """Report what the jaws do after the loss of a client, or of a client's lease."""
     when = ", once the running motion has ended" if later else ""
     what = _LOSERS.get(cause or "connection", "the client that had the gripper is gone")
     text = f"{what}: the jaws {_ON_LOST_TEXT[on_lost]}{when}"
@@ -166,13 +166,13 @@ def client_lost(on_lost: OnLost, cause: LossCause | None, *, later: bool) -> Eve
 
 
 def left_to_holder() -> Event:
-    """Report that what a lost client had wished for the end of its motion is not done."""
+    """Report that a lost client's choice for the jaws no longer counts."""
     text = "the gripper has a client again: what the jaws do then is that client's to say"
     return Event("lease", text)
 
 
 def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
-    """Report that the motor is in another phase, or has another fault, and why it was disabled."""
+    """Report a change of the motor's phase or fault, and why it was disabled."""
     events = []
     fault, problem = now.fault, now.problem
     if now.phase is not before.phase or (fault is not None and fault != before.fault):
@@ -190,7 +190,7 @@ def motor_changed(before: MotorView, now: MotorView) -> list[Event]:
 
 
 def _registers_changed(before: MotorIdentity, now: MotorIdentity) -> list[Event]:
-    """Report which registers of the motor hold something else than before."""
+    """Report the registers of the motor whose values have changed."""
     if now is before:
         return []
     known = before.registers
@@ -204,7 +204,7 @@ def _registers_changed(before: MotorIdentity, now: MotorIdentity) -> list[Event]
 
 
 def bus_changed(before: BusCondition, now: BusCondition, bus_channel: str) -> Event:
-    """Report that the bus is in another state, and what to do about it."""
+    """Report a change of the bus's state, and what to do about it."""
     text = "CAN bus: " + ("" if before.state == now.state else f"{before.state} -> ") + now.state
     hint = remedy(now.state, bus_channel)
     if now.error is not None:

@@ -1,19 +1,24 @@
-"""Enabling and disabling the motor, watched until the motor itself confirms it."""
+"""Changes of the motor itself, each confirmed by it: enable, disable, clear a fault, set its zero.
 
-from litegripd.control.actions.base import PlainAction, Step
+None moves the jaws. A new zero changes what the positions of a calibration mean: its result says
+by how much.
+"""
+
+from litegripd.control.motions.base import PlainAction, Step
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import ClearFault as ClearFaultRequest
 from litegripd.model.motor import DisableMotor, EnableMotor, MotorPhase, MotorView
-from litegripd.model.results import ClearFaultResult, DisableResult, EnableResult
+from litegripd.model.motor import SetZero as SetZeroRequest
+from litegripd.model.results import ClearFaultResult, DisableResult, EnableResult, SetZeroResult
 
 _DISABLE_WITHIN_S = 1.0
 _CLEAR_WITHIN_S = 0.5
-_LOOK_WITHIN_S = 3.0
-"""So long reading the registers anew may take; a third of the frames may be lost meanwhile."""
+_SCAN_WITHIN_S = 3.0
+"""How long reading all registers again may take, with a third of the frames lost."""
 
 
 class Enable(PlainAction):
-    """Enables the motor; ends when it says so, or with the reason why it does not."""
+    """Enables the motor; ends when the motor confirms it, or with the reason why it does not."""
 
     needs_power = False
 
@@ -22,7 +27,7 @@ class Enable(PlainAction):
         self._began_s: float | None = None
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Let a disabling that is under way end, ask once, then watch."""
+        """Wait for the end of a disabling, ask once, then watch."""
         if self._began_s is None:
             self._began_s = now_s
         if motor.phase is MotorPhase.ENABLED:
@@ -43,7 +48,7 @@ class Enable(PlainAction):
 
 
 class Disable(PlainAction):
-    """Disables the motor; ends when it says so, or as not confirmed."""
+    """Disables the motor; ends when the motor confirms it, or as not confirmed."""
 
     needs_power = False
 
@@ -63,7 +68,7 @@ class Disable(PlainAction):
 
 
 class ClearFault(PlainAction):
-    """Clears what the motor has latched; ends when it says so, or with the fault that stays.
+    """Clears the latched fault; ends when the motor confirms it, or with the fault that stays.
 
     It never energises: a motor without a fault is left as it is.
     """
@@ -76,7 +81,7 @@ class ClearFault(PlainAction):
         self._had_fault = False
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Ask, then watch; once a fault is gone, ask again for what else is wrong, if anything."""
+        """Ask, then watch; after a fault is gone, ask again to clear another problem."""
         if self._asked_s is None:
             self._had_fault = motor.fault is not None
             latched = motor.fault or motor.problem
@@ -87,8 +92,8 @@ class ClearFault(PlainAction):
             return self._ask(now_s)
         if motor.phase is MotorPhase.DISABLED:
             return Step(outcome=motor.problem or ClearFaultResult(True, self._cleared))
-        is_looked_at = motor.phase is MotorPhase.UNKNOWN
-        within_s = _LOOK_WITHIN_S if is_looked_at else _CLEAR_WITHIN_S
+        is_scanned = motor.phase is MotorPhase.UNKNOWN
+        within_s = _SCAN_WITHIN_S if is_scanned else _CLEAR_WITHIN_S
         if motor.failure is None and now_s - self._asked_s < within_s:
             return Step()
         return Step(outcome=motor.failure or motor.fault or motor.problem or _NOT_CLEARED)
@@ -108,4 +113,58 @@ _STILL_DISABLING = Refusal("not_confirmed", "the motor is still being disabled: 
 _NOT_CONFIRMED = Refusal(
     "not_confirmed", "the motor does not confirm that it is disabled: cut its power"
 )
-"""What remains to be said when the motor answers but stays enabled."""
+"""The outcome if the motor answers but stays enabled."""
+
+
+_ZERO_WITHIN_S = 2.0
+_NOT_DISABLED = Refusal(
+    "not_confirmed", "the motor does not confirm that it is disabled, so its zero was not set"
+)
+_NO_END = Refusal(
+    "not_confirmed",
+    "the motor's zero was not confirmed in time: find out where the jaws are before they are moved",
+)
+
+
+class SetZero(PlainAction):
+    """Makes the present position the zero of the motor's positions; the motor ends disabled.
+
+    The motor continues the setting if this is ended early; `MotorView.zero` has its end.
+    """
+
+    needs_power = False
+
+    def __init__(self) -> None:
+        self._began_s: float | None = None
+        self._asked_to_disable = False
+        self._asked_s: float | None = None
+        self._was_begun = False
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Disable the motor if it is not disabled, ask once for the zero, then watch."""
+        if self._began_s is None:
+            self._began_s = now_s
+        if self._asked_s is not None:
+            return self._watch(now_s - self._asked_s, motor)
+        problem = motor.fault or motor.problem
+        if problem is not None:
+            return Step(outcome=problem)
+        if motor.phase is MotorPhase.DISABLED:
+            self._asked_s = now_s
+            return Step(request=SetZeroRequest())
+        if not self._asked_to_disable:
+            self._asked_to_disable = True
+            return Step(request=DisableMotor())
+        waits = now_s - self._began_s < _DISABLE_WITHIN_S
+        return Step(outcome=None if waits else motor.failure or _NOT_DISABLED)
+
+    def _watch(self, asked_for_s: float, motor: MotorView) -> Step:
+        """Take the end of the setting that was begun here, never that of an earlier one."""
+        zero = motor.zero
+        self._was_begun = self._was_begun or zero.state == "pending"
+        if zero.state == "done" and self._was_begun:
+            return Step(outcome=SetZeroResult(True, zero.shift_rad, zero.position_rad))
+        if zero.state == "failed":
+            why = None if zero.is_uncertain else motor.problem
+            return Step(outcome=why or zero.failure or _NO_END)
+        return Step(outcome=_NO_END if asked_for_s >= _ZERO_WITHIN_S else None)

@@ -1,20 +1,20 @@
-"""What every action is: one method `step`, called once per tick, until it has an outcome."""
+"""What every action has: one method `step`, called once per tick, until there is an outcome."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
-from litegripd.control.holds import Rest
+from litegripd.control.holds import Idle
 from litegripd.control.limiter import Bounds
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.helper_tasks import HelperTask
+from litegripd.model.jobs import HelperTask
 from litegripd.model.motor import Feedback, MitCommand, MotorRequest, MotorView
 from litegripd.model.results import Progress, Result
 
 
 @dataclass(frozen=True, slots=True)
 class Adopted:
-    """A calibration that is in use from now on, and the file that has it, if any."""
+    """A calibration that is in use from now on, and its file, if any."""
 
     calibration: Calibration
     file: str | None
@@ -32,49 +32,49 @@ class Step:
 
 
 class Action(Protocol):
-    """A motion, or a change of the motor's power."""
+    """A motion, or a change of the motor itself."""
 
     needs_power: bool
-    """True if it runs only while the motor is enabled; then losing power ends it."""
+    """True if it runs only while the motor is enabled; losing power ends it."""
 
     bounds: Bounds | None
-    """Where its commands may lie; None: in the calibrated travel."""
+    """The bounds of its commands; None for those of the calibrated travel."""
 
     def step(self, now_s: float, motor: MotorView) -> Step:
         """Advance to `now_s`. A position on a ramp follows from the time, not from the calls."""
 
-    def rest(self) -> Rest | None:
-        """Tell what the jaws do if it ends now; None: hold where they are."""
+    def idle_after(self) -> Idle | None:
+        """Return what the jaws do if it ends now; None to hold where they are."""
 
     def progress(self) -> Progress | None:
-        """Return where it is, None for an action that has nothing to tell."""
+        """Return how far it is; None if the action reports no progress."""
 
     def close(self) -> None:
-        """Give back what it has, other than the jaws; called once, when it has ended."""
+        """Release what it has, other than the jaws; called once, when it has ended."""
 
 
 def progress_of(
     phase: str, step: int, total_steps: int, command_rad: float, feedback: Feedback
 ) -> Progress:
-    """Return where a motion is, with what was measured."""
+    """Return the progress of a motion, with what was measured."""
     return Progress(
         phase, step, total_steps, command_rad, feedback.position_rad, feedback.torque_nm
     )
 
 
 class PlainAction:
-    """What most actions have in common: no bounds of their own, no rest, nothing to tell."""
+    """What most actions have in common: no own bounds, a hold at the end, no progress."""
 
     needs_power = True
     bounds: Bounds | None = None
 
-    def rest(self) -> Rest | None:
-        """Let the jaws hold where they are."""
+    def idle_after(self) -> Idle | None:
+        """Return None: the jaws hold where they are."""
         return None
 
     def progress(self) -> Progress | None:
-        """There is nothing to tell."""
+        """Return None: there is no progress to report."""
         return None
 
     def close(self) -> None:
-        """There is nothing to give back."""
+        """Release nothing."""

@@ -6,16 +6,16 @@ whatever the jaws meet with no more than its torque.
 
 from dataclasses import dataclass
 
-from litegripd.control.actions.base import PlainAction, Step
 from litegripd.control.gains import Gains, budgeted, clamp_lead
-from litegripd.control.holds import Hold, Rest
+from litegripd.control.holds import Hold, Idle
+from litegripd.control.motions.base import PlainAction, Step
 from litegripd.model.motor import MotorView
 from litegripd.model.results import StreamResult
 
 
 @dataclass(frozen=True, slots=True)
 class SetPoint:
-    """Where the jaws shall be, until when (CLOCK_MONOTONIC) this counts, how they go there."""
+    """Where to move the jaws, until when (CLOCK_MONOTONIC) this is valid, and how."""
 
     position_rad: float
     valid_until_s: float
@@ -24,7 +24,7 @@ class SetPoint:
 
 
 class Stream(PlainAction):
-    """Follows set-points until the latest one has expired; then holds as it pressed last."""
+    """Follows set-points until the latest one has expired; then holds with the last pressure."""
 
     def __init__(self, gains: Gains, period_s: float) -> None:
         self._gains = gains
@@ -32,7 +32,7 @@ class Stream(PlainAction):
         self._point: SetPoint | None = None
         self._set_points = 0
         self._reference: tuple[float, float] | None = None
-        self._rest: Hold | None = None
+        self._hold: Hold | None = None
 
     def set(self, point: SetPoint) -> None:
         """Follow another set-point from the next tick on."""
@@ -40,7 +40,7 @@ class Stream(PlainAction):
         self._set_points += 1
 
     def step(self, now_s: float, motor: MotorView) -> Step:
-        """Move the command on."""
+        """Return the next command towards the set-point."""
         feedback, point = motor.feedback, self._point
         if feedback is None or point is None:
             return Step()
@@ -54,9 +54,9 @@ class Stream(PlainAction):
         reference_rad = clamp_lead(wanted_rad, feedback.position_rad, lead_rad)
         velocity_rad_s = (wanted_rad - was_rad) / elapsed_s if elapsed_s > 0.0 else 0.0
         self._reference = (now_s, reference_rad)
-        self._rest = Hold(reference_rad, gains)
+        self._hold = Hold(reference_rad, gains)
         return Step(gains.at(reference_rad, velocity_rad_s))
 
-    def rest(self) -> Rest | None:
-        """Go on pressing as in the latest tick."""
-        return self._rest
+    def idle_after(self) -> Idle | None:
+        """Return the hold that presses as in the latest tick."""
+        return self._hold

@@ -1,1 +1,0 @@
-"""The actions: small state machines, stepped once per tick, that never wait and never loop."""

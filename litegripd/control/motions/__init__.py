@@ -1,0 +1,1 @@
+"""The motions: small state machines, stepped once per tick, that never wait and never loop."""
