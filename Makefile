@@ -54,7 +54,7 @@ nightly: $(STAMP)
 	LITEGRIPD_CHAOS_MINUTES=30 $(BIN)/python -m pytest tests/faults/test_chaos.py
 	LITEGRIPD_FUZZ_LINES=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 tests/rpc/test_fuzz.py
 	LITEGRIPD_FUZZ_MUTATIONS=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 \
-		tests/model/test_grips.py tests/model/test_trajectory.py tests/client/test_trajectory.py tests/client/test_taught_grips.py
+		tests/model/test_grips.py tests/model/test_trajectory.py tests/client/test_trajectory.py
 	LITEGRIPD_PROPERTIES=nightly $(BIN)/python -m pytest --timeout=7200 --numprocesses auto --dist worksteal \
 		--hypothesis-seed=$(SEED) $(PROPERTIES) tests/control/test_many_grasps.py
 

@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from litegrip_client.conversion import UnitConversion
     from litegrip_client.feeds import Event
     from litegrip_client.motion_config import MotionConfig
+    from litegrip_client.protocol.grips import TaughtGrip
     from litegrip_client.results import (
         EnableResult,
         GraspResult,
@@ -59,7 +60,6 @@ if TYPE_CHECKING:
         PlayResult,
         SetZeroResult,
     )
-    from litegrip_client.taught_grips import TaughtGrip
     from litegrip_client.trajectory import Trajectory, TrajectorySample
     from litegrip_client.trajectory_files import TrajectoryFile, list_trajectories
 
@@ -118,7 +118,7 @@ _LATER = {
     "MoveResult": "results",
     "PlayResult": "results",
     "SetZeroResult": "results",
-    "TaughtGrip": "taught_grips",
+    "TaughtGrip": "protocol.grips",
     "Trajectory": "trajectory",
     "TrajectoryFile": "trajectory_files",
     "TrajectorySample": "trajectory",

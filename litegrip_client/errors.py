@@ -76,6 +76,13 @@ class CommandError(LiteGripError):
     """The daemon refuses the request as it stands."""
 
 
+class TrajectoryError(CommandError, ValueError):
+    """A trajectory, or its taught grips, that cannot be used. Also a builtin `ValueError`."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(message, reason="trajectory_unreadable")
+
+
 class HardwareError(LiteGripError):
     """The motor or its bus cannot execute the request."""
 

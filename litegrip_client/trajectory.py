@@ -10,27 +10,17 @@ import hashlib
 import itertools
 import math
 import os
-import struct
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
-from litegrip_client import taught_grips
-from litegrip_client.errors import CommandError
-from litegrip_client.taught_grips import TaughtGrip
+from litegrip_client.errors import CommandError, TrajectoryError
+from litegrip_client.protocol import grips as grip_file
+from litegrip_client.protocol.grips import TaughtGrip
+from litegrip_client.protocol.lgt import HEADER, SAMPLE, Header, Mount, check_count, read_header
 from litegrip_client.warn import warn
 
-MAGIC = b"LGRTRJ01"
-VERSION = 1
-HEADER = struct.Struct("<8sHI5dI8s")
-SAMPLE = struct.Struct("<5d")
-MAX_SAMPLES = 360_000
-"""As many as a daemon takes: 30 minutes at 200 Hz, 14.4 MB."""
-
 _FIGURES = ("sample_hz", "created", "pos_closed_rad", "pos_open_rad", "rad_to_mm")
-"""The header's, in its order."""
-
-_MOUNTS: dict[bytes, str | None] = {b"normal": "normal", b"reverse": "reverse", b"": None}
 
 
 class TrajectorySample(NamedTuple):
@@ -64,7 +54,7 @@ class Trajectory:
     pos_open_rad: float
     rad_to_mm: float
     can_id: int = 0x08
-    mount: str | None = None
+    mount: Mount | None = None
     grips: Sequence[TaughtGrip] = ()
 
     def __post_init__(self) -> None:
@@ -73,15 +63,18 @@ class Trajectory:
             object.__setattr__(self, name, _finite(name, getattr(self, name)))
         for name in ("sample_hz", "rad_to_mm"):
             if getattr(self, name) <= 0.0:
-                raise unusable(f"{name} is {getattr(self, name)}, it must be above 0")
+                raise TrajectoryError(f"{name} is {getattr(self, name)}, it must be above 0")
         if self.pos_closed_rad == self.pos_open_rad:
-            raise unusable("zero travel: the closed and the open limit are equal")
-        if self.mount not in _MOUNTS.values():
-            raise unusable(f"unknown mount {self.mount!r:.40}; there are normal, reverse, and none")
+            raise TrajectoryError("zero travel: the closed and the open limit are equal")
+        if self.mount not in ("normal", "reverse", None):
+            raise TrajectoryError(
+                f"unknown mount {self.mount!r:.40}; there are normal, reverse, and none"
+            )
         if not isinstance(self.can_id, int) or not 0 <= self.can_id < 2**32:
-            raise unusable(f"can_id is {self.can_id!r:.40}, it must fit into 32 bits")
+            raise TrajectoryError(f"can_id is {self.can_id!r:.40}, it must fit into 32 bits")
         span_s = (self.samples[0].t, self.samples[-1].t) if self.samples else (0.0, -math.inf)
-        object.__setattr__(self, "grips", taught_grips.checked(self.grips, *span_s))
+        object.__setattr__(self, "grips", tuple(self.grips))
+        grip_file.check_row(self.grips, *span_s)
 
     def __len__(self) -> int:
         return len(self.samples)
@@ -132,7 +125,7 @@ class Trajectory:
         try:
             trajectory = cls.from_bytes(content)
         except CommandError as error:
-            raise unusable(f"{trajectory_files.path_of(name)}: {error.message}") from error
+            raise TrajectoryError(f"{trajectory_files.path_of(name)}: {error.message}") from error
         try:
             return trajectory.with_grips(content, trajectory_files.read_grips(name))
         except CommandError as error:
@@ -147,27 +140,41 @@ class Trajectory:
         """
         if not beside:
             return self
-        return replace(self, grips=taught_grips.read(beside, _digest(content)))
+        return replace(self, grips=grip_file.read(beside, _digest(content)))
 
     def grip_bytes(self) -> bytes:
         """Return the content of the file of its grips, nothing without any."""
-        return taught_grips.pack(self.grips, _digest(self.to_bytes())) if self.grips else b""
+        return grip_file.pack(self.grips, _digest(self.to_bytes())) if self.grips else b""
 
     def to_bytes(self) -> bytes:
         """Return the file's content, which knows of no grips."""
-        mount = (self.mount or "").encode()
-        figures = [getattr(self, name) for name in _FIGURES]
-        head = HEADER.pack(MAGIC, VERSION, len(self), *figures, self.can_id, mount)
-        return head + b"".join([SAMPLE.pack(*sample) for sample in self.samples])
+        header = Header(
+            samples=len(self),
+            sample_hz=self.sample_hz,
+            created_s=self.created,
+            closed_rad=self.pos_closed_rad,
+            open_rad=self.pos_open_rad,
+            rad_to_mm=self.rad_to_mm,
+            can_id=self.can_id,
+            mount=self.mount,
+        )
+        return header.pack() + b"".join([SAMPLE.pack(*sample) for sample in self.samples])
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Trajectory:
         """Read a file's content; raises `CommandError` with the reason."""
-        header = read_header(content)
-        count = header.pop("count")
-        check_length(len(content), count)
+        header = read_header(memoryview(content))
         samples = map(TrajectorySample._make, SAMPLE.iter_unpack(content[HEADER.size :]))
-        return cls(tuple(samples), **header)
+        return cls(
+            tuple(samples),
+            sample_hz=header.sample_hz,
+            created=header.created_s,
+            pos_closed_rad=header.closed_rad,
+            pos_open_rad=header.open_rad,
+            rad_to_mm=header.rad_to_mm,
+            can_id=header.can_id,
+            mount=header.mount,
+        )
 
 
 def grips_counted(grips: int) -> str:
@@ -175,67 +182,28 @@ def grips_counted(grips: int) -> str:
     return f"{grips} grip" if grips == 1 else f"{grips} grips"
 
 
-def read_header(content: bytes) -> dict[str, Any]:
-    """Read what the header says, whatever follows it: `count`, and fields of `Trajectory`.
-
-    Raises `CommandError` for what is no header; what its figures may be is checked by `Trajectory`.
-    """
-    if len(content) < HEADER.size:
-        text = f"{len(content)} bytes are too few for a header, which has {HEADER.size}"
-        raise unusable(text)
-    magic, version, count, *figures, can_id, padded = HEADER.unpack_from(content)
-    if magic != MAGIC:
-        raise unusable(f"it begins with {magic!r} and not with {MAGIC!r}: no .lgt file")
-    if version != VERSION:
-        raise unusable(f"version {version}, only version {VERSION} can be read")
-    mount = padded.rstrip(b"\0")
-    if mount not in _MOUNTS:
-        raise unusable(f"unknown mount {mount!r}; there are normal, reverse, and none")
-    named = dict(zip(_FIGURES, figures, strict=True))
-    return {"count": count, **named, "can_id": can_id, "mount": _MOUNTS[mount]}
-
-
-def check_length(length: int, count: int) -> None:
-    """Raise `CommandError` for a file whose length does not match its sample count."""
-    _check_count(count)
-    expected = HEADER.size + count * SAMPLE.size
-    if length != expected:
-        raise unusable(
-            f"{length} bytes, but {count} samples make {expected}: it is cut off or something"
-            " was added"
-        )
-
-
-def unusable(text: str) -> CommandError:
-    """Return the error for a trajectory that cannot be used."""
-    return CommandError(text, reason="trajectory_unreadable")
-
-
 def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _check_count(count: int) -> None:
-    if count > MAX_SAMPLES:
-        raise unusable(f"{count} samples, at most {MAX_SAMPLES} are allowed")
-
-
 def _checked(samples: Any) -> tuple[TrajectorySample, ...]:
     try:
-        _check_count(len(samples))
+        check_count(len(samples))
         checked = tuple(TrajectorySample._make(map(float, sample)) for sample in samples)
     except (TypeError, ValueError, OverflowError) as error:
         text = f"samples are t, openness, position_rad, velocity_rad_s, torque_nm: {error}"
-        raise unusable(text) from error
+        raise TrajectoryError(text) from error
     last_s = -math.inf
     for number, sample in enumerate(checked):
         if not all(map(math.isfinite, sample)):
-            raise unusable(f"sample {number} has a value that is not finite")
+            raise TrajectoryError(f"sample {number} has a value that is not finite")
         if not 0.0 <= sample.openness <= 1.0:
-            raise unusable(f"sample {number}: openness is {sample.openness}, it must be 0 to 1")
+            raise TrajectoryError(
+                f"sample {number}: openness is {sample.openness}, it must be 0 to 1"
+            )
         if sample.t < last_s:
             text = f"sample {number}: time runs backwards, {last_s} to {sample.t} s"
-            raise unusable(text)
+            raise TrajectoryError(text)
         last_s = sample.t
     return checked
 
@@ -246,5 +214,5 @@ def _finite(name: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         figure = math.nan
     if not math.isfinite(figure):
-        raise unusable(f"{name} is {value!r:.40}, it must be a finite number")
+        raise TrajectoryError(f"{name} is {value!r:.40}, it must be a finite number")
     return figure

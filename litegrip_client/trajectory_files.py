@@ -6,7 +6,6 @@ What is in the files is `trajectory`'s. The daemon's own store is another one.
 from __future__ import annotations
 
 import errno
-import math
 import os
 import stat
 from dataclasses import dataclass
@@ -14,23 +13,21 @@ from pathlib import Path
 from typing import BinaryIO
 
 from litegrip_client import atomic_file
-from litegrip_client.errors import CommandError
-from litegrip_client.taught_grips import MAX_GRIP_BYTES
-from litegrip_client.trajectory import (
+from litegrip_client.errors import CommandError, TrajectoryError
+from litegrip_client.protocol.grips import MAX_GRIP_BYTES
+from litegrip_client.protocol.lgt import (
     HEADER,
+    MAX_BYTES,
     MAX_SAMPLES,
-    SAMPLE,
-    Trajectory,
     check_length,
-    grips_counted,
-    read_header,
-    unusable,
+    duration_s,
+    parse_header,
 )
+from litegrip_client.trajectory import Trajectory, grips_counted
 
 DIRECTORY_VARIABLE = "LITEGRIP_TRAJ_DIR"
 ENDING = ".lgt"
 GRIP_ENDING = ".grip.json"
-_MAX_BYTES = HEADER.size + MAX_SAMPLES * SAMPLE.size
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,11 +86,11 @@ def read(name: str | os.PathLike[str]) -> bytes:
     path = path_of(name)
     try:
         with _open(path) as file:
-            content = file.read(_MAX_BYTES + 1)
+            content = file.read(MAX_BYTES + 1)
     except OSError as error:
         raise _unopened(path, error) from error
-    if len(content) > _MAX_BYTES:
-        raise unusable(f"{path}: it is larger than {MAX_SAMPLES} samples, {_MAX_BYTES} bytes")
+    if len(content) > MAX_BYTES:
+        raise TrajectoryError(f"{path}: it is larger than {MAX_SAMPLES} samples, {MAX_BYTES} bytes")
     return content
 
 
@@ -106,7 +103,7 @@ def read_grips(name: str | os.PathLike[str]) -> bytes:
     except FileNotFoundError:
         return b""
     except OSError as error:
-        raise unusable(f"it cannot be read: {error.strerror or error}") from error
+        raise TrajectoryError(f"it cannot be read: {error.strerror or error}") from error
 
 
 def path_beside(name: str | os.PathLike[str]) -> Path:
@@ -155,37 +152,25 @@ def _entry(path: Path) -> TrajectoryFile:
     name = path.name.removesuffix(ENDING)
     try:
         with _open(path) as file:
-            header = read_header(file.read(HEADER.size))
-            count = header.pop("count")
-            check_length(os.fstat(file.fileno()).st_size, count)
-            duration_s = _duration_s(file, count)
-        Trajectory((), **header)  # which judges its figures
+            header = parse_header(memoryview(file.read(HEADER.size)))
+            check_length(os.fstat(file.fileno()).st_size, header.samples)
+            lasts_s = duration_s(file, header.samples)
     except OSError as error:
         return TrajectoryFile(name, str(path), error=error.strerror or str(error))
     except CommandError as error:
         return TrajectoryFile(name, str(path), error=error.message)
-    figures = {key: header[key] for key in ("sample_hz", "created", "mount")}
     grips, problem = _grips_beside(path)
     return TrajectoryFile(
         name,
         str(path),
-        samples=count,
+        samples=header.samples,
+        sample_hz=header.sample_hz,
+        created=header.created_s,
+        mount=header.mount,
         grips=grips,
         grip_problem=problem,
-        duration_s=duration_s,
-        **figures,
+        duration_s=lasts_s,
     )
-
-
-def _duration_s(file: BinaryIO, samples: int) -> float | None:
-    """Return the last sample's time since the first; the file's length is that of all of them."""
-    if not samples:
-        return 0.0
-    file.seek(HEADER.size)
-    first_s = SAMPLE.unpack(file.read(SAMPLE.size))[0]
-    file.seek(HEADER.size + (samples - 1) * SAMPLE.size)
-    duration_s: float = SAMPLE.unpack(file.read(SAMPLE.size))[0] - first_s
-    return duration_s if 0.0 <= duration_s < math.inf else None
 
 
 def _grips_beside(path: Path) -> tuple[int, str | None]:
@@ -225,4 +210,4 @@ def _not_a_name(name: object, why: str) -> CommandError:
 def _unopened(path: Path, error: OSError) -> CommandError:
     if isinstance(error, FileNotFoundError):
         return CommandError(f"there is no trajectory {path}", reason="unknown_trajectory")
-    return unusable(f"{path} cannot be read: {error.strerror or error}")
+    return TrajectoryError(f"{path} cannot be read: {error.strerror or error}")

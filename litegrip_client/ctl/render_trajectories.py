@@ -14,7 +14,7 @@ from litegrip_client.trajectory import grips_counted
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: dataclasses take long to import
-    from litegrip_client.taught_grips import TaughtGrip
+    from litegrip_client.protocol.grips import TaughtGrip
 
 
 def recording(data: Data, samples: int) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias, TypedDict, cast
 
-from litegripd.model import strict_json
+from litegrip_client.protocol import strict_json
 from litegripd.model.errors import Refusal
 
 MAX_LINE_BYTES = 16_384

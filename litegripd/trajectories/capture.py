@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from litegrip_client.protocol.grips import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS
+from litegrip_client.protocol.lgt import SAMPLE
 from litegripd.control.actions.base import PlainAction, Step, progress_of
 from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
@@ -20,8 +22,7 @@ from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.model.results import Progress, RecordOutcome, RecordResult
-from litegripd.trajectories.grips import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS
-from litegripd.trajectories.values import PIECE_BYTES, SAMPLE
+from litegripd.trajectories.values import PIECE_BYTES
 
 _METHODS: Mapping[JobKind, str] = {
     "grasp": "motion.grasp",

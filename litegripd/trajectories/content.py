@@ -7,7 +7,6 @@ import base64
 import binascii
 import errno
 import hashlib
-import math
 import os
 import stat
 from collections.abc import Mapping
@@ -15,18 +14,17 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from litegripd.trajectories.values import (
-    CSV_HEAD,
+from litegrip_client.errors import TrajectoryError
+from litegrip_client.protocol.lgt import (
     HEADER,
     MAX_BYTES,
     SAMPLE,
     Header,
-    Summary,
-    TrajectoryError,
-    csv_line,
+    check_length,
+    duration_s,
     parse_header,
-    read,
 )
+from litegripd.trajectories.values import CSV_HEAD, Summary, csv_line, read
 
 ENDING = ".lgt"
 
@@ -98,27 +96,15 @@ def entry_of(name: str, path: Path) -> dict[str, Any]:
         with open_file(path) as file:
             size = os.fstat(file.fileno()).st_size
             header = parse_header(memoryview(file.read(HEADER.size)))
-            if size != HEADER.size + header.samples * SAMPLE.size:
-                raise TrajectoryError(f"{size} bytes are not {header.samples} samples")
-            duration_s = _duration_s(file, header.samples)
+            check_length(size, header.samples)
+            lasts_s = duration_s(file, header.samples)
     except OSError as error:
         return {"name": name, "error": error.strerror}
     except (StoreError, TrajectoryError) as error:
         return {"name": name, "error": str(error)}
     described = {"samples", "sample_hz", "created_s", "mount"}
     known = {key: value for key, value in asdict(header).items() if key in described}
-    return {"name": name, "error": None, "bytes": size, **known, "duration_s": duration_s}
-
-
-def _duration_s(file: BinaryIO, samples: int) -> float | None:
-    """Return the time from the first sample to the last; None if that is not possible."""
-    if not samples:
-        return 0.0
-    file.seek(HEADER.size)
-    first_s = SAMPLE.unpack(file.read(SAMPLE.size))[0]
-    file.seek(HEADER.size + (samples - 1) * SAMPLE.size)
-    duration_s: float = SAMPLE.unpack(file.read(SAMPLE.size))[0] - first_s
-    return duration_s if 0.0 <= duration_s < math.inf else None
+    return {"name": name, "error": None, "bytes": size, **known, "duration_s": lasts_s}
 
 
 def unknown(name: str) -> StoreError:

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, TypedDict
 
+from litegrip_client.protocol.grips import MAX_GRIP_BYTES
+from litegrip_client.protocol.lgt import MAX_BYTES, Header
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
@@ -22,16 +24,9 @@ from litegripd.rpc.method import (
 )
 from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Session
-from litegripd.trajectories.grips import MAX_GRIP_BYTES
 from litegripd.trajectories.loading import outcome_of
 from litegripd.trajectories.requests import recording_key
-from litegripd.trajectories.values import (
-    MAX_BYTES,
-    MAX_NAME,
-    Header,
-    Summary,
-    name_problem,
-)
+from litegripd.trajectories.values import MAX_NAME, Summary, name_problem
 
 MOST_PER_CONNECTION = 4
 MOST_BYTES = 4 * MAX_BYTES

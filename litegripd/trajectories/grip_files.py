@@ -10,11 +10,8 @@ from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from litegripd.io.helper import atomic_file
-from litegripd.io.helper.atomic_file import FileSystem
-from litegripd.trajectories.content import ENDING as LGT_ENDING
-from litegripd.trajectories.content import StoreError, open_file
-from litegripd.trajectories.grips import (
+from litegrip_client.errors import TrajectoryError
+from litegrip_client.protocol.grips import (
     ENDING,
     MAX_GRIP_BYTES,
     TaughtGrip,
@@ -24,7 +21,11 @@ from litegripd.trajectories.grips import (
     parse,
     read,
 )
-from litegripd.trajectories.values import HEADER, SAMPLE, TrajectoryError
+from litegrip_client.protocol.lgt import HEADER, SAMPLE
+from litegripd.io.helper import atomic_file
+from litegripd.io.helper.atomic_file import FileSystem
+from litegripd.trajectories.content import ENDING as LGT_ENDING
+from litegripd.trajectories.content import StoreError, open_file
 
 
 @dataclass(frozen=True, slots=True)

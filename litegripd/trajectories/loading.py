@@ -4,10 +4,11 @@ import base64
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from litegrip_client.protocol.grips import TaughtGrip
+from litegrip_client.protocol.lgt import SAMPLE
 from litegripd.model.errors import Refusal
 from litegripd.model.helper_tasks import HelperTask, TaskResult
-from litegripd.trajectories.grips import TaughtGrip
-from litegripd.trajectories.values import PIECE_BYTES, SAMPLE, Path
+from litegripd.trajectories.values import PIECE_BYTES, Path
 
 LOAD_WITHIN_S = 10.0
 """The longest time for an answer; checking the longest trajectory takes half a second."""

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypedDict
 
+from litegrip_client.protocol.lgt import MAX_SAMPLES, Header
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.results import ReplayResult
@@ -32,7 +33,7 @@ from litegripd.trajectories.file_methods import (
 )
 from litegripd.trajectories.replay import ReplayRequest
 from litegripd.trajectories.requests import Trajectories
-from litegripd.trajectories.values import MAX_SAMPLES, Header, Summary
+from litegripd.trajectories.values import Summary
 
 
 class NoTrajectory(TypedDict):

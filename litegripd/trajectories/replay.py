@@ -14,6 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from litegrip_client.protocol.grips import TaughtGrip
 from litegripd.control.actions.base import PlainAction, Step
 from litegripd.control.actions.grasp import Grasp, GraspRequest
 from litegripd.control.gains import Gains, budgeted, clamp_lead
@@ -30,7 +31,6 @@ from litegripd.model.results import (
     ReplayProgress,
     ReplayResult,
 )
-from litegripd.trajectories.grips import TaughtGrip
 from litegripd.trajectories.loading import Loading
 from litegripd.trajectories.values import Path
 

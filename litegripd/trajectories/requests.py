@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
+from litegrip_client.protocol.lgt import MAX_SAMPLES
 from litegripd.control.admission import (
     NO_FEEDBACK,
     busy_with,
@@ -28,7 +29,7 @@ from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_c
 from litegripd.trajectories.capture import Capture, Teach, result_of
 from litegripd.trajectories.loading import outcome_of
 from litegripd.trajectories.replay import Replay, ReplayRequest
-from litegripd.trajectories.values import MAX_SAMPLES, PIECE_BYTES
+from litegripd.trajectories.values import PIECE_BYTES
 
 
 def recording_key(number: int) -> str:

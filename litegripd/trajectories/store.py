@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from litegrip_client.protocol.lgt import HEADER, MAX_BYTES, SAMPLE, Header
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileSystem
 from litegripd.io.helper.files import state_directory
@@ -30,14 +31,7 @@ from litegripd.trajectories.content import (
 )
 from litegripd.trajectories.grip_files import Grips
 from litegripd.trajectories.owners import Limits, Owners, lgt_names
-from litegripd.trajectories.values import (
-    HEADER,
-    MAX_BYTES,
-    PIECE_BYTES,
-    SAMPLE,
-    Header,
-    name_problem,
-)
+from litegripd.trajectories.values import PIECE_BYTES, name_problem
 
 LISTED_BYTES = 40_000
 """The most bytes of a list in one answer, which must fit into a packet."""

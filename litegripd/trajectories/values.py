@@ -1,96 +1,22 @@
-"""The trajectory file `.lgt`, exact to the bit: written, read and checked without a disk.
+"""The samples of a trajectory file, without a disk: judged one by one, as text, and as a path.
 
-A header of 66 bytes and 40 bytes per sample, little-endian. It stores the openness, so that a
-trajectory taught on one gripper replays on another. Checking a long one takes far longer than a
-tick: the control thread must never do it. `Path` reads checked bytes sample by sample: fast enough
-for a tick, for any length.
+Judging a long one takes far longer than a tick may: never in the control thread. `Path` reads it
+sample by sample, out of bytes that were judged before: cheap enough for a tick, however long the
+trajectory is.
 """
 
 import math
-import struct
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 
-from litegripd.model.geometry import Mount
+from litegrip_client.errors import TrajectoryError
+from litegrip_client.protocol.lgt import HEADER, SAMPLE, Header, read_header
 
-MAGIC = b"LGRTRJ01"
-VERSION = 1
-HEADER = struct.Struct("<8sHI5dI8s")
-SAMPLE = struct.Struct("<5d")
-MAX_SAMPLES = 360_000
-"""30 minutes at 200 Hz, 14.4 MB."""
-
-MAX_BYTES = HEADER.size + MAX_SAMPLES * SAMPLE.size
 MAX_NAME = 64
 MAX_NAME_BYTES = 200
 """With its suffixes, also that of a temporary file, a name fits into a file system's 255 bytes."""
 
 CSV_HEAD = "t_s,openness,position_rad,velocity_rad_s,torque_nm\n"
-
-_MOUNTS: dict[bytes, Mount | None] = {b"normal": "normal", b"reverse": "reverse", b"": None}
-_MAX_CAN_ID = 2**32 - 1
-
-
-class TrajectoryError(ValueError):
-    """A trajectory that cannot be used, and why."""
-
-
-@dataclass(frozen=True, slots=True)
-class Header:
-    """A file's facts about the gripper that it was taught on; `created_s` is Unix time."""
-
-    samples: int
-    sample_hz: float
-    created_s: float
-    closed_rad: float
-    open_rad: float
-    rad_to_mm: float
-    can_id: int
-    mount: Mount | None
-
-    def __post_init__(self) -> None:
-        """Reject values that no reader accepts; raises `TrajectoryError`."""
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if isinstance(value, float) and not math.isfinite(value):
-                raise TrajectoryError(f"{field.name} of the header is {value}")
-        if self.sample_hz <= 0.0:
-            raise TrajectoryError(f"sample_hz is {self.sample_hz}, it must be above 0")
-        if self.rad_to_mm <= 0.0:
-            raise TrajectoryError(f"rad_to_mm is {self.rad_to_mm}, it must be above 0")
-        if self.closed_rad == self.open_rad:
-            raise TrajectoryError("zero travel: the closed and the open limit are equal")
-        if not 0 <= self.samples <= MAX_SAMPLES:
-            raise TrajectoryError(f"{self.samples} samples, at most {MAX_SAMPLES} are allowed")
-        if not 0 <= self.can_id <= _MAX_CAN_ID:
-            raise TrajectoryError(f"can_id is {self.can_id}, it must fit into 32 bits")
-
-    def pack(self) -> bytes:
-        """Return the 66 bytes."""
-        mount = b"" if self.mount is None else self.mount.encode()
-        return HEADER.pack(
-            MAGIC,
-            VERSION,
-            self.samples,
-            self.sample_hz,
-            self.created_s,
-            self.closed_rad,
-            self.open_rad,
-            self.rad_to_mm,
-            self.can_id,
-            mount,
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """One sample: what was measured at `t_s`; the torque is for diagnosis and never replayed."""
-
-    t_s: float
-    openness: float
-    position_rad: float
-    velocity_rad_s: float
-    torque_nm: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,35 +29,6 @@ class Summary:
 
     duration_s: float = 0.0
     max_rate_s: float = 0.0
-
-
-def read_header(content: memoryview) -> Header:
-    """Return the header of a whole file; raises `TrajectoryError` with the reason."""
-    header = parse_header(content)
-    expected = HEADER.size + header.samples * SAMPLE.size
-    if len(content) != expected:
-        raise TrajectoryError(
-            f"{len(content)} bytes, but {header.samples} samples make {expected}: it is cut off or"
-            " something was added"
-        )
-    return header
-
-
-def parse_header(content: memoryview) -> Header:
-    """Return the header, ignoring what follows; raises `TrajectoryError` with the reason."""
-    if len(content) < HEADER.size:
-        text = f"{len(content)} bytes are too few for a header, which has {HEADER.size}"
-        raise TrajectoryError(text)
-    magic, version, samples, *figures, can_id, padded = HEADER.unpack_from(content)
-    if magic != MAGIC:
-        raise TrajectoryError(f"it begins with {magic!r} and not with {MAGIC!r}: no .lgt file")
-    if version != VERSION:
-        raise TrajectoryError(f"version {version}, only version {VERSION} can be read")
-    mount = padded.rstrip(b"\0")
-    if mount not in _MOUNTS:
-        raise TrajectoryError(f"unknown mount {mount!r}; there are normal, reverse, and none")
-    hz, created_s, closed_rad, open_rad, rad_to_mm = figures
-    return Header(samples, hz, created_s, closed_rad, open_rad, rad_to_mm, can_id, _MOUNTS[mount])
 
 
 def read(content: memoryview) -> tuple[Header, Summary]:

@@ -1,8 +1,6 @@
 import asyncio
 import inspect
-import time
 from collections.abc import Awaitable, Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,9 +9,6 @@ import litegrip_client
 from litegrip_client import (
     CommandError,
     ConnectError,
-    EnableResult,
-    HardwareError,
-    LeaseError,
     ProtocolError,
     StoppedError,
     aio,
@@ -22,7 +17,7 @@ from litegrip_client.actions import Lease
 from litegrip_client.aio import LiteGrip
 from litegrip_client.subscription import EventSubscription, Subscription
 from tests.client.aio_helpers import arrived, cancel, run
-from tests.client.fake_daemon import HELLO, STATE, FakeDaemon, Request
+from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
 
 METHODS_HERE = {"config", "mount"}
 """Properties of the other client that ask the daemon."""
@@ -76,24 +71,6 @@ def test_what_comes_with_a_block_has_the_same_names(here: type, there: type) -> 
 # Connection
 
 
-def test_the_constructor_connects_to_nothing(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        gripper = LiteGrip("can0", 0x08, socket_path=daemon.path)
-        with pytest.raises(ConnectError, match="not connected"):
-            await gripper.open()
-        with pytest.raises(ConnectError, match="not connected"):
-            gripper.states()
-        await gripper.connect()
-        await gripper.connect()
-        connected = gripper.is_connected
-        await gripper.disconnect()
-        assert (connected, gripper.is_connected, gripper.channel) == (True, False, "can0")
-        await gripper.disconnect()
-
-    run(main())
-    assert daemon.methods() == ["hello"]
-
-
 def test_what_is_not_the_gripper_is_refused_and_leaves_no_connection(daemon: FakeDaemon) -> None:
     async def main() -> None:
         with pytest.raises(CommandError, match="has can_id 0x08, not 0x09"):
@@ -105,15 +82,6 @@ def test_what_is_not_the_gripper_is_refused_and_leaves_no_connection(daemon: Fak
         with pytest.raises(ProtocolError, match="speaks protocol 2"):
             await gripper.connect()
         assert not gripper.is_connected
-
-    run(main())
-
-
-def test_no_daemon_is_told_as_by_the_other_client(tmp_path: Path) -> None:
-    async def main() -> None:
-        with pytest.raises(ConnectError, match=r"no daemon can be reached.*missing") as caught:
-            await LiteGrip(socket_path=str(tmp_path / "none.sock")).connect()
-        assert "litegripd CHANNEL --socket" in str(caught.value)
 
     run(main())
 
@@ -183,31 +151,10 @@ def test_a_daemon_that_went_is_noticed_and_connecting_again_works(daemon: FakeDa
 ENABLED = ["hello", "lease.acquire", "motor.enable"]
 
 
-def test_enable_says_what_shall_happen_when_the_client_is_lost(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with LiteGrip(socket_path=daemon.path) as gripper:
-            result = await gripper.enable(retries=5)
-            assert isinstance(result, EnableResult)
-            assert (bool(result), result.tries) == (True, 1)
-
-    run(main())
-    assert daemon.requests[1].params["on_lost"] == "disable"
-    params = dict(daemon.requests[2].params)
-    assert 0.0 <= time.monotonic() - params.pop("sent_s") < 60.0
-    assert params == {"retries": 5, "stop_generation": 3}
-    assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
-
-
 async def break_off(daemon: FakeDaemon) -> None:
     async with LiteGrip(socket_path=daemon.path) as gripper:
         await gripper.enable()
         raise ZeroDivisionError
-
-
-def test_leaving_by_an_exception_disables_too(daemon: FakeDaemon) -> None:
-    with pytest.raises(ZeroDivisionError):
-        run(break_off(daemon))
-    assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
 
 
 def test_leaving_by_a_cancelling_disables_too(daemon: FakeDaemon) -> None:
@@ -225,28 +172,6 @@ def test_leaving_by_a_cancelling_disables_too(daemon: FakeDaemon) -> None:
 
     run(main())
     assert daemon.methods() == [*ENABLED, "motor.disable", "lease.release"]
-
-
-def test_without_disable_on_disconnect_nothing_is_disabled(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with LiteGrip(socket_path=daemon.path, disable_on_disconnect=False) as gripper:
-            await gripper.enable()
-            assert gripper.disable_on_disconnect is False
-
-    run(main())
-    assert daemon.requests[1].params["on_lost"] == "hold"
-    assert daemon.methods() == [*ENABLED, "lease.release"]
-
-
-def test_a_disable_that_is_not_confirmed_is_raised_on_leaving(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with LiteGrip(socket_path=daemon.path) as gripper:
-            await gripper.enable()
-            daemon.handlers["motor.disable"] = lambda request: {"ok": False, "state": STATE}
-            assert await gripper.disable() is False
-
-    with pytest.raises(HardwareError, match="did not confirm"):
-        run(main())
 
 
 def test_a_cancelled_enable_may_have_enabled(daemon: FakeDaemon) -> None:
@@ -272,34 +197,7 @@ def test_an_enable_that_is_refused_gives_the_lease_back(daemon: FakeDaemon) -> N
     assert daemon.methods() == [*ENABLED, "lease.release"]
 
 
-def test_an_error_on_leaving_does_not_hide_the_first(
-    daemon: FakeDaemon, caplog: pytest.LogCaptureFixture
-) -> None:
-    daemon.handlers["motor.disable"] = lambda request: request.hang_up()
-    with pytest.raises(ZeroDivisionError):
-        run(break_off(daemon))
-    assert "on leaving after ZeroDivisionError" in caplog.text
-
-
 # The lease
-
-
-def test_a_lease_says_what_is_wished(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with LiteGrip(socket_path=daemon.path) as gripper:
-            async with gripper.lease("sorting", ttl_s=2, wait_s=5, on_lost="relax") as lease:
-                tokens = [lease.token]
-                await lease.renew()
-            assert [*tokens, lease.token] == ["e:1", None]
-
-    run(main())
-    assert daemon.requests[1].params == {
-        "purpose": "sorting",
-        "ttl_s": 2.0,
-        "wait_s": 5.0,
-        "on_lost": "relax",
-    }
-    assert daemon.methods()[1:] == ["lease.acquire", "lease.renew", "lease.release"]
 
 
 def test_a_lease_of_several_tasks_is_given_back_by_the_last(daemon: FakeDaemon) -> None:
@@ -361,22 +259,6 @@ def test_a_lease_that_comes_late_is_kept_for_who_wants_it_by_then(daemon: FakeDa
                 assert "lease.release" not in daemon.methods()
 
     del daemon.handlers["lease.acquire"]
-    run(main())
-    assert daemon.methods()[-1] == "lease.release"
-
-
-def test_a_lease_that_another_has_is_an_error_or_taken(daemon: FakeDaemon) -> None:
-    async def main() -> None:
-        async with LiteGrip(socket_path=daemon.path) as gripper:
-            with pytest.raises(LeaseError) as caught:
-                await gripper.enable()
-            assert caught.value.owner == {"pid": 7}
-            await gripper.take_lease("it hangs")
-            assert daemon.requests[-1].params["why"] == "it hangs"
-
-    daemon.handlers["lease.acquire"] = lambda request: request.fail(
-        "lease_held", -32026, owner={"pid": 7}
-    )
     run(main())
     assert daemon.methods()[-1] == "lease.release"
 
@@ -443,17 +325,3 @@ def test_reading(
 
     daemon.handlers[method] = lambda request: answer
     run(main())
-
-
-def test_a_new_zero_leaves_nothing_to_disable(daemon: FakeDaemon) -> None:
-    def zero(request: Request) -> Any:
-        return {"job": 3, "ok": True, "shift_rad": 0.25, "position_rad": 0.0, "state": STATE}
-
-    async def main() -> None:
-        async with LiteGrip(socket_path=daemon.path) as gripper:
-            await gripper.enable()
-            assert (await gripper.set_zero()).shift_rad == 0.25
-
-    daemon.handlers["motor.set_zero"] = zero
-    run(main())
-    assert "motor.disable" not in daemon.methods()

@@ -1,99 +1,19 @@
 import asyncio
 import os
-from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
 
 from litegrip_client import (
-    BusyError,
-    CommandError,
     ConnectError,
-    GripperState,
     MoveProgress,
-    MoveResult,
     StoppedError,
 )
 from litegrip_client.aio import LiteGrip
 from tests.client.aio_helpers import arrived, cancel, with_gripper
-from tests.client.fake_daemon import GRASP, HELLO, MOVE, STATE, FakeDaemon, Request
-from tests.client.helpers import last_params
+from tests.client.fake_daemon import HELLO, MOVE, FakeDaemon, Request
 
-# What is asked for, and what comes back
-
-
-@pytest.mark.parametrize(
-    ("move", "method", "sent"),
-    [
-        (lambda g: g.open(25), "motion.open", {"speed_mm_s": 25.0}),
-        (lambda g: g.close(), "motion.close", {}),
-        (lambda g: g.goto(30), "motion.move", {"opening_mm": 30.0, "duration_s": 1.0}),
-        (lambda g: g.goto(30, duration=None), "motion.move", {"opening_mm": 30.0}),
-        (lambda g: g.goto_rad(-0.5), "motion.move", {"position_rad": -0.5, "duration_s": 1.0}),
-        (lambda g: g.goto_openness(0.5, 2), "motion.move", {"openness": 0.5, "duration_s": 2.0}),
-        (
-            lambda g: g.move_at_speed(30, 25),
-            "motion.move",
-            {"opening_mm": 30.0, "speed_mm_s": 25.0},
-        ),
-    ],
-)
-def test_a_motion_says_what_was_asked_and_returns_its_result(
-    daemon: FakeDaemon,
-    move: Callable[[LiteGrip], Awaitable[MoveResult]],
-    method: str,
-    sent: dict[str, float],
-) -> None:
-    async def use(gripper: LiteGrip) -> None:
-        result = await move(gripper)
-        assert isinstance(result, MoveResult)
-        assert (bool(result), result.outcome) == (True, "pressed")
-        assert last_params(daemon) == {**sent, "progress": True}
-
-    daemon.handlers[method] = lambda request: MOVE
-    with_gripper(daemon, use)
-
-
-def test_a_grasp_until_the_verdict(daemon: FakeDaemon) -> None:
-    async def use(gripper: LiteGrip) -> None:
-        gripper.motion_config.grasp_speed_mm_s = 40.0
-        result = await gripper.grasp(force_n=10, until="verdict")
-        assert (bool(result), result.outcome, result.width_mm) == (True, "object_held", 31.5)
-        assert last_params(daemon) == {
-            "force_n": 10.0,
-            "until": "verdict",
-            "config": {"grasp_speed_mm_s": 40.0},
-            "progress": True,
-        }
-
-    daemon.handlers["motion.grasp"] = lambda request: GRASP
-    with_gripper(daemon, use)
-
-
-@pytest.mark.parametrize(
-    ("call", "method", "sent"),
-    [
-        (lambda g: g.set_force(12), "motion.set_force", {"force_n": 12.0}),
-        (lambda g: g.zero_gravity(), "motion.zero_gravity", {}),
-        (lambda g: g.zero_gravity(on=False), "motion.hold", {}),
-        (lambda g: g.hold(), "motion.hold", {}),
-    ],
-)
-def test_what_is_answered_at_once(
-    daemon: FakeDaemon,
-    call: Callable[[LiteGrip], Awaitable[GripperState]],
-    method: str,
-    sent: dict[str, float],
-) -> None:
-    async def use(gripper: LiteGrip) -> None:
-        assert (await call(gripper)).mode == "holding"
-        assert last_params(daemon) == sent
-        daemon.handlers[method] = lambda request: request.fail("busy", -32020)
-        with pytest.raises(BusyError):
-            await call(gripper)
-
-    daemon.handlers[method] = lambda request: {"job": 4, "force_n": 12.0, "state": STATE}
-    with_gripper(daemon, use)
+# What a motion asks for is tested by the client for threads, which is made from the same core.
 
 
 def test_progress_is_reported_while_other_tasks_go_on(daemon: FakeDaemon) -> None:
@@ -110,16 +30,6 @@ def test_progress_is_reported_while_other_tasks_go_on(daemon: FakeDaemon) -> Non
         assert seen[0] == MoveProgress("travel", 1, 10, 0.1, 0.2, 0.3)
 
     with_gripper(daemon, use)
-
-
-@pytest.mark.parametrize("force_n", ["20", float("nan"), [20]])
-def test_what_is_no_number_is_refused_here(daemon: FakeDaemon, force_n: Any) -> None:
-    async def use(gripper: LiteGrip) -> None:
-        with pytest.raises(CommandError, match="force_n is"):
-            await gripper.grasp(force_n)
-
-    with_gripper(daemon, use)
-    assert daemon.methods() == ["hello"]
 
 
 # Cancelling
@@ -255,19 +165,6 @@ def test_a_motion_that_ended_before_the_cancelling_is_not_cancelled(daemon: Fake
     assert daemon.methods() == ["hello", "motion.open"]
 
 
-def test_an_error_of_the_callback_cancels_the_motion_too(daemon: FakeDaemon) -> None:
-    def fail(progress: MoveProgress) -> None:
-        raise StoppedError("of the callback's own")
-
-    async def use(gripper: LiteGrip) -> None:
-        with pytest.raises(StoppedError, match="of the callback"):
-            await gripper.open(progress=fail)
-        assert daemon.requests[-1].params == {"job": 9}
-
-    daemon.handlers["motion.open"] = lambda request: request.progress(job=9)
-    with_gripper(daemon, use)
-
-
 def test_being_cancelled_while_an_error_is_dealt_with_is_not_forgotten(
     daemon: FakeDaemon,
 ) -> None:
@@ -286,19 +183,6 @@ def test_being_cancelled_while_an_error_is_dealt_with_is_not_forgotten(
     del daemon.handlers["job.cancel"]
     daemon.handlers["motion.open"] = lambda request: request.progress(job=9)
     with_gripper(daemon, use)
-
-
-def test_a_motion_that_cannot_be_cancelled_is_told(
-    daemon: FakeDaemon, caplog: pytest.LogCaptureFixture
-) -> None:
-    async def use(gripper: LiteGrip) -> None:
-        moving = asyncio.create_task(gripper.open())
-        await arrived(daemon, "motion.open")
-        await cancel(moving)
-
-    daemon.handlers["job.list"] = lambda request: {"jobs": [job(7, pid=1)]}
-    with_gripper(daemon, use)
-    assert "could not be cancelled: job 7 runs, but not as a job of process" in caplog.text
 
 
 def test_the_end_of_the_daemon_ends_the_motion_and_cancels_nothing(daemon: FakeDaemon) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import CommandError, Trajectory, TrajectorySample
-from litegrip_client.trajectory import MAX_SAMPLES
+from litegrip_client.protocol.lgt import MAX_SAMPLES
 from tests.mutations import MUTATIONS, mutated
 from tests.trajectories import HEADER_BYTES, SAMPLE_BYTES, lgt, points_of
 
@@ -81,13 +81,16 @@ def test_an_empty_one_is_a_trajectory_and_true() -> None:
         (lgt([], count=MAX_SAMPLES + 1), f"{MAX_SAMPLES + 1} samples, at most {MAX_SAMPLES}"),
         (lgt([], sample_hz=0.0), "sample_hz is 0.0, it must be above 0"),
         (lgt([], sample_hz=-1.0), "sample_hz is -1.0, it must be above 0"),
-        (lgt([], sample_hz=math.nan), "sample_hz is nan, it must be a finite number"),
+        (lgt([], sample_hz=math.nan), "sample_hz of the header is nan, it must be a finite number"),
         (lgt([], rad_to_mm=0.0), "rad_to_mm is 0.0, it must be above 0"),
-        (lgt([], rad_to_mm=math.inf), "rad_to_mm is inf, it must be a finite number"),
-        (lgt([], created_s=math.nan), "created is nan, it must be a finite number"),
+        (lgt([], rad_to_mm=math.inf), "rad_to_mm of the header is inf, it must be a finite number"),
+        (lgt([], created_s=math.nan), "created_s of the header is nan, it must be a finite number"),
         (lgt([], closed_rad=0.5, open_rad=0.5), "zero travel"),
-        (lgt([], closed_rad=-math.inf), "pos_closed_rad is -inf, it must be a finite number"),
-        (lgt([], open_rad=math.nan), "pos_open_rad is nan, it must be a finite number"),
+        (
+            lgt([], closed_rad=-math.inf),
+            "closed_rad of the header is -inf, it must be a finite number",
+        ),
+        (lgt([], open_rad=math.nan), "open_rad of the header is nan, it must be a finite number"),
         (lgt([], mount=b"sideways"), "unknown mount b'sideways'"),
         (lgt([], mount=b"NORMAL\0\0"), "unknown mount b'NORMAL'"),
         (lgt([(0.0, 1.000001)]), "sample 0: openness is 1.000001, it must be 0 to 1"),

@@ -148,4 +148,4 @@ def test_the_list_tells_of_each_file_what_its_header_says(folder: Path) -> None:
     assert c.error is not None
     assert str(c) == f"c: {c.error}"
     assert "145 bytes, but 2 samples make 146" in c.error
-    assert d.error == "sample_hz is nan, it must be a finite number"
+    assert d.error == "sample_hz of the header is nan, it must be a finite number"

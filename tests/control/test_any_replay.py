@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from litegrip_client.protocol.grips import TaughtGrip, pack
 from litegripd.control.actions.grasp import BUDGET_NM
 from litegripd.control.gains import DEFAULT_GAINS
 from litegripd.control.holds import Slack
@@ -20,7 +21,6 @@ from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
 from litegripd.model.motor_types import DM4310, FASTEST_MM_S
 from litegripd.model.results import ReplayResult, Result
-from litegripd.trajectories.grips import TaughtGrip, pack
 from litegripd.trajectories.replay import Replay, ReplayRequest
 from litegripd.trajectories.store import TrajectoryStore
 from tests.trajectories import Point, lgt, pieces, sampled, swing

@@ -7,6 +7,9 @@ from litegripd.recorder.causes import APART_S
 from tests.control.test_dumps import causes, recover, watching
 from tests.world import CAN_ID, World
 
+SLOW_S = 0.01
+"""The slowest control rate: these scenes wait for minutes."""
+
 FOREIGN = CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF"))
 
 
@@ -21,7 +24,7 @@ def lose_frames(world: World, duration_s: float) -> None:
 
 
 def test_an_enabled_motor_that_is_switched_off_is_dumped_each_time_it_was_enabled() -> None:
-    world = World()
+    world = World(period_s=SLOW_S)
     client = world.enabled()
     observer = watching(world)
     for count in (1, 2):
@@ -39,7 +42,7 @@ def test_an_enabled_motor_that_is_switched_off_is_dumped_each_time_it_was_enable
 
 def test_a_silence_that_comes_again_and_again_is_dumped_once() -> None:
     """A loose plug must not push the dumps of other faults out of those that are kept."""
-    world = World()
+    world = World(period_s=SLOW_S)
     world.enabled()
     observer = watching(world)
     for _ in range(12):
@@ -55,7 +58,7 @@ def test_a_silence_that_comes_again_and_again_is_dumped_once() -> None:
 
 
 def test_a_disabled_motor_that_is_switched_off_is_not_dumped() -> None:
-    world = World()
+    world = World(period_s=SLOW_S)
     client = world.enabled()
     client.result("motor.disable")
     world.gripper.power_off()
@@ -65,7 +68,7 @@ def test_a_disabled_motor_that_is_switched_off_is_not_dumped() -> None:
 
 
 def test_a_motor_that_is_disabled_by_nobody_here_is_dumped() -> None:
-    world = World()
+    world = World(period_s=SLOW_S)
     client = world.enabled()
     observer = watching(world)
     world.gripper.power_cycle()
@@ -80,7 +83,7 @@ def test_a_motor_that_is_disabled_by_nobody_here_is_dumped() -> None:
 
 
 def test_a_position_that_jumps_is_dumped_with_the_jump() -> None:
-    world = World()
+    world = World(period_s=SLOW_S)
     client = world.enabled()
     observer = watching(world)
     client.result("motion.move", opening_mm=60)
@@ -95,7 +98,7 @@ def test_a_position_that_jumps_is_dumped_with_the_jump() -> None:
 
 
 def test_a_second_master_is_dumped_when_it_begins() -> None:
-    world = World()
+    world = World(period_s=SLOW_S)
     world.enabled()
     observer = watching(world)
     for _ in range(40):
@@ -109,7 +112,7 @@ def test_a_second_master_is_dumped_when_it_begins() -> None:
 
 
 def test_a_second_master_that_is_tolerated_is_not() -> None:
-    world = World()
+    world = World(period_s=SLOW_S)
     world.enabled()
     world.controller.second_master.is_tolerated = True
     world.inject(FOREIGN)
@@ -118,7 +121,7 @@ def test_a_second_master_that_is_tolerated_is_not() -> None:
 
 
 def test_a_jump_is_dumped_once_however_often_the_motor_is_disabled_after_it() -> None:
-    world = World()
+    world = World(period_s=SLOW_S)
     client = world.enabled()
     observer = watching(world)
     world.gripper.jump(0.5)

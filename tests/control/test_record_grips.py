@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
+from litegrip_client.protocol.grips import MOST_GRIPS, grips_of
 from litegripd.control.holds import Grip, GripSettings
 from litegripd.control.jobs import JobBook
 from litegripd.model.errors import Refusal
@@ -14,7 +15,6 @@ from litegripd.model.jobs import Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor_types import DM4310, DM4340
 from litegripd.trajectories.capture import GripNotes
-from litegripd.trajectories.grips import MOST_GRIPS, grips_of
 from tests.control.grips import beside, both, gripper, grips, picked
 from tests.trajectories import fetched, points_of, send
 from tests.world import World

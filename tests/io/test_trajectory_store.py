@@ -11,11 +11,12 @@ from typing import Any
 
 import pytest
 
+from litegrip_client.protocol.lgt import MAX_BYTES
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.child import MAX_PACKET_BYTES, start_here
 from litegripd.trajectories.owners import Limits
 from litegripd.trajectories.store import TrajectoryStore
-from litegripd.trajectories.values import MAX_BYTES, MAX_NAME, PIECE_BYTES
+from litegripd.trajectories.values import MAX_NAME, PIECE_BYTES
 from tests.trajectories import HEADER_BYTES, lgt, pieces, sampled, swing
 
 DEADLINE_MS = 30_000

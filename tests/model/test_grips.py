@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.trajectories.grips import (
+from litegrip_client.errors import TrajectoryError
+from litegrip_client.protocol.grips import (
     MAX_GRIP_BYTES,
     MOST_GRIPS,
     TaughtGrip,
@@ -17,7 +18,6 @@ from litegripd.trajectories.grips import (
     pack,
     read,
 )
-from litegripd.trajectories.values import TrajectoryError
 from tests.mutations import MUTATIONS, mutated
 
 DIGEST = "ab" * 32

@@ -9,19 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegrip_client.errors import TrajectoryError
+from litegrip_client.protocol.lgt import HEADER, MAX_SAMPLES, SAMPLE, Header, read_header
 from litegripd.model.geometry import Mount
-from litegripd.trajectories.values import (
-    HEADER,
-    MAX_SAMPLES,
-    SAMPLE,
-    Header,
-    TrajectoryError,
-    csv_line,
-    name_problem,
-    read,
-    read_header,
-    summarize,
-)
+from litegripd.trajectories.values import csv_line, name_problem, read, summarize
 from tests.mutations import MUTATIONS, mutated
 from tests.trajectories import HEADER_BYTES, SAMPLE_BYTES, Point, lgt, points_of, sampled, swing
 

@@ -18,7 +18,8 @@ from litegrip_client.ctl.render import figure, plain
 from litegrip_client.ctl.render_trajectories import grip_line
 from litegrip_client.ctl.run import OK, Command, Fill, Run, installing
 from litegrip_client.errors import CommandError
-from litegrip_client.trajectory import MAGIC, Trajectory
+from litegrip_client.protocol.lgt import MAGIC
+from litegrip_client.trajectory import Trajectory
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

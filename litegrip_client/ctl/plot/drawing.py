@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from litegrip_client.ctl.plot.dump import Dump, Happening
 from litegrip_client.ctl.render_trajectories import date
-from litegrip_client.taught_grips import TaughtGrip
+from litegrip_client.protocol.grips import TaughtGrip
 from litegrip_client.trajectory import Trajectory
 
 

@@ -6,11 +6,12 @@ that file: grips never go with another path.
 
 import json
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from litegripd.model import strict_json
-from litegripd.trajectories.values import TrajectoryError
+from litegrip_client.errors import TrajectoryError
+from litegrip_client.protocol import strict_json
 
 FORMAT = "litegrip-grips"
 VERSION = 1
@@ -63,8 +64,8 @@ class TaughtGrip:
             raise TrajectoryError(text)
 
 
-def check_row(grips: tuple[TaughtGrip, ...], first_s: float, last_s: float) -> None:
-    """Reject grips that overlap, or do not lie between the first and the last sample.
+def check_row(grips: Sequence[TaughtGrip], first_s: float, last_s: float) -> None:
+    """Refuse grips that overlap, or do not lie between the first and the last sample.
 
     Raises `TrajectoryError` with the number of the wrong one.
     """
@@ -72,6 +73,9 @@ def check_row(grips: tuple[TaughtGrip, ...], first_s: float, last_s: float) -> N
         raise TrajectoryError(f"{len(grips)} grips, at most {MOST_GRIPS} are allowed")
     before_s = first_s
     for number, grip in enumerate(grips):
+        given: object = grip
+        if not isinstance(given, TaughtGrip):
+            raise TrajectoryError(f"grip {number} is {given!r:.60}, no TaughtGrip")
         if grip.closing_s < before_s:
             text = f"closing_s is {grip.closing_s}, before {before_s}, where it can begin"
             raise TrajectoryError(f"grip {number}: {text}")
@@ -81,7 +85,7 @@ def check_row(grips: tuple[TaughtGrip, ...], first_s: float, last_s: float) -> N
         before_s = grip.end_s
 
 
-def pack(grips: tuple[TaughtGrip, ...], lgt_sha256: str) -> bytes:
+def pack(grips: Sequence[TaughtGrip], lgt_sha256: str) -> bytes:
     """Return the content of the file for the `.lgt` with this digest."""
     whole = {"format": FORMAT, "version": VERSION, "lgt_sha256": lgt_sha256}
     return (
