@@ -33,6 +33,9 @@ run: $(STAMP)
 demo: $(STAMP)
 	@$(BIN)/python examples/demo.py
 
+# Where the environment forbids bytecode, each program that a test starts would be compiled again.
+unexport PYTHONDONTWRITEBYTECODE
+
 # Tests in virtual time come first, then real processes, two at a time; last what has to be alone.
 PYTEST = $(BIN)/python -m pytest --durations 15
 TESTS = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io && \

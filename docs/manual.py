@@ -8,8 +8,14 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from textwrap import dedent
 
 from docs.configuration_page import has_default, sentence
-from litegrip_client.ctl.exit_codes import CLOSING, EXIT_CODES
-from litegrip_client.ctl.parser import CHANNEL_VARIABLE, LateParser, common, whole_parser
+from litegrip_client.ctl.parser import (
+    CHANNEL_VARIABLE,
+    CLOSING,
+    EXIT_CODES,
+    LateParser,
+    common,
+    whole_parser,
+)
 from litegrip_client.discovery import SOCKET_VARIABLE
 from litegrip_client.trajectory_files import DIRECTORY_VARIABLE
 from litegripd.app import main as daemon

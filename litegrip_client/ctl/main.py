@@ -14,9 +14,6 @@ from litegrip_client.ctl.run import INTERRUPTED, OK, WRONG_USAGE, Run
 from litegrip_client.ctl.way import Way, way_of
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
-COMPLETE = "__complete"
-"""What a shell's completion calls this program with, before the words so far."""
-
 OUTPUT_LOST = 74
 """EX_IOERR of sysexits.h: what was to be said cannot be written."""
 
@@ -31,8 +28,6 @@ def main(arguments: list[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without "°" is no reason to fail
     given = sys.argv[1:] if arguments is None else arguments
-    if given[:1] == [COMPLETE]:
-        return _complete(given[1:])
     try:
         options = parse(given)
     except UsageError as wrong:
@@ -77,13 +72,6 @@ def _stop_first(way: Way, output: Output) -> bool:
     from litegrip_client.ctl.commands.clients import stop_first  # noqa: PLC0415 - see commands
 
     return stop_first(way, output)
-
-
-def _complete(words: list[str]) -> int:
-    from litegrip_client.ctl.completion import complete  # noqa: PLC0415 - seldom needed
-
-    print("\n".join(complete(words)))
-    return OK
 
 
 def _refuse(wrong: UsageError, output: Output) -> int:

@@ -1,6 +1,6 @@
-"""Run a motion for a command: a live line on the way, and cancelling at Ctrl-C.
+"""Run a motion for a command: a live line on the way, cancelling at Ctrl-C, and words for its end.
 
-It must not know what the motions do, nor how their results are shown.
+It must not know what the motions do.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 
 from litegrip_client.blocking import BlockingWire, wait
 from litegrip_client.core.motion import Motion
-from litegrip_client.ctl.render_results import progress
+from litegrip_client.ctl.render import Data, figure, plain
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, NOT_OK, OK, Run
 from litegrip_client.errors import CancelledError
 
@@ -63,3 +63,37 @@ def _report_cancelled(motion: Motion, run: Run) -> None:
     else:
         text = f"interrupted: job {motion.cancelled['job']} had ended, {motion.cancelled['state']}"
     run.output.error(CancelledError(text, reason="interrupted"), hint)
+
+
+_BAR_WIDTH = 24
+
+
+def progress(data: Data) -> str:
+    """Show how far a motion is, in one line; with a bar where it is known how far it goes."""
+    total = data.get("total_steps") or 0
+    done = f"{bar(data.get('step', 0) / total)} " if total > 0 else ""
+    opening = figure(data.get("opening_mm"), "6.2f", "mm")
+    torque = figure(data.get("torque_nm"), "+.2f", "N·m")
+    passes = f", pass {data['loops'] + 1}" if data.get("loops") else ""
+    return f"{done}{opening}  {torque}  {words(data.get('phase'))}{passes}"
+
+
+def bar(share: float) -> str:
+    """Show a share, 0 to 1, as a bar."""
+    filled = "#" * round(min(1.0, max(0.0, share)) * _BAR_WIDTH)
+    return f"[{filled.ljust(_BAR_WIDTH, '.')}]"
+
+
+def verdict(data: Data) -> str:
+    """Show whether it went as it should, and how it ended."""
+    return f"{'' if data.get('ok') else 'NOT ok: '}{words(data.get('outcome'))}"
+
+
+def words(name: object) -> str:
+    """Show a name of the protocol in words."""
+    return plain(name).replace("_", " ")
+
+
+def opening_of(data: Data) -> str:
+    """Show where the jaws were at the end."""
+    return figure(data.get("state", {}).get("opening_mm"), ".2f", "mm")

@@ -1,6 +1,7 @@
-"""Where `litegripctl` writes: results as text or JSON, and one line that is rewritten.
+"""Where `litegripctl` writes and asks: results as text or JSON, a live line, and questions.
 
-It must not decide what is said.
+Questions go to standard error, so that standard output keeps results only. It must not decide
+what is said.
 """
 
 from __future__ import annotations
@@ -90,3 +91,33 @@ def _write(text: str) -> None:
 def one_line(text: str) -> str:
     """Make one printable line of a text that may come from the daemon."""
     return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+def may_ask() -> bool:
+    """Return True if somebody is there to read a question and to answer it."""
+    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def say(text: str) -> None:
+    """Show a message before the result."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def ask(question: str) -> str | None:
+    """Return the answer in lower case, without the spaces around it; None at the end of input."""
+    try:
+        sys.stderr.write(f"{question} ")
+        sys.stderr.flush()
+        line = sys.stdin.readline()
+    except KeyboardInterrupt:
+        say("")
+        raise
+    if not line:
+        say("")
+        return None
+    return line.strip().lower()
+
+
+def confirm(question: str) -> bool:
+    """Return True if the answer is yes; everything else is no."""
+    return ask(f"{question} [y/N]") in ("y", "yes")

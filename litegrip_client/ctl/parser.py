@@ -26,12 +26,34 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 PROGRAM = "litegripctl"
 CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
 DEFAULT_CHANNEL = "can0"
+EXIT_CODES: tuple[tuple[int, str], ...] = (
+    (0, 'ok; the verdict "ok" of health'),
+    (
+        1,
+        (
+            "the action ended, but not as it should (something blocks the jaws, or nothing is"
+            ' held, say), or you said no; the verdict "degraded" of health; doctor has found an'
+            " error"
+        ),
+    ),
+    (2, 'wrong usage; the verdict "down" of health'),
+    (3, "no daemon to talk to, or no longer; with --host: ssh did not get there"),
+    (4, "refused: not calibrated, a value out of its range, no such job or file"),
+    (5, "the motor or its bus does not work"),
+    (6, "busy: another motion is running, or another client has the lease"),
+    (7, "stopped: a stop is latched (see: clear)"),
+    (8, "the motion was cancelled"),
+    (9, "this user's role does not allow it"),
+    (70, "a defect, or another version of the daemon"),
+    (74, "the output cannot be written: the disk is full, say"),
+    (130, "interrupted by Ctrl-C"),
+    (141, "whoever read the output has gone"),
+)
+CLOSING = "A motion goes on when litegripctl is killed; Ctrl-C cancels it."
 
 _UNITS = {"mm": "opening_mm", "rad": "position_rad", "%": "openness"}
-_NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
-_TARGET = re.compile(rf"({_NUMBER}) ?(mm|rad|%)")
-_INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
-_SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({_NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
+NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
+_TARGET = re.compile(rf"({NUMBER}) ?(mm|rad|%)")
 
 
 class UsageError(Exception):
@@ -45,13 +67,9 @@ class UsageError(Exception):
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that leaves it to its caller to say what is wrong.
-
-    `words` names what completes an argument, by its name in the options; see `ctl.completion`.
-    """
+    """A parser that leaves it to its caller to say what is wrong."""
 
     def __init__(self, **settings: Any) -> None:
-        self.words: dict[str, str] = {"channel": "channels", "socket": "files"}
         super().__init__(
             **settings,
             parents=[common()],
@@ -167,9 +185,13 @@ def for_gripper(call: str, text: str) -> str:
 
 class _WholeParser(Parser):
     def format_help(self) -> str:
-        from litegrip_client.ctl.exit_codes import epilog  # noqa: PLC0415 - seldom needed
+        from textwrap import fill  # noqa: PLC0415 - seldom needed
 
-        self.epilog = epilog()
+        lines = (
+            fill(text, 79, initial_indent=f"  {code:<5}", subsequent_indent=" " * 7)
+            for code, text in EXIT_CODES
+        )
+        self.epilog = "\n".join(("exit codes:", *lines, "", CLOSING, ""))
         return super().format_help()
 
 
@@ -219,15 +241,6 @@ def target(text: str) -> tuple[str, float]:
     return _UNITS[found[2]], value / 100.0 if found[2] == "%" else value
 
 
-def setting(text: str) -> tuple[str, float]:
-    """Read FIELD=NUMBER."""
-    found = _SETTING.fullmatch(text)
-    if found is None:
-        raise ArgumentTypeError(f"{text!r} is no setting: say FIELD=NUMBER, force_n=15 for one")
-    # Some fields are whole numbers, and the daemon takes a whole number for the others, too.
-    return found[1], int(found[2]) if re.fullmatch(r"[+-]?[0-9]+", found[2]) else float(found[2])
-
-
 def positive(text: str) -> float:
     """Read a number above 0."""
     value = _number(text)
@@ -258,10 +271,3 @@ def count(text: str) -> int:
     if not text.isascii() or not text.isdigit() or int(text) < 1:
         raise ArgumentTypeError(f"{text!r} is not a whole number of 1 or more")
     return int(text)
-
-
-def interface(text: str) -> str:
-    """Read the name of a network interface."""
-    if not _INTERFACE.fullmatch(text):
-        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface, such as can0")
-    return text

@@ -8,7 +8,7 @@ from __future__ import annotations
 import shlex
 import sys
 from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from litegrip_client.connection import Connection
 from litegrip_client.ctl.output import Output
@@ -65,3 +65,5 @@ Command: TypeAlias = Callable[[Run], int]
 """Carries out one command; returns its exit code."""
 Fill: TypeAlias = "Callable[[LateParser], None]"
 """Adds what a command takes to its parser."""
+Commands: TypeAlias = "Mapping[str, tuple[Command, Fill | None]]"
+"""What carries out the commands of a module, by their names, and what adds their arguments."""

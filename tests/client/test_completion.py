@@ -1,141 +1,134 @@
-"""What completes a command line: commands, options, choices, and what the daemon knows."""
+"""Completion in shells: the scripts, and what real shells make of them if they are installed."""
 
-import socket
+import shlex
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
 
-from litegrip_client.ctl.completion import complete
-from litegrip_client.ctl.completion.scripts import SCRIPTS
-from litegrip_client.ctl.completion.words import _SOURCES, FILES
+from docs.completion import CHOICES, COMPLETERS
 from litegrip_client.ctl.main import main
-from litegrip_client.trajectory_files import write
-from tests.client.ctl_commands import ACTIONS, every_parser
-from tests.client.fake_daemon import FakeDaemon
-from tests.trajectories import lgt
+from tests.client.ctl_commands import every_command, every_parser
+from tests.client.ctl_terminal import ROOT
+from tests.client.fake_daemon import DEADLINE_S
 
-
-def words(*line: str) -> list[str]:
-    return [row.partition("\t")[0] for row in complete(line)[1:]]
-
-
-def takes_files(*line: str) -> bool:
-    return complete(line)[0] == "files"
-
-
-@pytest.mark.parametrize(
-    ("line", "found"),
-    [
-        (["tele"], ["teleop"]),
-        (["-c", "can0", "cl"], ["clear-fault", "close", "clear", "clients"]),
-        (["--json", "calibration", "s"], ["show", "save"]),
-        (["teleop", "slave", "--link", ""], ["zenoh", "udp"]),
-        (["stop", "--level=r"], ["--level=relax"]),
-        (["stop", "--level", "relax", "--w"], ["--why"]),
-        (["stop", "--level=relax", "--le"], []),
-        (["open", "--speed"], ["--speed"]),
-        (["open", "--speed", ""], []),
-        (["grasp", "--no-such", "--forc"], ["--force"]),
-        (["fly", ""], []),
-        (["calibration", "load", "n"], ["normal"]),
-        (["calibration", "load", "--", "--"], []),
-        (["config", "get", "force_"], ["force_n", "force_rate_n_s"]),
-        (["config", "set", "force_n=1", "force_n"], ["force_n="]),
-        (["completion", ""], ["bash", "zsh", "fish"]),
-        (["restart", "--hold", "--js"], ["--json"]),
-    ],
-)
-def test_what_the_parsers_know(line: list[str], found: list[str]) -> None:
-    assert words(*line) == found
-
-
-def test_all_commands_and_actions_are_offered() -> None:
-    assert len(words("")) > 35
-    for command, actions in ACTIONS.items():
-        assert words(command, "") == actions
-
-
-def test_where_paths_may_stand_the_shell_is_told() -> None:
-    for line in (
-        ["calibration", "load", ""],
-        ["calibration", "save", ""],
-        ["dump", "-o", ""],
-        ["plot", ""],
-        ["--socket", ""],
-        ["trajectories", "put", ""],
-    ):
-        assert takes_files(*line)
-    for line in (["grasp", ""], ["-c", ""], ["record", ""], ["calibration", ""]):
-        assert not takes_files(*line)
-
-
-def test_every_source_of_words_is_one_and_belongs_to_an_argument() -> None:
-    used = set()
-    for parser in every_parser():
-        names = {action.dest for action in parser.arguments()}
-        for name, sources in parser.words.items():
-            assert name in names
-            used |= set(sources.split())
-    assert used == {*_SOURCES, FILES}
-
-
-def test_channels_are_the_sockets_that_there_are(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path / "none"))
-    assert words("-c", "") == []
-    (tmp_path / "litegripd").mkdir()
-    for name in ("can1.sock", "can1.stop.sock", "sim0.sock", "lock"):
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
-            listener.bind(str(tmp_path / "litegripd" / name))
-    assert words("-c", "") == ["can1", "sim0"]
-    assert words("state", "--channel=s") == ["--channel=sim0"]
-
-
-def test_the_daemon_knows_its_trajectories_and_jobs(daemon: FakeDaemon) -> None:
-    kept = [{"name": name, "samples": 15} for name in ("pick", "place")]
-    running = [{"job": 3, "kind": "open", "state": "done"}, {"job": 4, "state": "running"}]
-    daemon.handlers["trajectory.list"] = lambda request: {"trajectories": kept, "more": False}
-    daemon.handlers["job.list"] = lambda request: {"jobs": running}
-    at = ("--socket", daemon.path)
-    for command in (["play"], ["plot"], ["trajectories", "get"], ["trajectories", "delete"]):
-        assert words(*at, *command, "pi") == ["pick"]
-    assert words(*at, "record", "") == []
-    assert words(*at, "cancel", "") == ["4"]
-    assert complete([*at, "play", "pi"])[1] == "pick\t15 samples"
-
-
-def test_a_daemon_that_is_not_there_or_refuses_completes_nothing(
-    daemon: FakeDaemon, tmp_path: Path
-) -> None:
-    daemon.handlers["trajectory.list"] = lambda request: request.fail("not_permitted", -32028)
-    assert words("--socket", daemon.path, "play", "") == []
-    assert words("--socket", str(tmp_path / "none"), "play", "") == []
-    asked = len(daemon.requests)
-    assert words("--socket", daemon.path, "--host", "robot", "play", "") == []
-    assert len(daemon.requests) == asked
-
-
-def test_this_users_trajectories_complete_what_is_sent(tmp_path: Path, home: Path) -> None:
-    write("mine", lgt([(0.0, 0.2), (1.0, 0.3)]))
-    assert words("trajectories", "put", "m") == ["mine"]
+SCRIPTS = {
+    shell: ROOT / f"litegrip_client/data/litegripctl.{shell}" for shell in ("bash", "zsh", "fish")
+}
+CASES = [
+    ("tele", {"teleop"}),
+    ("stop --level ", {"hold", "relax", "disable"}),
+    ("grasp --fo", {"--force"}),
+    ("--host bob@robot cal", {"calibration"}),
+    ("-c can0 trajectories ", {"list", "get", "put", "delete", "keep", "export"}),
+    ("calibration load ", {"normal", "reverse", "a file.json", "folder"}),
+    ("calibration load a", {"a file.json"}),
+    ("dump -o ", {"a file.json", "folder"}),
+    ("install-units --root ", {"folder"}),
+    ("-c completed-", {"completed-1", "completed-2"}),
+    ("config set force_", {"force_n=", "force_rate_n_s="}),
+    ("grasp --force ", set[str]()),
+]
+"""Behind the program's name: what is typed, and what is offered."""
 
 
 @pytest.mark.parametrize("shell", SCRIPTS)
 def test_the_scripts_are_printed(shell: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["completion", shell]) == 0
-    assert capsys.readouterr().out == SCRIPTS[shell]
+    assert capsys.readouterr().out == SCRIPTS[shell].read_text(encoding="utf-8")
 
 
-def test_the_program_answers_the_scripts(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["__complete", "stop", "--level", "re"]) == 0
-    assert capsys.readouterr().out == "-\nrelax\t\n"
-    assert main(["__complete"]) == 0
-    assert capsys.readouterr().out.startswith("-\nstate\tshow the state once\n")
+@pytest.mark.parametrize("shell", SCRIPTS)
+def test_every_command_is_in_the_scripts(shell: str) -> None:
+    script = SCRIPTS[shell].read_text(encoding="utf-8")
+    for command in every_command():
+        name = command.replace("-", "_").replace(" ", "_")
+        words = {"bash": f"_{name}_option_strings=", "zsh": f"_{name}_options="}
+        assert words.get(shell, f"_using {command}' ") in script, command
 
 
-def test_a_name_that_is_no_line_is_left_out() -> None:
-    for name in ("pick", "pi\nck", "pi\tck"):
-        write(name, lgt([(0.0, 0.5)]))
-    assert words("trajectories", "put", "pi") == ["pick"]
+def test_every_path_has_a_completer_and_every_completer_an_argument() -> None:
+    arguments = [one for parser in every_parser() for one in parser.arguments()]
+    names = {str(one.metavar or one.dest) for one in arguments}
+    paths = {name for name in names if {*name.split("|")} & {"PATH", "FILE", "DIR", "PNG"}}
+    assert paths <= set(COMPLETERS) <= names
+    assert set(CHOICES) <= names
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a directory with files, beside what looks like the sockets of two daemons."""
+    sockets = tmp_path / "run" / "litegripd"
+    sockets.mkdir(parents=True)
+    for name in ("completed-1.sock", "completed-1.stop.sock", "completed-2.sock", "lock"):
+        (sockets / name).touch()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(sockets.parent))
+    inner = tmp_path / "here"
+    (inner / "folder").mkdir(parents=True)
+    (inner / "a file.json").touch()
+    return inner
+
+
+def run(folder: Path, shell: str, *arguments: str) -> list[str]:
+    if shutil.which(shell) is None:
+        pytest.skip(f"{shell} is not installed")
+    done = subprocess.run(
+        [shell, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return [line for line in done.stdout.splitlines() if line]
+
+
+BASH = """
+. "$1"
+COMP_WORDS=("${@:2}") COMP_CWORD=$(($# - 2))
+compopt() { :; } # which wants a real completion
+_shtab_litegripctl
+printf '%s\\n' "${COMPREPLY[@]}"
+"""
+ZSH = """
+zmodload zsh/zpty
+zpty shell zsh --no-rcs -i
+zpty -w shell 'autoload -Uz compinit; compinit -u -d $PWD/../dump; eval "$(<'$1')"
+compadd() {
+    local -a given
+    builtin compadd -A given "$@"
+    print -rl -- $given >>../found
+    builtin compadd "$@"
+}
+print completion is ready'
+zpty -r -m shell shown '*completion is ready*completion is ready*'
+zpty -w -n shell "$2"$'\\t'
+zpty -w -n shell $'\\C-u'"exit"$'\\n'
+while zpty -r shell shown; do :; done
+"""
+
+
+@pytest.mark.parametrize(("line", "found"), CASES)
+def test_bash(folder: Path, line: str, found: set[str]) -> None:
+    words = ["litegripctl", *line.split(), *([""] if line.endswith(" ") else [])]
+    script = str(SCRIPTS["bash"])
+    assert set(run(folder, "bash", "--norc", "-c", BASH, "bash", script, *words)) == found
+
+
+@pytest.mark.parametrize(("line", "found"), CASES)
+def test_fish(folder: Path, line: str, found: set[str]) -> None:
+    typed = shlex.quote(f"litegripctl {line}")
+    script = f"source {shlex.quote(str(SCRIPTS['fish']))}\ncomplete --do-complete {typed}"
+    rows = run(folder, "fish", "--no-config", "-c", script)
+    assert {row.partition("\t")[0].rstrip("/").replace("\\", "") for row in rows} == found
+
+
+@pytest.mark.parametrize(("line", "found"), CASES)
+def test_zsh(folder: Path, line: str, found: set[str]) -> None:
+    completed = folder.parent / "found"
+    completed.touch()
+    run(folder, "zsh", "--no-rcs", "-c", ZSH, "zsh", str(SCRIPTS["zsh"]), f"litegripctl {line}")
+    rows = completed.read_text(encoding="utf-8").splitlines()
+    assert {row.replace("\\", "") for row in rows if row} == found

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.ctl.exit_codes import EXIT_CODES
 from litegrip_client.ctl.main import main
+from litegrip_client.ctl.parser import EXIT_CODES
 from litegrip_client.trajectory_files import write
 from litegripd.model.errors import ERROR_TABLE
 from tests.client.ctl_commands import LINES, WITHOUT_DAEMON, every_command

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.ctl import render_teleop
+from litegrip_client.ctl.commands.teleop import status_line, status_text
 from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
@@ -213,13 +213,13 @@ def test_what_went_wrong_on_the_way_is_told_at_the_end(
 
 
 def test_whose_a_figure_is_stands_before_it() -> None:
-    rows = [line.split("  ")[0] for line in render_teleop.status(STATUS).splitlines()]
+    rows = [line.split("  ")[0] for line in status_text(STATUS).splitlines()]
     assert [row for row in rows if "'s" in row or "own" in row] == [
         "leader's opening",
         "leader's force",
         "own torque",
     ]
-    leads = render_teleop.status({**STATUS, "mode": "master", "phase": "leading"})
+    leads = status_text({**STATUS, "mode": "master", "phase": "leading"})
     rows = [line.split("  ")[0] for line in leads.splitlines()]
     assert {"opening", "force", "torque"} <= set(rows)
 
@@ -237,9 +237,9 @@ def test_a_leader_tells_of_its_followers_what_it_knows(
     followers: int | None, matching: bool | None, told: str
 ) -> None:
     leads = {**STATUS, "mode": "master", "followers": followers, "matching": matching}
-    assert f"followers         {told}" in render_teleop.status(leads).splitlines()
-    assert "followers" not in render_teleop.status(STATUS)
-    assert "followers" not in render_teleop.status({**leads, "active": False})
+    assert f"followers         {told}" in status_text(leads).splitlines()
+    assert "followers" not in status_text(STATUS)
+    assert "followers" not in status_text({**leads, "active": False})
 
 
 def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
@@ -250,33 +250,33 @@ def test_no_teleoperation_so_far(daemon: FakeDaemon, ctl: Ctl) -> None:
 
 
 def test_the_live_line_says_what_matters() -> None:
-    line = render_teleop.line(STATUS)
+    line = status_line(STATUS)
     words = line.split()
     assert words[:7] == ["slave", "following", "leader's", "50.0", "%", "60.10", "mm"]
     assert words[7:] == ["own", "+0.20", "N·m", "200", "Hz", "frames", "1234"]
     master = {**STATUS, "mode": "master", "phase": "leading", "matching": True}
-    assert render_teleop.line(master).split()[:4] == ["master", "leading", "50.0", "%"]
+    assert status_line(master).split()[:4] == ["master", "leading", "50.0", "%"]
     bad = {**STATUS, "stale": True, "over_torque": True, "torque_trips": 2, "rejected": 5}
-    shown = render_teleop.line(bad)
+    shown = status_line(bad)
     for note in ("STALE 3 ms", "RELEASED", "torque_trips 2", "rejected 5"):
         assert note in shown
     alone = {**STATUS, "mode": "master", "phase": "leading", "matching": False}
-    assert "nobody follows" in render_teleop.line(alone)
+    assert "nobody follows" in status_line(alone)
     broken = {**STATUS, "link_state": "failed", "link_error": "port\x1b taken"}
-    assert "link failed: port? taken" in render_teleop.line(broken)
+    assert "link failed: port? taken" in status_line(broken)
 
 
 def test_reflection_and_limits_are_shown_where_there_are_any() -> None:
     slave = {**STATUS, "reflected_n": 7.25, "force_limited": True}
-    assert "reflects +7.2 N " in render_teleop.line(slave)
-    assert "force limited" in render_teleop.line(slave)
+    assert "reflects +7.2 N " in status_line(slave)
+    assert "force limited" in status_line(slave)
     master = {**slave, "mode": "master", "followers": 0, "round_trip_ms": 12.4, "late": 3}
-    shown = render_teleop.line(master)
+    shown = status_line(master)
     for note in ("reflects +7.2 N (12 ms round)", "nobody tells a force", "late 3"):
         assert note in shown
-    assert "felt              reflects +7.2 N" in render_teleop.status(slave)
+    assert "felt              reflects +7.2 N" in status_text(slave)
     for protected, told in ((True, False), (None, False), (False, True)):
-        text = render_teleop.status({**STATUS, "link_protected": protected})
+        text = status_text({**STATUS, "link_protected": protected})
         assert ("open to" in text) is told
 
 
@@ -294,18 +294,18 @@ def test_a_leader_that_was_not_heard_yet_is_no_good_link(
 ) -> None:
     waiting = {**STATUS, "host": host, "port": port, "frames": 0, "phase": "waiting"}
     told = f"nothing heard from {leader} yet"
-    text = render_teleop.status(waiting)
+    text = status_text(waiting)
     assert f"link              {where}" in text
     assert told in text
-    assert told in render_teleop.line(waiting)
+    assert told in status_line(waiting)
     for other in ({**waiting, "frames": 1}, {**waiting, "mode": "master"}):
-        assert "nothing heard" not in render_teleop.status(other)
+        assert "nothing heard" not in status_text(other)
 
 
 def test_what_is_not_known_is_shown_as_such() -> None:
     first = {**STATUS, "openness": None, "position_mm": None, "torque_nm": None, "force_n": None}
-    assert "--" in render_teleop.line(first)
-    assert "-- mm, -- open" in render_teleop.status({**first, "last_frame_age_ms": None})
+    assert "--" in status_line(first)
+    assert "-- mm, -- open" in status_text({**first, "last_frame_age_ms": None})
 
 
 def test_help_shows_examples(capsys: pytest.CaptureFixture[str]) -> None:

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from litegrip_client import Trajectory
+from litegrip_client.ctl.commands.trajectories import listed_text
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.render_results import progress
-from litegrip_client.ctl.render_trajectories import listed
+from litegrip_client.ctl.motion import progress
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories
@@ -288,14 +288,22 @@ def test_the_list_of_this_side_needs_no_daemon(
 
 def test_a_date_that_is_none_is_not_shown() -> None:
     row = {"name": "x", "samples": 2, "sample_hz": 100.0, "created_s": 1e300, "mount": None}
-    assert listed([row]).splitlines()[1].split()[2:] == ["--", "s", "100", "Hz", "-", "-", "--"]
+    assert listed_text([row]).splitlines()[1].split()[2:] == [
+        "--",
+        "s",
+        "100",
+        "Hz",
+        "-",
+        "-",
+        "--",
+    ]
 
 
 def test_the_length_in_the_list_is_that_of_the_samples_also_where_some_are_missing(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     row = {"name": "x", "samples": 193, "sample_hz": 100.0, "duration_s": 1.99, "mount": None}
-    assert listed([row]).splitlines()[1].split()[1:4] == ["193", "1.99", "s"]
+    assert listed_text([row]).splitlines()[1].split()[1:4] == ["193", "1.99", "s"]
     (folder / "gap.lgt").write_bytes(lgt([(1.0, 0.5), (1.01, 0.5), (2.99, 0.5)]))
     (folder / "odd.lgt").write_bytes(lgt([(1.0, 0.5), (0.5, 0.5)]))
     assert main(["--socket", "/nowhere", "trajectories", "--local"]) == 0

@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from litegrip_client.ctl.live import picture
+from litegrip_client.ctl.commands.state import state_line
+from litegrip_client.ctl.live import Scene, picture
 from litegrip_client.ctl.parser import for_gripper
-from litegrip_client.ctl.render import state_line
-from litegrip_client.ctl.watching import Scene
 from litegrip_client.feeds import Event
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon

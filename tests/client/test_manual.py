@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 import tomli
 
-from litegrip_client.ctl.exit_codes import EXIT_CODES
+from litegrip_client.ctl.parser import EXIT_CODES
 from tests.client.ctl_commands import every_command
 from tests.client.ctl_terminal import ROOT
 

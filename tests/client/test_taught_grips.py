@@ -16,9 +16,9 @@ from litegrip_client import (
     list_trajectories,
 )
 from litegrip_client.ctl.commands.recorder import block_chart
+from litegrip_client.ctl.commands.trajectories import played_text, recorded_text
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.plot.drawing import draw_trajectory, png
-from litegrip_client.ctl.render_trajectories import played, recorded
 from litegrip_client.errors import TrajectoryError
 from tests.client.aio_helpers import with_gripper
 from tests.client.fake_daemon import FakeDaemon
@@ -244,9 +244,11 @@ def test_the_list_shows_that_a_grip_is_kept(
 
 
 def test_what_was_recorded_and_played_tells_of_grips() -> None:
-    assert ", 1 grip, kept as pick" in recorded({"name": "pick", "samples": 3, "grips": 1})
+    assert ", 1 grip, kept as pick" in recorded_text({"name": "pick", "samples": 3, "grips": 1})
     data = {**PLAYED, "grips": 2, "width_mm": 44.0, "width_difference_mm": -4.0}
-    assert played(data).endswith("; 2 grips, the last one 44.0 mm wide, at most -4.0 mm to taught")
+    assert played_text(data).endswith(
+        "; 2 grips, the last one 44.0 mm wide, at most -4.0 mm to taught"
+    )
 
 
 # Plot

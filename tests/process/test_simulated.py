@@ -214,7 +214,11 @@ def test_the_first_request_after_the_start_finds_motor_and_calibration(tmp_path:
     """A client that is let in is not told that the daemon is still looking around."""
     path = tmp_path / "s"
     command = [sys.executable, "-m", "litegripd.app.main", "first", "--simulate"]
-    with subprocess.Popen([*command, "--socket", str(path)], stderr=subprocess.PIPE) as daemon:
+    with (
+        subprocess.Popen([*command, "--socket", str(path)], stderr=subprocess.PIPE) as daemon,
+        contextlib.ExitStack() as at_the_end,
+    ):
+        at_the_end.callback(daemon.kill)  # or a failure here would wait for its end for ever
         ends_s = time.monotonic() + DEADLINE_S
         client: Client | None = None
         while client is None and time.monotonic() < ends_s:

@@ -12,15 +12,11 @@ from pathlib import Path
 
 from litegrip_client.ctl.run import Command, Fill
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import Any
-
 
 class CommandRow:
     """One command: its name, what the list says of it, and in which module of this room it is.
 
-    A module has `COMMANDS`, what its commands do, and `OPTIONS`, which arguments they take.
+    A module has `COMMANDS`: what carries out its commands, and what adds their arguments.
     """
 
     __slots__ = ("_module", "name", "text")
@@ -32,24 +28,24 @@ class CommandRow:
 
     def command(self) -> Command:
         """Return what carries it out."""
-        command: Command = self._load().COMMANDS[self.name]
-        return command
+        return self._load()[0]
 
     def options(self) -> Fill | None:
         """Return what adds its arguments to a parser; None where it takes none."""
-        fill: Fill | None = self._load().OPTIONS.get(self.name)
-        return fill
+        return self._load()[1]
 
-    def _load(self) -> Any:
-        return import_module(f"{__name__}.{self._module}")
+    def _load(self) -> tuple[Command, Fill | None]:
+        module = import_module(f"{__name__}.{self._module}")
+        found: tuple[Command, Fill | None] = module.COMMANDS[self.name]
+        return found
 
 
 COMMANDS = (
-    CommandRow("state", "show the state once", "general"),
-    CommandRow("watch", "show the state again and again", "watch"),
-    CommandRow("enable", "enable the motor; it stays enabled", "general"),
-    CommandRow("disable", "disable the motor: no torque", "general"),
-    CommandRow("clear-fault", "clear a fault of the motor; it stays disabled", "general"),
+    CommandRow("state", "show the state once", "state"),
+    CommandRow("watch", "show the state again and again", "state"),
+    CommandRow("enable", "enable the motor; it stays enabled", "motor"),
+    CommandRow("disable", "disable the motor: no torque", "motor"),
+    CommandRow("clear-fault", "clear a fault of the motor; it stays disabled", "motor"),
     CommandRow("open", "open the jaws to the stop", "motions"),
     CommandRow("close", "close the jaws to the stop", "motions"),
     CommandRow("grasp", "close until something is held, and hold it with a force", "motions"),
@@ -57,20 +53,20 @@ COMMANDS = (
     CommandRow("move", "move to an opening, a position or a share of the travel", "motions"),
     CommandRow("force", "change the force of a grasp, or begin to squeeze", "motions"),
     CommandRow("slack", "let the jaws be moved by hand, until 'hold'", "motions"),
-    CommandRow("hold", "hold the present position", "general"),
+    CommandRow("hold", "hold the present position", "motions"),
     CommandRow("teleop", "lead another gripper by hand, or follow one", "teleop"),
     CommandRow("stop", "stop the gripper, whoever moves it, until 'clear'", "clients"),
-    CommandRow("clear", "clear a stop; moves nothing", "general"),
+    CommandRow("clear", "clear a stop; moves nothing", "clients"),
     CommandRow("clients", "list who is connected, and what each has cost", "clients"),
     CommandRow("lease", "show who has the gripper to itself, or take it away", "clients"),
-    CommandRow("jobs", "list the running motions and the last ended ones", "general"),
-    CommandRow("cancel", "cancel a motion; the jaws then hold", "general"),
+    CommandRow("jobs", "list the running motions and the last ended ones", "motions"),
+    CommandRow("cancel", "cancel a motion; the jaws then hold", "motions"),
     CommandRow("zero", "measure the travel: moves to both stops", "calibration"),
     CommandRow(
         "calibration", "show, load, store the calibration, or make it by hand", "calibration"
     ),
     CommandRow("config", "show or change the daemon's defaults for motions", "settings"),
-    CommandRow("register", "read registers of the motor", "settings"),
+    CommandRow("register", "read registers of the motor", "motor"),
     CommandRow("record", "record a motion that you push the jaws through", "trajectories"),
     CommandRow("play", "replay a recorded motion", "trajectories"),
     CommandRow("trajectories", "list what was recorded, copy or remove it", "trajectories"),
@@ -79,16 +75,16 @@ COMMANDS = (
     CommandRow(
         "doctor", "check link, daemon, motor and calibration; say what mends them", "doctor"
     ),
-    CommandRow("health", "show how the daemon is; the exit code tells the verdict", "general"),
+    CommandRow("health", "show how the daemon is; the exit code tells the verdict", "daemon"),
     CommandRow(
-        "metrics", "print the figures of health as OpenMetrics text, for Prometheus", "general"
+        "metrics", "print the figures of health as OpenMetrics text, for Prometheus", "daemon"
     ),
-    CommandRow("restart", "restart the daemon without letting go of what is held", "general"),
-    CommandRow("install-units", "install what lets systemd run the daemons", "units"),
-    CommandRow("info", "show what does not change: versions, motor, calibration", "general"),
-    CommandRow("completion", "print what completes command lines in a shell", "completion"),
+    CommandRow("restart", "restart the daemon without letting go of what is held", "daemon"),
+    CommandRow("install-units", "install what lets systemd run the daemons", "machine"),
+    CommandRow("info", "show what does not change: versions, motor, calibration", "daemon"),
+    CommandRow("completion", "print what completes command lines in a shell", "machine"),
     CommandRow(
-        "discover", "list the methods of the daemon (with --json: its OpenRPC document)", "general"
+        "discover", "list the methods of the daemon (with --json: its OpenRPC document)", "daemon"
     ),
 )
 

@@ -6,17 +6,18 @@ this program dies, and the calibration in use changes at the very end only.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl import files, terminal
-from litegrip_client.ctl import render_results as render
-from litegrip_client.ctl.motion import finish
-from litegrip_client.ctl.output import one_line
+from litegrip_client.ctl import files
+from litegrip_client.ctl.hints import CHOOSE_MOUNT
+from litegrip_client.ctl.motion import finish, verdict
+from litegrip_client.ctl.output import ask, confirm, may_ask, one_line, say
 from litegrip_client.ctl.parser import LateParser
-from litegrip_client.ctl.render import figure, plain
-from litegrip_client.ctl.run import INTERRUPTED, NOT_OK, OK, Command, Fill, Run
+from litegrip_client.ctl.render import Data, figure, plain
+from litegrip_client.ctl.run import INTERRUPTED, NOT_OK, OK, Command, Commands, Run
 from litegrip_client.errors import CancelledError, CommandError, LiteGripError
+from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -24,6 +25,12 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
 _AS_BEFORE = "the calibration is as it was"
 _SAVE = "use it and store it (y), use it without storing it (n), or cancel (c)?"
+_TEMPLATES = ("normal", "reverse")
+_IN_USE = "in use until the daemon restarts"
+_MEASURE = (
+    "nominal: it was not measured on this gripper; measure and store it with:"
+    " litegripctl enable && litegripctl zero"
+)
 
 
 class _NotWantedError(Exception):
@@ -32,7 +39,7 @@ class _NotWantedError(Exception):
 
 def manual(run: Run) -> int:
     """Record both stops, show the travel, and have it used as the person says."""
-    if not terminal.may_ask():
+    if not may_ask():
         return run.refuse(
             "a calibration by hand needs a terminal to ask at",
             "without hands: litegripctl zero --yes",
@@ -47,13 +54,13 @@ def manual(run: Run) -> int:
     except BaseException:
         _cancel(run)  # if that fails, too, the end of the connection does it
         raise
-    run.output.result(data, render.measured("manual", data))
+    run.output.result(data, _measured_text("manual", data))
     return OK if data["ok"] else NOT_OK
 
 
 def _lead(run: Run) -> dict[str, Any]:
     """Record until what was recorded is taken."""
-    terminal.say("The jaws are slack now. Ctrl-C cancels.")
+    say("The jaws are slack now. Ctrl-C cancels.")
     while True:
         _record(run)
         answer = _ask(_SAVE)
@@ -66,7 +73,7 @@ def _lead(run: Run) -> dict[str, Any]:
         except CommandError as error:
             if error.reason != "out_of_limits":
                 raise
-            terminal.say(f"  {one_line(error.message)}")
+            say(f"  {one_line(error.message)}")
 
 
 def _record(run: Run) -> None:
@@ -76,12 +83,12 @@ def _record(run: Run) -> None:
     ):
         _ask(request)
         marks = _step(run, step)
-        terminal.say(f"  {step} at {figure(marks[f'{step}_rad'], '+.4f', 'rad')}")
-    terminal.say(f"  {render.travel(marks)}")
+        say(f"  {step} at {figure(marks[f'{step}_rad'], '+.4f', 'rad')}")
+    say(f"  {_travel_text(marks)}")
 
 
 def _ask(question: str) -> str:
-    answer = terminal.ask(question)
+    answer = ask(question)
     if answer is None:
         raise _NotWantedError
     return answer
@@ -136,18 +143,42 @@ def zero(run: Run) -> int:
     """Measure the travel by moving to both stops, once that is confirmed."""
     options = run.options
     if not options.yes:
-        if not terminal.may_ask():
+        if not may_ask():
             return run.refuse(
                 "zero moves the jaws to both stops, and there is no terminal to confirm it at",
                 "if that is safe: litegripctl zero --yes",
             )
-        if not terminal.confirm("the jaws will move to both stops; continue?"):
+        if not confirm("the jaws will move to both stops; continue?"):
             run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
             return NOT_OK
     params: dict[str, Any] = {"save": not options.no_save}
     if options.mount is not None:
         params["mount"] = options.mount
-    return finish(run, "calibration.zero", params, lambda data: render.measured("zero", data))
+    return finish(run, "calibration.zero", params, lambda data: _measured_text("zero", data))
+
+
+def _measured_text(name: str, data: Data) -> str:
+    """Show what was measured between the stops, and whether it is stored."""
+    text = f"{name}: {verdict(data)}"
+    if data.get("message"):
+        text += f": {plain(in_shell(str(data['message'])))}"
+    if data.get("closed_rad") is not None and data.get("open_rad") is not None:
+        text += f"\n{_travel_text(data)}"
+    if data.get("path") is not None:
+        return f"{text}\nstored in {plain(data['path'])}"
+    return f"{text}\n{_unstored()}" if data.get("ok") else text
+
+
+def _travel_text(data: Data) -> str:
+    """Show the two stops and what lies between, in one line."""
+    closed_rad, open_rad = data["closed_rad"], data["open_rad"]
+    travel_rad = abs(closed_rad - open_rad)
+    mount = "normal" if closed_rad > open_rad else "reverse"
+    size = figure(travel_rad, ".4f", "rad")
+    if data.get("rad_to_mm") is not None:
+        size += f" or {figure(travel_rad * data['rad_to_mm'], '.2f', 'mm')}"
+    ends = f"closed {figure(closed_rad, '+.4f', 'rad')}, open {figure(open_rad, '+.4f', 'rad')}"
+    return f"{ends}, travel {size}, mount {mount}"
 
 
 _CALIBRATION = """\
@@ -177,7 +208,6 @@ def _load_options(parser: LateParser) -> None:
         "%(prog)s [-h] [-c CHANNEL | --socket PATH] [--json]\n"
         "       [--keep] (normal | reverse | FILE | --chain)"
     )
-    parser.words["source"] = "templates files"
     source = parser.add_mutually_exclusive_group(required=True)
     source.add_argument(
         "source",
@@ -199,7 +229,6 @@ def _save_options(parser: LateParser) -> None:
         "file", nargs="?", metavar="FILE", help="write it to this file instead, here"
     )
     parser.add_argument("--overwrite", action="store_true", help="replace a FILE that exists")
-    parser.words["file"] = "files"
 
 
 def calibration(run: Run) -> int:
@@ -210,30 +239,79 @@ def calibration(run: Run) -> int:
 def show(run: Run) -> int:
     """Show the calibration in use."""
     data = run.connection.call("calibration.get")
-    run.output.result(data, render.calibration(data))
+    run.output.result(data, _calibration_text(data))
     return OK
+
+
+def _calibration_text(data: Data) -> str:
+    """Show the calibration in use in aligned lines."""
+    if not data.get("calibrated"):
+        return f"not calibrated; {CHOOSE_MOUNT}"
+    rows = [
+        ("mount", data.get("mount")),
+        ("closed", figure(data.get("closed_rad"), "+.4f", "rad")),
+        ("open", figure(data.get("open_rad"), "+.4f", "rad")),
+        ("travel", _travel(data)),
+        ("scale", figure(data.get("rad_to_mm"), ".2f", "mm/rad")),
+        ("gains", f"kp {figure(data.get('kp'), 'g', '')}, kd {figure(data.get('kd'), 'g', '')}"),
+        ("file", data.get("file") or "none"),
+    ]
+    return "\n".join(f"{label:<7} {plain(text)}" for label, text in rows)
 
 
 def templates(run: Run) -> int:
     """Show which templates there are."""
     data = run.connection.call("calibration.templates")
-    run.output.result(data, render.templates(data["templates"]))
+    run.output.result(data, _templates_text(data["templates"]))
     return OK
+
+
+def _templates_text(rows: Iterable[Data]) -> str:
+    """Show the templates, one in a line."""
+    return "\n".join(
+        f"{plain(row.get('name')):<8} closed "
+        f"{figure(row['content'].get('zero_position_rad'), '+.4f', 'rad')}, "
+        f"open {figure(row['content'].get('max_position_rad'), '+.4f', 'rad')}"
+        for row in rows
+    )
 
 
 def load(run: Run) -> int:
     """Have the daemon use a template, a file of this side, or what it finds itself."""
     source = run.options.source
     params: dict[str, Any] = {}
-    if source in render.TEMPLATES:
+    if source in _TEMPLATES:
         params["template"] = source
     elif source is not None:
         params["content"] = files.read(source)
     data = run.connection.call("calibration.load", params)
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
-    run.output.result(data, render.loaded(data, source=source))
+    run.output.result(data, _loaded_text(data, source=source))
     return OK if data["loaded"] else NOT_OK
+
+
+def _loaded_text(data: Data, *, source: str | None) -> str:
+    """Show what was loaded, what was not and why, and whether it is stored.
+
+    Without a `source` the daemon has found it itself, and will do so again. A template is no
+    measurement: what is to be done next is to measure.
+    """
+    lines = [f"skipped: {plain(reason)}" for reason in data.get("skipped") or ()]
+    if not data.get("loaded"):
+        lines += ["NOT loaded: no calibration was found", CHOOSE_MOUNT]
+    else:
+        lines.append(f"loaded: mount {plain(data.get('mount'))}, travel {_travel(data)}")
+        saved = data.get("saved")
+        if saved is not None:
+            lines.append(_stored_text(saved))
+        elif source is None:
+            lines.append(f"found in {plain(data.get('file'))}")
+        else:
+            lines.append(_IN_USE if source in _TEMPLATES else _unstored())
+        if source in _TEMPLATES:
+            lines.append(_MEASURE)
+    return "\n".join(lines)
 
 
 def save(run: Run) -> int:
@@ -241,7 +319,7 @@ def save(run: Run) -> int:
     path = run.options.file
     if path is None:
         data = _store(run)
-        run.output.result(data, render.stored(data))
+        run.output.result(data, _stored_text(data))
         return OK
     data = run.connection.call("calibration.get")
     content = data["content"]
@@ -256,6 +334,22 @@ def _store(run: Run) -> dict[str, Any]:
     return run.connection.call("calibration.save", None, ACTION_TIMEOUT_S)
 
 
+def _stored_text(data: Data) -> str:
+    """Show where the calibration was stored."""
+    previous = data.get("previous")
+    before = f" (the one before: {plain(previous)})" if previous else ""
+    return f"stored in {plain(data.get('path'))}{before}"
+
+
+def _travel(data: Data) -> str:
+    size = figure(data.get("travel_rad"), ".4f", "rad")
+    return f"{size} or {figure(data.get('travel_mm'), '.2f', 'mm')}"
+
+
+def _unstored() -> str:
+    return f"{_IN_USE}; store it with: litegripctl calibration save"
+
+
 _ACTIONS: Mapping[str, Command] = {
     "show": show,
     "templates": templates,
@@ -264,8 +358,8 @@ _ACTIONS: Mapping[str, Command] = {
     "manual": manual,
 }
 
-COMMANDS: Mapping[str, Command] = {"zero": zero, "calibration": calibration}
-OPTIONS: Mapping[str, Fill] = {
-    "zero": zero_options,
-    "calibration": actions_options,
+
+COMMANDS: Commands = {
+    "zero": (zero, zero_options),
+    "calibration": (calibration, actions_options),
 }

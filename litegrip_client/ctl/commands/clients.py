@@ -1,13 +1,14 @@
-"""The commands that show who is there and who has the gripper, and that stop it or take it over."""
+"""The commands that show who is there and who has the gripper, take it over, stop and clear it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
 
-from litegrip_client.ctl import render, terminal
+from litegrip_client.ctl import render
+from litegrip_client.ctl.output import confirm, may_ask
 from litegrip_client.ctl.parser import LateParser
-from litegrip_client.ctl.run import NOT_OK, OK, Command, Fill, Run
+from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 from litegrip_client.errors import CommandError
 from litegrip_client.stopping import is_taken_as_meant, stop_at
 
@@ -25,8 +26,26 @@ _STOP_WITHIN_S = 2.0
 def clients(run: Run) -> int:
     """List who is connected, and what each has cost."""
     data = run.connection.call("clients.list")
-    run.output.result(data, render.clients(data["clients"]))
+    run.output.result(data, _clients_text(data["clients"]))
     return OK
+
+
+def _clients_text(rows: list[render.Data]) -> str:
+    """Show who is connected as a table; the asking program itself is marked."""
+    table = [("CLIENT", "ROLE", "REQUESTS", "REFUSED", "DROPPED", "WORST", "CONNECTED")]
+    table += [
+        (
+            render.plain(render.owner(row)) + (" (this one)" if row.get("is_me") else ""),
+            render.plain(row.get("role")),
+            str(row.get("requests")),
+            str(row.get("refused")),
+            str(row.get("dropped")),
+            render.figure(row.get("worst_latency_ms"), ".1f", "ms"),
+            render.figure(row.get("connected_s"), ".0f", "s"),
+        )
+        for row in rows
+    ]
+    return render.aligned(table)
 
 
 _TAKE = """\
@@ -68,9 +87,9 @@ def _take(run: Run) -> int:
     options, connection = run.options, run.connection
     before = connection.call("lease.get")
     owner = before["owner"]
-    if not options.yes and terminal.may_ask():
+    if not options.yes and may_ask():
         whose = connection.call("state.get").get("job") if owner is None else owner
-        if whose is not None and not terminal.confirm(_question(before, whose, options)):
+        if whose is not None and not confirm(_question(before, whose, options)):
             run.output.error(CommandError("nothing was done", reason="not_wanted"), "")
             return NOT_OK
     params = {"why": options.why, "purpose": "litegripctl"}
@@ -148,8 +167,16 @@ def stopped(data: Mapping[str, Any]) -> str:
     return render.plain(f"stopped: {data['level']}, until: litegripctl clear")
 
 
-COMMANDS: Mapping[str, Command] = {"clients": clients, "lease": lease, "stop": stop}
-OPTIONS: Mapping[str, Fill] = {
-    "lease": lease_options,
-    "stop": stop_options,
+def clear(run: Run) -> int:
+    """Clear a stop."""
+    data = run.connection.run(run.connection.prepare_guarded("stop.clear", {}))
+    run.output.result(data, "cleared: motions are allowed")
+    return OK
+
+
+COMMANDS: Commands = {
+    "clients": (clients, None),
+    "lease": (lease, lease_options),
+    "stop": (stop, stop_options),
+    "clear": (clear, None),
 }

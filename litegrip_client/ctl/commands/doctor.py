@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from litegrip_client.ctl.render import plain
-from litegrip_client.ctl.run import NOT_OK, OK, Command, Fill, Run
+from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
 from litegrip_client.doctor import daemon_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check, Finding, as_data, examine
 from litegrip_client.doctor.gather import gather
@@ -92,5 +92,6 @@ def doctor(run: Run) -> int:
     return OK if data["ok"] else NOT_OK
 
 
-COMMANDS: Mapping[str, Command] = {"doctor": doctor}
-OPTIONS: Mapping[str, Fill] = {}
+COMMANDS: Commands = {
+    "doctor": (doctor, None),
+}

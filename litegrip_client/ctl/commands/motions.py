@@ -1,16 +1,16 @@
-"""The commands that move the jaws or let them be moved.
+"""The commands that move the jaws or let them be moved, and that list and cancel the jobs of these.
 
-All of these outlive this program: what was begun is carried out, and held.
+Motions outlive this program: what was begun is carried out, and held.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
-from litegrip_client.ctl import render_results as render
-from litegrip_client.ctl.motion import finish, start
-from litegrip_client.ctl.parser import LateParser, not_negative, positive, target
-from litegrip_client.ctl.run import OK, Command, Fill, Run
+from litegrip_client.ctl.motion import finish, opening_of, start, verdict
+from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
+from litegrip_client.ctl.render import Data, aligned, figure, owner, plain
+from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Commands, Run
 from litegrip_client.errors import CommandError, HardwareError
 
 TYPE_CHECKING = False
@@ -75,7 +75,12 @@ def move(run: Run) -> int:
 def _move(run: Run, method: str, params: Mapping[str, Any]) -> int:
     if run.options.no_wait:
         return start(run, method, params)
-    return finish(run, method, params, lambda data: render.move(run.options.command, data))
+    return finish(run, method, params, lambda data: _moved_text(run.options.command, data))
+
+
+def _moved_text(name: str, data: Data) -> str:
+    """Show how a motion ended."""
+    return f"{name}: {verdict(data)}, at {opening_of(data)}"
 
 
 _GRASP = """\
@@ -136,7 +141,20 @@ def grasp(run: Run) -> int:
         params["config"] = {"grasp_speed_mm_s": options.speed}
     if options.no_wait:
         return start(run, "motion.grasp", params)
-    return finish(run, "motion.grasp", params, render.grasp)
+    return finish(run, "motion.grasp", params, _grasp_text)
+
+
+def _grasp_text(data: Data) -> str:
+    """Show whether something is held, how wide it is, and how to let go of it."""
+    width = data.get("width_mm")
+    text = f"grasp: {verdict(data)}, "
+    text += f"at {opening_of(data)}" if width is None else f"{figure(width, '.1f', 'mm')} wide"
+    if data.get("held_s"):
+        text += f", held for {figure(data['held_s'], '.1f', 's')}"
+    if data.get("ok") or data.get("state", {}).get("force_set_n") is not None:
+        text += f", holding {figure(data.get('force_n'), '.1f', 'N')}"
+        text += "; let go with: litegripctl release"
+    return text
 
 
 def release_options(parser: LateParser) -> None:
@@ -164,7 +182,7 @@ def release(run: Run) -> int:
         )
     target_mm = min(opening_mm + run.options.by, calibration["travel_mm"])
     return finish(
-        run, "motion.move", {"opening_mm": target_mm}, lambda data: render.move("release", data)
+        run, "motion.move", {"opening_mm": target_mm}, lambda data: _moved_text("release", data)
     )
 
 
@@ -179,8 +197,16 @@ def force_options(parser: LateParser) -> None:
 def force(run: Run) -> int:
     """Set the squeezing force."""
     data = _settle(run, "motion.set_force", {"force_n": run.options.newtons})
-    run.output.result(data, render.force(data))
+    run.output.result(data, _force_text(data))
     return OK
+
+
+def _force_text(data: Data) -> str:
+    """Show with which force the jaws squeeze from now on."""
+    newtons = figure(data.get("force_n"), ".1f", "N")
+    return (
+        f"force: squeezing with {newtons}, at {opening_of(data)}; let go with: litegripctl release"
+    )
 
 
 def slack(run: Run) -> int:
@@ -199,20 +225,60 @@ def _given(**options: float | None) -> dict[str, Any]:
     return {name: value for name, value in options.items() if value is not None}
 
 
-COMMANDS: Mapping[str, Command] = {
-    "open": open_or_close,
-    "close": open_or_close,
-    "grasp": grasp,
-    "release": release,
-    "move": move,
-    "force": force,
-    "slack": slack,
-}
-OPTIONS: Mapping[str, Fill] = {
-    "open": to_stop_options,
-    "close": to_stop_options,
-    "grasp": grasp_options,
-    "release": release_options,
-    "move": move_options,
-    "force": force_options,
+def hold(run: Run) -> int:
+    """Hold the measured position."""
+    data = run.connection.run(run.connection.prepare_guarded("motion.hold", {}))
+    opening = figure(data["state"].get("opening_mm"), ".2f", "mm")
+    run.output.result(data, f"holding at {opening}")
+    return OK
+
+
+def jobs(run: Run) -> int:
+    """List the jobs."""
+    data = run.connection.call("job.list")
+    run.output.result(data, _jobs_text(data["jobs"]) if data["jobs"] else "no jobs")
+    return OK
+
+
+def _jobs_text(rows: list[Data]) -> str:
+    """Show jobs as a table."""
+    table = [("JOB", "KIND", "STATE", "PHASE", "OWNER")]
+    table += [
+        (
+            str(row.get("job")),
+            plain(row.get("kind")),
+            plain(row.get("state")),
+            plain(row.get("phase") or "-"),
+            plain(owner(row.get("owner") or {})),
+        )
+        for row in rows
+    ]
+    return aligned(table)
+
+
+def cancel_options(parser: LateParser) -> None:
+    """Take the job."""
+    parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
+
+
+def cancel(run: Run) -> int:
+    """Cancel a job."""
+    data = run.connection.call("job.cancel", {"job": run.options.job})
+    done = data["state"] in ENDING
+    text = "cancelled, the jaws hold" if done else f"had ended already: {data['state']}"
+    run.output.result(data, plain(f"job {data['job']} {text}"))
+    return OK if done else NOT_OK
+
+
+COMMANDS: Commands = {
+    "open": (open_or_close, to_stop_options),
+    "close": (open_or_close, to_stop_options),
+    "grasp": (grasp, grasp_options),
+    "release": (release, release_options),
+    "move": (move, move_options),
+    "force": (force, force_options),
+    "slack": (slack, None),
+    "hold": (hold, None),
+    "jobs": (jobs, None),
+    "cancel": (cancel, cancel_options),
 }

@@ -6,7 +6,7 @@ Only pictures need anything but the standard library, and only when they are dra
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -15,8 +15,7 @@ from litegrip_client.ctl import files
 from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import figure, plain
-from litegrip_client.ctl.render_trajectories import grip_line
-from litegrip_client.ctl.run import OK, Command, Fill, Run, installing
+from litegrip_client.ctl.run import OK, Commands, Run, installing
 from litegrip_client.errors import CommandError
 from litegrip_client.protocol.lgt import MAGIC
 from litegrip_client.trajectory import Trajectory
@@ -24,6 +23,8 @@ from litegrip_client.trajectory import Trajectory
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
+
+    from litegrip_client.protocol.grips import TaughtGrip
 
 
 _EIGHTHS = " ▁▂▃▄▅▆▇█"
@@ -107,7 +108,6 @@ def dump_options(parser: LateParser) -> None:
     parser.description = _DUMP
     parser.add_argument("--note", metavar="TEXT", help="kept in the file: why it was asked for")
     parser.add_argument("-o", "--output", metavar="FILE", help="copy it to this file, here")
-    parser.words["output"] = "files"
 
 
 def dump(run: Run) -> int:
@@ -156,7 +156,6 @@ def plot_options(parser: LateParser) -> None:
     """Take what to draw, and how."""
     parser.description = _PLOT
     parser.add_argument("file", metavar="FILE|NAME", help="a dump, or a trajectory")
-    parser.words |= {"file": "trajectories files", "output": "files"}
     parser.add_argument("--local", action="store_true", help="a trajectory of this user's")
     how = parser.add_mutually_exclusive_group()
     how.add_argument(
@@ -252,8 +251,14 @@ def _show(run: Run, trajectory: Trajectory | None) -> int:
         "grips": [asdict(grip) for grip in trajectory.grips],
         "lines": lines,
     }
-    run.output.result(data, "\n".join([head, *lines, *map(grip_line, trajectory.grips)]))
+    run.output.result(data, "\n".join([head, *lines, *map(_grip_line, trajectory.grips)]))
     return OK
+
+
+def _grip_line(grip: TaughtGrip) -> str:
+    """Show a grip that is kept with a trajectory."""
+    span = f"{grip.start_s:.2f} to {grip.end_s:.2f} s"
+    return f"grip: {span}, {grip.force_n:g} N, {grip.width_mm:.1f} mm wide, {plain(grip.source)}"
 
 
 def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
@@ -278,5 +283,7 @@ def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
     return png(draw(read(options.file), options.last))
 
 
-COMMANDS: Mapping[str, Command] = {"dump": dump, "plot": plot}
-OPTIONS: Mapping[str, Fill] = {"dump": dump_options, "plot": plot_options}
+COMMANDS: Commands = {
+    "dump": (dump, dump_options),
+    "plot": (plot, plot_options),
+}

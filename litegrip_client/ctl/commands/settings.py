@@ -1,23 +1,23 @@
-"""The commands that read and change settings: the daemon's configuration, the motor's registers.
-
-Registers are only read.
-"""
+"""The command that shows and changes the daemon's defaults for motions."""
 
 from __future__ import annotations
 
+import re
+from argparse import ArgumentTypeError
 from collections.abc import Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl import render_results as render
-from litegrip_client.ctl.parser import LateParser, setting
-from litegrip_client.ctl.render import plain
-from litegrip_client.ctl.run import OK, Command, Fill, Run
+from litegrip_client.ctl.parser import NUMBER, LateParser
+from litegrip_client.ctl.render import Data, plain
+from litegrip_client.ctl.run import OK, Commands, Run
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
+
+_SETTING = re.compile(rf"([a-z][a-z0-9_]*)=({NUMBER}(?:e[+-]?[0-9]+)?)", re.IGNORECASE)
 
 _CONFIG = """\
 Show or change the defaults that the daemon uses for motions. Without an action
@@ -34,18 +34,25 @@ def config_options(parser: LateParser) -> None:
     actions.add_parser("set", help="change fields", fill=_set_options)
 
 
+def _setting(text: str) -> tuple[str, float]:
+    """Read FIELD=NUMBER."""
+    found = _SETTING.fullmatch(text)
+    if found is None:
+        raise ArgumentTypeError(f"{text!r} is no setting: say FIELD=NUMBER, force_n=15 for one")
+    # Some fields are whole numbers, and the daemon takes a whole number for the others, too.
+    return found[1], int(found[2]) if re.fullmatch(r"[+-]?[0-9]+", found[2]) else float(found[2])
+
+
 def _get_options(parser: LateParser) -> None:
     parser.description = "Show all fields with what is allowed, or the value of one."
     parser.add_argument("field", nargs="?", metavar="FIELD", help="force_n, for one")
-    parser.words["field"] = "fields"
 
 
 def _set_options(parser: LateParser) -> None:
     parser.description = "Change fields for all clients, until the daemon restarts."
     parser.epilog = "example:\n  litegripctl config set force_n=15 speed_mm_s=30 --keep"
-    parser.add_argument("fields", nargs="+", type=setting, metavar="FIELD=VALUE", help="numbers")
+    parser.add_argument("fields", nargs="+", type=_setting, metavar="FIELD=VALUE", help="numbers")
     parser.add_argument("--keep", action="store_true", help="also for after a restart")
-    parser.words["fields"] = "settings"
 
 
 def config(run: Run) -> int:
@@ -55,7 +62,7 @@ def config(run: Run) -> int:
     data = run.connection.call("config.get")
     field = run.options.field
     if field is None:
-        run.output.result(data, render.config(data))
+        run.output.result(data, _config_text(data))
         return OK
     if field not in data["config"]:
         raise CommandError(
@@ -68,6 +75,19 @@ def config(run: Run) -> int:
     return OK
 
 
+def _config_text(data: Data) -> str:
+    """Show fields, their values and what is allowed, one in a line."""
+    fields = data["config"]
+    names = max(map(len, fields), default=0)
+    values = max((len(plain(value)) for value in fields.values()), default=0)
+    lines = []
+    for name, value in fields.items():
+        allowed = data.get("ranges", {}).get(name)
+        limits = f"  {allowed[0]:g} to {allowed[1]:g}" if allowed else ""
+        lines.append(f"{plain(name):<{names}}  {plain(value):<{values}}{limits}".rstrip())
+    return "\n".join(lines)
+
+
 def _set(run: Run) -> int:
     fields = dict(run.options.fields)
     if len(fields) < len(run.options.fields):
@@ -75,7 +95,7 @@ def _set(run: Run) -> int:
     data = run.connection.call(
         "config.set", {"config": fields, "keep": run.options.keep}, ACTION_TIMEOUT_S
     )
-    text = render.config(_only(data, fields))
+    text = _config_text(_only(data, fields))
     if not run.options.keep:
         text += "\nuntil the daemon restarts; for longer: --keep"
     run.output.result(data, text)
@@ -91,33 +111,6 @@ def _only(data: Mapping[str, Any], names: Mapping[str, Any] | tuple[str, ...]) -
     }
 
 
-_REGISTERS = """\
-examples:
-  litegripctl register PMAX VMAX TMAX
-  litegripctl register 21 0x15
-"""
-
-
-def register_options(parser: LateParser) -> None:
-    """Take which."""
-    parser.description, parser.epilog = "Read registers of the motor.", _REGISTERS
-    parser.add_argument(
-        "registers", nargs="+", metavar="NAME|NUMBER", help="PMAX, 21 or 0x15, for one"
-    )
-
-
-def register(run: Run) -> int:
-    """Read registers."""
-    rows = [
-        run.connection.call("motor.read_register", {"register": name})
-        for name in run.options.registers
-    ]
-    run.output.result({"registers": rows}, render.registers(rows))
-    return OK
-
-
-COMMANDS: Mapping[str, Command] = {"config": config, "register": register}
-OPTIONS: Mapping[str, Fill] = {
-    "config": config_options,
-    "register": register_options,
+COMMANDS: Commands = {
+    "config": (config, config_options),
 }

@@ -4,21 +4,20 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 
 from litegrip_client.blocking import BlockingWire, pause, wait
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, send
-from litegrip_client.ctl import files, terminal
-from litegrip_client.ctl import render_trajectories as render
-from litegrip_client.ctl.motion import finish
+from litegrip_client.ctl import files
+from litegrip_client.ctl.motion import bar, finish, opening_of, verdict
+from litegrip_client.ctl.output import say
 from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import plain
-from litegrip_client.ctl.render_results import bar
-from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Fill, Run
+from litegrip_client.ctl.render import Data, aligned, date, figure, plain
+from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Commands, Run
 from litegrip_client.errors import CancelledError, CommandError
-from litegrip_client.trajectory import Trajectory
+from litegrip_client.trajectory import Trajectory, grips_counted
 from litegrip_client.trajectory_files import (
     directory,
     list_trajectories,
@@ -74,14 +73,12 @@ def _get_options(parser: LateParser) -> None:
     parser.description = "Copy a trajectory of the daemon to this user's directory."
     _kept_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="to this name or path instead")
-    parser.words["output"] = "files"
     parser.add_argument("--overwrite", action="store_true", help="replace a file that exists")
 
 
 def _put_options(parser: LateParser) -> None:
     parser.description = "Copy a trajectory of this side to the daemon."
     parser.add_argument("file", metavar="NAME|FILE", help="a name of this user's, or a path")
-    parser.words["file"] = "own_trajectories files"
     parser.add_argument("--as", dest="name", metavar="NAME", help="the daemon's name of it")
     parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
@@ -101,7 +98,6 @@ def _export_options(parser: LateParser) -> None:
     parser.description = "Show the samples of a trajectory of the daemon as CSV."
     _kept_options(parser)
     parser.add_argument("-o", "--output", metavar="FILE", help="write it to this file")
-    parser.words["output"] = "files"
 
 
 def trajectories(run: Run) -> int:
@@ -118,14 +114,51 @@ def show(run: Run) -> int:
     """List what the daemon keeps, or this user."""
     if run.options.local:
         rows = [_row(asdict(file)) for file in list_trajectories()]
-        run.output.result(
-            {"trajectories": rows, "directory": str(directory())}, render.listed(rows)
-        )
+        run.output.result({"trajectories": rows, "directory": str(directory())}, listed_text(rows))
         return OK
     rows, usage = kept_and_usage(run)
-    text = "\n".join([render.listed(rows, owners=usage is not None), *render.room(usage)])
+    text = "\n".join([listed_text(rows, owners=usage is not None), *_room_lines(usage)])
     run.output.result({"trajectories": rows, **({"usage": usage} if usage else {})}, text)
     return OK
+
+
+def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
+    """Show trajectories as a table, `owners` by their uid; of one that cannot be used, why."""
+    head = ("NAME", "SAMPLES", "LENGTH", "RATE", "MOUNT", "GRIPS", "CREATED")
+    table: list[tuple[str, ...]] = [(*head, "UID") if owners else head]
+    broken = []
+    for row in rows:
+        name = plain(row.get("name"))
+        if row.get("error") is not None:
+            broken.append(f"{name}: NOT usable: {plain(row['error'])}")
+        else:
+            uid = row.get("uid")
+            owner = ("-" if uid is None else str(uid),) if owners else ()
+            table.append((name, *_figures(row), *owner))
+            if row.get("grip_problem") is not None:
+                broken.append(f"{name}: its grips are NOT usable: {plain(row['grip_problem'])}")
+    return "\n".join([aligned(table), *broken])
+
+
+def _room_lines(usage: Data | None) -> list[str]:
+    """Show how much of the room a user has taken; nothing where the daemon does not say."""
+    if usage is None:
+        return []
+    most, most_mb = usage["most_named"], usage["most_bytes"] / 1e6
+    has = f"{usage['named']} of {most}, {usage['bytes'] / 1e6:.1f} of {most_mb:g} MB"
+    return [f"of uid {usage['uid']}, who asks: {has}"]
+
+
+def _figures(row: Data) -> tuple[str, ...]:
+    hz = row.get("sample_hz") or 0.0
+    return (
+        str(row.get("samples") or 0),
+        figure(row.get("duration_s"), ".2f", "s"),
+        figure(hz, "g", "Hz"),
+        plain(row.get("mount") or "-"),
+        str(row.get("grips") or "-"),
+        date(row.get("created_s")),
+    )
 
 
 def get(run: Run) -> int:
@@ -188,7 +221,7 @@ def keep(run: Run) -> int:
         text = "a recording is under way: it is kept by the program that records"
         raise CommandError(text, reason="trajectory_busy", data={"hint": "wait for its end"})
     data = run.connection.call("trajectory.record_stop", {"name": name}, ACTION_TIMEOUT_S)
-    run.output.result(data, render.recorded(data))
+    run.output.result(data, recorded_text(data))
     return OK
 
 
@@ -262,7 +295,7 @@ def fetched_whole(run: Run, source: Mapping[str, Any]) -> tuple[Trajectory, byte
         beside = wait(fetch_grips(BlockingWire(run.connection), source))
         return trajectory.with_grips(content, beside), content
     except CommandError as error:  # also an older daemon, which knows of no grips
-        terminal.say(f"the grips are left out: {error.message}")
+        say(f"the grips are left out: {error.message}")
         return trajectory, content
 
 
@@ -274,7 +307,7 @@ def grips_beside(name: str, content: bytes) -> bytes:
             Trajectory.from_bytes(content).with_grips(content, beside)
         return beside
     except CommandError as error:
-        terminal.say(f"the grips are left out: {error.message}")
+        say(f"the grips are left out: {error.message}")
         return b""
 
 
@@ -347,9 +380,9 @@ def record(run: Run) -> int:
         nonlocal told
         if not told:  # not before: where recording is refused the jaws are not slack
             told = True
-            terminal.say(f"The jaws are slack for {options.seconds:g} s: push them. {_CTRL_C}")
+            say(f"The jaws are slack for {options.seconds:g} s: push them. {_CTRL_C}")
         if run.output.live:
-            run.output.line(render.recording(status, samples))
+            run.output.line(_recording_line(status, samples))
 
     recording = Recording(
         BlockingWire(run.connection),
@@ -374,8 +407,25 @@ def record(run: Run) -> int:
         data = {**error.data, "hint": hint}
         raise CommandError(error.message, reason=error.reason, data=data) from error
     run.output.erase_line()
-    run.output.result(data, render.recorded(data))
+    run.output.result(data, recorded_text(data))
     return OK
+
+
+def _recording_line(data: Data, samples: int) -> str:
+    """Show how far a recording is, in one line."""
+    done = data["samples"] + data["missed"]
+    seconds = figure(data.get("duration_s"), ".1f", "s")
+    return f"{bar(done / samples)} {seconds}, {data['samples']} samples"
+
+
+def recorded_text(data: Data) -> str:
+    """Show what was recorded, and how it is called."""
+    missed = f", {data['missed']} missed" if data.get("missed") else ""
+    length = figure(data.get("duration_s"), ".2f", "s")
+    name = plain(data.get("name"))
+    grips = f", {grips_counted(data['grips'])}" if data.get("grips") else ""
+    text = f"record: {data.get('samples')} samples in {length}{missed}{grips}, kept as {name}"
+    return f"{text}; replay it with: litegripctl play {name}"
 
 
 _PLAY = """\
@@ -411,7 +461,6 @@ def play_options(parser: LateParser) -> None:
 def _kept_options(parser: LateParser) -> None:
     """Take which of the daemon's."""
     parser.add_argument("name", metavar="NAME", help=_NAME)
-    parser.words["name"] = "trajectories"
 
 
 def play(run: Run) -> int:
@@ -426,7 +475,21 @@ def play(run: Run) -> int:
         params["upload"] = _uploaded(run)
     else:
         params["name"] = options.name
-    return finish(run, "trajectory.play", params, render.played)
+    return finish(run, "trajectory.play", params, played_text)
+
+
+def played_text(data: Data) -> str:
+    """Show how a replay ended."""
+    loops = data.get("loops")
+    passes = f"{loops} pass" if loops == 1 else f"{loops} passes"
+    behind = figure(data.get("largest_lag_mm"), ".1f", "mm")
+    text = f"play: {verdict(data)}, {passes}, at {opening_of(data)}, at most {behind} behind"
+    if data.get("grips"):
+        width = figure(data.get("width_mm"), ".1f", "mm")
+        differs = figure(data.get("width_difference_mm"), "+.1f", "mm")
+        grips = grips_counted(data["grips"])
+        text += f"; {grips}, the last one {width} wide, at most {differs} to taught"
+    return text
 
 
 def _uploaded(run: Run) -> int:
@@ -439,9 +502,8 @@ def _uploaded(run: Run) -> int:
         return int(wait(send(wire, content, None, share, grips))["upload"])
 
 
-COMMANDS: Mapping[str, Command] = {"trajectories": trajectories, "record": record, "play": play}
-OPTIONS: Mapping[str, Fill] = {
-    "trajectories": actions_options,
-    "record": record_options,
-    "play": play_options,
+COMMANDS: Commands = {
+    "trajectories": (trajectories, actions_options),
+    "record": (record, record_options),
+    "play": (play, play_options),
 }

@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from litegrip_client.ctl.plot.dump import Dump, Happening
-from litegrip_client.ctl.render_trajectories import date
+from litegrip_client.ctl.render import date
 from litegrip_client.protocol.grips import TaughtGrip
 from litegrip_client.trajectory import Trajectory
 

@@ -1,15 +1,20 @@
-"""The command that installs the units for systemd, and shows the next steps."""
+"""The commands that set up this machine: units for systemd, completion in a shell."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from argparse import ArgumentTypeError
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from litegrip_client.ctl.parser import LateParser, interface
-from litegrip_client.ctl.run import OK, Command, Fill, Run
+from litegrip_client.ctl.parser import LateParser
+from litegrip_client.ctl.run import OK, Commands, Run
 from litegrip_client.units import install, plan
 from litegrip_client.units.install import Done, Wishes
+
+_DATA = Path(__file__).resolve().parents[2] / "data"
+_INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
 
 _INSTALL_UNITS = """\
 Install what lets systemd run the daemons of this installation: units, a user
@@ -29,7 +34,7 @@ def install_units_options(parser: LateParser) -> None:
         "--can",
         action="append",
         default=[],
-        type=interface,
+        type=_interface,
         metavar="NAME",
         help="also have this CAN interface brought up at 1 Mbit/s; may be repeated",
     )
@@ -39,6 +44,13 @@ def install_units_options(parser: LateParser) -> None:
     parser.add_argument(
         "--uninstall", action="store_true", help="remove it all; configuration and data stay"
     )
+
+
+def _interface(text: str) -> str:
+    """Read the name of a network interface."""
+    if not _INTERFACE.fullmatch(text):
+        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface, such as can0")
+    return text
 
 
 def install_units(run: Run) -> int:
@@ -129,7 +141,33 @@ def _text(done: Sequence[Done], following: Sequence[str], notes: Sequence[str]) 
     return "\n".join([*lines, *(f"note: {note}" for note in notes)])
 
 
-COMMANDS: Mapping[str, Command] = {"install-units": install_units}
-OPTIONS: Mapping[str, Fill] = {
-    "install-units": install_units_options,
+_COMPLETION = """\
+Print the script by which a shell completes commands, options and their values:
+running channels, files.
+"""
+_COMPLETION_EXAMPLES = """\
+examples:
+  eval "$(litegripctl completion bash)"      for this shell, or in ~/.bashrc
+  eval "$(litegripctl completion zsh)"       in ~/.zshrc, behind compinit
+  litegripctl completion fish | source       in ~/.config/fish/config.fish
+"""
+
+
+def completion_options(parser: LateParser) -> None:
+    """Take which shell."""
+    parser.description, parser.epilog = _COMPLETION, _COMPLETION_EXAMPLES
+    parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
+
+
+def completion(run: Run) -> int:
+    """Print the script of a shell."""
+    shell = run.options.shell
+    script = (_DATA / f"litegripctl.{shell}").read_text(encoding="utf-8")
+    run.output.result({"shell": shell, "script": script}, script.rstrip("\n"))
+    return OK
+
+
+COMMANDS: Commands = {
+    "install-units": (install_units, install_units_options),
+    "completion": (completion, completion_options),
 }
