@@ -41,12 +41,22 @@ class Restart(NamedTuple):
 
 
 def pump_of(pid: int) -> int:
-    """Find the pump; the helper stays ordinary, for a successor inherits its priority."""
+    """Return the pump's pid; the helper stays ordinary, for a successor inherits its priority."""
+    pumps = [child for child in descendants(pid) if b"pump_main" in command_line(child)]
+    if not pumps:
+        raise RuntimeError("the daemon has no pump")
+    return pumps[0]
+
+
+def descendants(pid: int) -> list[int]:
+    """Return the processes that a process has started, and theirs."""
     path = Path(f"/proc/{pid}/task/{pid}/children")
-    for child in path.read_text(encoding="ascii").split():
-        if b"pump_main" in Path(f"/proc/{child}/cmdline").read_bytes():
-            return int(child)
-    raise RuntimeError("the daemon has no pump")
+    children = [int(child) for child in path.read_text(encoding="ascii").split()]
+    return children + [other for child in children for other in descendants(child)]
+
+
+def command_line(pid: int) -> bytes:
+    return Path(f"/proc/{pid}/cmdline").read_bytes()
 
 
 def result(path: Path, method: str, **params: Any) -> dict[str, Any]:

@@ -300,7 +300,7 @@ class World:
         self.exchange()
         self.service.after_tick(self.now_s)
         self.record()
-        self._run_errands()
+        self._send_tasks()
         while self.service.pending:
             self.service.send_one()
 
@@ -343,7 +343,7 @@ class World:
                 answers = self.gripper.receive(self.now_s + FRAME_TIME_S, frame)
                 self._in_flight += [f for f in answers if not self.lose_from_motor(f)]
 
-    def _run_errands(self) -> None:
+    def _send_tasks(self) -> None:
         """Do the slow work as the helper process would, with the result in the next tick."""
         tasks, self.controller.tasks = self.controller.tasks, []
         finished, self._finished = self._finished, []

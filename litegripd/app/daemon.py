@@ -160,7 +160,7 @@ class Daemon:
         self._reactor.add(self._urgent.fileno(), self._urgent)
         self._reactor.add(self._places.claim.fileno(), self._places.claim)
         self._helper.poll(time.monotonic())
-        self._run_errands()
+        self._send_tasks()
         self._open_bus()
         logging.getLogger().handlers = [self._log_handler]
         rights = acquire(self._config.control.priority, self._config.control.cpus)
@@ -193,7 +193,7 @@ class Daemon:
         if self._retirement is not None:
             _log.info("ended; the motor belongs to the successor, pid %d", self._succession.pid)
             return True
-        return self._ending.tell()
+        return self._ending.report()
 
     def _tick(self, now_s: float) -> None:
         """Do the work of one period, stops first; whatever fails, the daemon can still be ended."""
@@ -224,7 +224,7 @@ class Daemon:
         self._links.poll(now_s)
         if self._parts is not None:
             self._parts.tick(now_s)
-        self._greeting.look(self._machine.motor.view().identity)
+        self._greeting.note(self._machine.motor.view().identity)
         if self._began_s is not None:
             self._open_when_ready(now_s - self._began_s)
         successor = self._succession.step(now_s, self._reactor.next_tick_s)
@@ -251,7 +251,7 @@ class Daemon:
             send_failures=self._bus.counters.send_failures,
         )
         self._dumps.step(now_s, failed=failed, bus_is_up=bus_is_up)
-        self._run_errands()
+        self._send_tasks()
         for event in self._service.take_events():
             log_event(event)
         self._supervision.tick(now_s, failed=failed)
@@ -272,9 +272,9 @@ class Daemon:
     def _retire(self, retirement: Retirement) -> None:
         """End after a successor has taken over the bus and all new clients."""
         give_up_priority()
-        self._succession.tell_outcome()
-        retirement.part_with_clients(self._server, self._stop_listener)
-        self._supervision.followed_by(self._succession.pid, retirement.goes_on)
+        self._succession.report_outcome()
+        retirement.release_clients(self._server, self._stop_listener)
+        self._supervision.followed_by(self._succession.pid, retirement.is_followed)
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
         """Stop from the next command on; return the latched level, and the generation."""
@@ -294,7 +294,7 @@ class Daemon:
     def _close(self) -> None:
         self._succession.close()
         self._dumps.finish(time.monotonic())
-        self._run_errands()
+        self._send_tasks()
         if self._retirement is None:
             self._server.flush()
             self._server.close()
@@ -317,7 +317,7 @@ class Daemon:
         self._reactor.close()
         self._memory.close()
 
-    def _run_errands(self) -> None:
+    def _send_tasks(self) -> None:
         """Send the tasks of the pure rooms to the helper process."""
         tasks = self._machine.controller.tasks
         while tasks:

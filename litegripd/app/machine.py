@@ -125,7 +125,7 @@ class Ending:
             return True
         return self._machine.is_disabled or waited_s >= END_WITHIN_S
 
-    def tell(self) -> bool:
+    def report(self) -> bool:
         """Log the outcome; return False if the motor may still be energised.
 
         A motor that has never answered mostly has no power: that is logged, but is no failure.

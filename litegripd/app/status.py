@@ -85,7 +85,7 @@ class MotorGreeting:
         self._identity: MotorIdentity | None = None
         self._warnings: list[str] = []
 
-    def look(self, identity: MotorIdentity | None) -> None:
+    def note(self, identity: MotorIdentity | None) -> None:
         """Log the identity if it is new."""
         if identity is not None and not self._was_known:
             _log_motor(identity)

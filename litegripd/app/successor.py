@@ -47,13 +47,13 @@ class Successor(Daemon):
         if packet is None or packet.kind != "hello":
             raise NotTakenError("the predecessor has not greeted")
         *sockets, document = packet.descriptors
-        will = read_document(document)
-        _check_same(config, will)
+        hello = read_document(document)
+        _check_same(config, hello)
         bus, path = config.bus, socket_path(config)
         inherited = take_over(bus.interface, bus.channel, path, sockets)
-        super().__init__(config, arguments, Legacy(inherited, will["epoch"]))
+        super().__init__(config, arguments, Legacy(inherited, hello["epoch"]))
         self._link = link
-        self._prepare(will["state"])
+        self._prepare(hello["state"])
 
     def await_state(self) -> Packet:
         """Report that this process is ready; return the packet with the state when it comes."""
@@ -90,7 +90,7 @@ class Successor(Daemon):
         frames = self._machine.tick(now_s, received, self._bus.condition)
         self._bus.send(frames, now_s)
         gap_s = time.monotonic() - float(packet.body["sent_s"])
-        self._insist_on_bus()
+        self._check_bus()
         _log.info("took over %.1f ms after the last command of the daemon before", gap_s * 1e3)
         try:
             self._link.send("running", gap_s=gap_s)
@@ -98,7 +98,7 @@ class Successor(Daemon):
             _log.warning("the predecessor is gone already: %s", error)
         return due_s + self._reactor.period_s
 
-    def go_on(self, next_tick_s: float) -> bool:
+    def serve(self, next_tick_s: float) -> bool:
         """Run as any daemon, to the end; return False if the motor may still be energised."""
         try:
             history = read_document(self._history)
@@ -118,9 +118,8 @@ class Successor(Daemon):
             stop = value_of(packet.body["stop"], Stop, "stop")
             controller = self._machine.controller
             controller.stop(stop.level, stop.by, stop.why, time.monotonic())
-            latch = (
-                controller.stop_latch
-            )  # clients know the predecessor's generation: it must not go back
+            # Clients know the predecessor's generation: it must not go back.
+            latch = controller.stop_latch
             latch.generation = max(latch.generation, int(packet.body["generation"]))
             self._service.reporter.refresh()
         elif packet is not None and packet.kind == "end":
@@ -140,9 +139,9 @@ class Successor(Daemon):
         self._reactor.freeze()
         self._begin()
         if self._config.bus.interface in DIRECT_INTERFACES:
-            self._insist_on_bus()
+            self._check_bus()
 
-    def _insist_on_bus(self) -> None:
+    def _check_bus(self) -> None:
         refusal = self._bus.condition.refusal(self._config.bus.channel)
         if refusal is not None:
             raise NotTakenError(f"the successor: {refusal.message}")
@@ -180,25 +179,25 @@ def succeed(load: Callable[[], Config], arguments: Sequence[str]) -> bool | None
         is_told = isinstance(error, NotTakenError | ConfigError | PlainError | OSError)
         why = str(error) if is_told else f"a defect of the successor: {error!r}"
         _log.error("no restart: %s", why)
-        _tell(link, why)
+        _report(link, why)
         return None
-    return successor.go_on(next_tick_s)
+    return successor.serve(next_tick_s)
 
 
-def _check_same(config: Config, will: Any) -> None:
+def _check_same(config: Config, hello: Any) -> None:
     """Reject a configuration that does not fit the hold."""
-    before, now = will["settings"], same_settings(config)
+    before, now = hello["settings"], same_settings(config)
     differing = [f"[{table}]" for table, values in now.items() if values != before.get(table)]
     if differing:
         raise NotTakenError(
             f"{config.source or 'the configuration'} has another {' and '.join(differing)} than"
             " the running daemon: that needs a restart without the hold"
         )
-    if str(socket_path(config)) != will["path"]:
-        raise NotTakenError(f"the socket would be {socket_path(config)}, not {will['path']}")
+    if str(socket_path(config)) != hello["path"]:
+        raise NotTakenError(f"the socket would be {socket_path(config)}, not {hello['path']}")
 
 
-def _tell(link: Link, why: str) -> None:
+def _report(link: Link, why: str) -> None:
     try:
         link.send("refused", why=why)
     except OSError as error:

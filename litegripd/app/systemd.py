@@ -96,7 +96,7 @@ class Supervision:
             self._feed(now_s)
         if now_s >= self._next_status_s:
             self._next_status_s = now_s + STATUS_EVERY_S
-            self._tell_status()
+            self._send_status()
 
     def close(self) -> None:
         """Close the socket."""
@@ -129,7 +129,7 @@ class Supervision:
             return "requests wait, and none is answered"
         return None
 
-    def _tell_status(self) -> None:
+    def _send_status(self) -> None:
         verdict, reasons = self._facts.verdict()
         clients = self._server.clients
         text = f"{self._mode()}, {clients} client{'' if clients == 1 else 's'}, {verdict}"

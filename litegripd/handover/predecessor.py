@@ -263,7 +263,7 @@ class Succession:
             # After the signal it runs no instruction of its own, however long its end takes.
             select.select((self._pidfd,), (), (), _DIE_WITHIN_S)
 
-    def tell_outcome(self) -> None:
+    def report_outcome(self) -> None:
         """Report to the client that asked for the restart that the successor has taken over."""
         self._forget_successor()
         on_restarted, self._on_restarted = self._on_restarted, None
@@ -324,7 +324,7 @@ class Retirement:
         self._passed_on = controller.stop_latch.generation
         self._end_is_passed_on = False
 
-    def part_with_clients(self, server: Server, stops: StopListener) -> None:
+    def release_clients(self, server: Server, stops: StopListener) -> None:
         """Answer the requests that were sent before, and close: the successor takes new clients."""
         self._controller.shut_down()  # it has no motor any more: it only rejects
         server.let_in(False)
@@ -347,7 +347,7 @@ class Retirement:
             self._end_is_passed_on = True
             pass_end(self._link)
 
-    def goes_on(self) -> bool:
+    def is_followed(self) -> bool:
         """Pass on stops and signals; return True while the successor is there."""
         self.pass_on()
         return not self._link.is_left()

@@ -35,7 +35,7 @@ def ended(world: World, caplog: pytest.LogCaptureFixture) -> tuple[bool, int, st
     ending.begin(world.now_s)
     world.run_until(lambda: ending.is_over(world.now_s), 5.0)
     with caplog.at_level(logging.INFO):
-        is_well = ending.tell()
+        is_well = ending.report()
     return is_well, caplog.records[-1].levelno, caplog.records[-1].getMessage()
 
 

@@ -28,12 +28,12 @@ def test_a_motor_of_another_type_is_a_warning(
     world = world_of(configured, on_the_bus).start()
     greeting = MotorGreeting(configured)
     for _ in range(3):
-        greeting.look(world.machine.motor.view().identity)
+        greeting.note(world.machine.motor.view().identity)
     (warning,) = [record for record in caplog.records if record.levelno >= logging.WARNING]
     assert warning.getMessage().startswith(f"the motor is no {configured.name}")
 
 
 def test_the_usual_motor_is_no_warning(caplog: pytest.LogCaptureFixture) -> None:
     world = world_of(DM4310, DM4310).start()
-    MotorGreeting(DM4310).look(world.machine.motor.view().identity)
+    MotorGreeting(DM4310).note(world.machine.motor.view().identity)
     assert not [record for record in caplog.records if record.levelno >= logging.WARNING]

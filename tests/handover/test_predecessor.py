@@ -176,7 +176,7 @@ def test_the_bus_is_handed_over_once_the_successor_has_sent_its_first_command(ri
     thread.join()
     assert line is not None
     assert rig.told == []
-    rig.succession.tell_outcome()
+    rig.succession.report_outcome()
     assert rig.told == [Restarted(rig.process.pid, 0.005)]
     assert rig.succession.pid == rig.process.pid
     assert rig.process.poll() is None
@@ -275,7 +275,7 @@ def test_a_motion_that_begins_meanwhile_is_waited_for(rig: Rig) -> None:
     line = rig.step()
     thread.join()
     assert line is not None
-    rig.succession.tell_outcome()
+    rig.succession.report_outcome()
     line.close()
 
 
@@ -350,11 +350,11 @@ def test_the_state_fits_what_the_successor_prepares_with(rig: Rig) -> None:
     assert len(sockets) == len(rig.places.descriptors)
     for descriptor in sockets:
         os.close(descriptor)
-    will = read_document(document)
-    assert will["epoch"] == "epoch"
-    assert will["path"] == str(rig.places.path)
-    assert will["settings"].keys() == {"bus", "motor", "gripper", "rpc"}
-    assert will["state"]["format"] == FORMAT
+    hello = read_document(document)
+    assert hello["epoch"] == "epoch"
+    assert hello["path"] == str(rig.places.path)
+    assert hello["settings"].keys() == {"bus", "motor", "gripper", "rpc"}
+    assert hello["state"]["format"] == FORMAT
 
 
 def test_a_successor_without_predecessor_or_with_a_dead_one_ends() -> None:
