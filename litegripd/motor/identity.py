@@ -331,7 +331,7 @@ class Verifier:
     @property
     def doubts_ranges(self) -> bool:
         """True if a range of the frames' fields may differ from the known one."""
-        return any(self.is_in_doubt(register) for register in _RANGES)
+        return bool(self._open) and any(map(self.is_in_doubt, _RANGES))
 
     @property
     def has_written(self) -> bool:
@@ -427,6 +427,8 @@ class Verifier:
 
     def widest(self, ranges: Ranges) -> Ranges:
         """Return the largest velocity and torque ranges that the motor may have."""
+        if not self._open:
+            return ranges
         return replace(
             ranges,
             velocity_rad_s=self._largest(VMAX, ranges.velocity_rad_s),
@@ -498,6 +500,8 @@ class Identification:
         "verifier",
         "_configured_master_id",
         "_judged",
+        "_ranged",
+        "_usable",
         "_scan",
         "_refusal",
     )
@@ -509,6 +513,9 @@ class Identification:
         self.can_id = can_id
         self.motor_type = motor_type
         self._configured_master_id = configured_master_id
+        self._ranged: MotorIdentity | None = None
+        self._usable: Ranges | None = None
+        """The ranges of the motor that was `_ranged`, once for all ticks."""
         self._judged: MotorIdentity | None = None
         self._refusal: Refusal | None = None
         """Why the motor that was `_judged` cannot be used. It is judged once, and read in every
@@ -524,7 +531,11 @@ class Identification:
     def usable_ranges(self) -> Ranges | None:
         """The motor's own ranges; None while they are unknown, and if they make no sense."""
         identity = self.identity
-        return identity.ranges if identity is not None and has_usable_ranges(identity) else None
+        if identity is not self._ranged:
+            self._ranged, self._usable = identity, None
+            if identity is not None and has_usable_ranges(identity):
+                self._usable = identity.ranges
+        return self._usable
 
     @property
     def ranges(self) -> Ranges:

@@ -27,7 +27,7 @@ _ANSWER_BYTES = 8
 _HEAD_BYTES = 4
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)  # there is one object for each
 class Register:
     """One register: its number, the maker's name, and float ("f") or unsigned ("u")."""
 
