@@ -70,7 +70,7 @@ class LineStream:
         """
         with self._send_lock:
             if self._cut:
-                raise OSError("an earlier line was cut off half-way: connect anew")
+                raise OSError("an earlier line was cut off half-way: connect again")
             try:
                 sent = self._socket.send(line, socket.MSG_DONTWAIT)
             except BlockingIOError:
@@ -211,7 +211,7 @@ class Multiplexer:
                 f"this connection belongs to process {self._pid}; its forked child "
                 f"{os.getpid()} cannot use it",
                 reason="forked",
-                data={"hint": "connect anew in the child"},
+                data={"hint": "connect again in the child"},
             )
         if self.is_waiting_here:
             raise CommandError(

@@ -139,7 +139,7 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
     if denied:
         group = _group_of(denied[0])
         hint = (
-            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in anew); {hint}"
+            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again); {hint}"
         )
     return ConnectError(
         f"no daemon can be reached{of_channel} ({tried})",

@@ -94,7 +94,9 @@ ROWS: tuple[Row, ...] = (
     _counter("bus.received", "bus_frames_received", "Frames received."),
     _counter("bus.send_failures", "bus_frames_lost", "Frames that could not be sent."),
     _counter("bus.ignored", "bus_frames_ignored", "Frames of a kind that is not the motor's."),
-    _counter("bus.error_frames", "bus_error_frames", "What the controller had to mend."),
+    _counter(
+        "bus.error_frames", "bus_error_frames", "Errors on the bus that the controller corrected."
+    ),
     _counter("bus.errors", "bus_errors", "Errors of sending and receiving."),
     _counter("bus.reopened", "bus_reopened", "How often the bus was opened again."),
     _counter("motor.commands", "motor_commands", "Commands to the motor."),

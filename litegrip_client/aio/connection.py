@@ -288,7 +288,7 @@ class Connection(Exchange):
             raise CommandError(
                 "this connection belongs to another event loop",
                 reason="wrong_loop",
-                data={"hint": "connect anew in each event loop, after having disconnected"},
+                data={"hint": "connect again in each event loop, after having disconnected"},
             )
 
     async def _send(self, line: bytes) -> None:

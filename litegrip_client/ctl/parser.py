@@ -47,7 +47,7 @@ EXIT_CODES: tuple[tuple[int, str], ...] = (
     (70, "a defect, or another version of the daemon"),
     (74, "the output cannot be written: the disk is full, say"),
     (130, "interrupted by Ctrl-C"),
-    (141, "whoever read the output has gone"),
+    (141, "the reader of the output has gone"),
 )
 CLOSING = "A motion goes on when litegripctl is killed; Ctrl-C cancels it."
 

@@ -25,7 +25,7 @@ _shtab_litegripctl_commands() {
     enable:'enable the motor; it stays enabled'
     force:'change the force of a grasp, or begin to squeeze'
     grasp:'close until something is held, and hold it with a force'
-    health:'show how the daemon is; the exit code tells the verdict'
+    health:'show how the daemon is; the exit code is the verdict'
     hold:'hold the present position'
     info:'show what does not change: versions, motor, calibration'
     install-units:'install what lets systemd run the daemons'
@@ -42,7 +42,7 @@ _shtab_litegripctl_commands() {
     restart:'restart the daemon without letting go of what is held'
     slack:'let the jaws be moved by hand, until '"'"'hold'"'"''
     state:'show the state once'
-    stop:'stop the gripper, whoever moves it, until '"'"'clear'"'"''
+    stop:'stop the gripper, whichever client moves it, until '"'"'clear'"'"''
     teleop:'lead another gripper by hand, or follow one'
     trajectories:'list what was recorded, copy or remove it'
     watch:'show the state again and again'
@@ -466,7 +466,7 @@ _shtab_litegripctl_lease_take_options=(
   "--json[print results and errors as JSON]"
   "--release[let go of what is held\: the jaws go slack]"
   {-y,--yes}"[do not ask first]"
-  ":told to the loser and to the log:"
+  ":for the loser and the log:"
 )
 
 # guard to ensure default positional specs are added only once per session
@@ -625,7 +625,7 @@ _shtab_litegripctl_stop_options=(
   "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--level[hold the position (default), let go, or disable the motor]:level:(hold relax disable)"
-  "--why[shown to whoever is refused by the stop]:TEXT:"
+  "--why[shown to clients that the stop refuses]:TEXT:"
 )
 
 # guard to ensure default positional specs are added only once per session

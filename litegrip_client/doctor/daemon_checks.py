@@ -64,7 +64,7 @@ def version(facts: Facts) -> Finding | None:
     text = f"the daemon is {told}, this program {facts.version}"
     why = "a daemon goes on running as what it was started; else install one version for both"
     if facts.interface in SIMULATED:
-        return warning(text, advice=f"end it, and start it anew; {why}")
+        return warning(text, advice=f"end it, and start it again; {why}")
     hold = f"{facts.ctl} restart --hold" if facts.unit is None else _systemctl("reload", facts)
     return warning(text, hold, f"the jaws hold meanwhile what they hold; {why}")
 
@@ -169,7 +169,7 @@ def _no_daemon(facts: Facts) -> Finding:
         return error(
             f"{who} listens, but {failure}",
             _systemctl("restart", facts),
-            f"{f'look first: {status}; ' if status else ''}without systemd: end it, start it anew",
+            f"{f'look first: {status}; ' if status else ''}without systemd: end it, start it again",
         )
     if not facts.is_channel_known:
         advice = f"start its daemon: litegripd CHANNEL --socket {facts.socket}"

@@ -43,7 +43,7 @@ def bus(facts: Facts) -> Finding | None:
     if figures.get("state") not in USABLE_BUS:
         return error(
             f"the daemon cannot use it ({figures.get('state')}): {figures.get('error')}",
-            advice="mend what is found above, else what this error names; the daemon then goes on",
+            advice="fix what is found above, else what this error names; the daemon then continues",
         )
     load = figures.get("load") or 0.0
     return ok(f"the daemon uses it, load {load:.0%}, {figures.get('send_failures')} lost frames")

@@ -38,7 +38,7 @@ _OPENING = (
 )
 """What to do about an adapter that cannot be opened, by a part of what its driver says."""
 
-_OPENING_ELSE = "mend what its driver says, or correct [bus] in the configuration and restart"
+_OPENING_ELSE = "fix what its driver says, or correct [bus] in the configuration and restart"
 
 _NO_RESTART = (None, "gs_usb")
 """Drivers without a restart after bus-off, as those of serial lines, which sysfs does not name.
@@ -219,7 +219,7 @@ def device(facts: Facts) -> Finding | None:
     return warning(
         f"{found.path} is there, but not for {facts.user.name}",
         f"sudo usermod --append --groups {found.group or 'dialout'} {facts.user.name}",
-        "needed if the daemon runs as this user; then log in anew",
+        "needed if the daemon runs as this user; then log in again",
     )
 
 

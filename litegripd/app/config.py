@@ -178,7 +178,7 @@ KEYS = (
         "default",
         str,
         '"operator"',
-        "The role of whoever is in no list: observer (read and stop), operator (also move) or admin"
+        "The role of every user in no list: observer (read and stop), operator (also move) or admin"
         " (also take the lease from others and change the daemon's defaults).",
         choices=ROLES,
     ),
@@ -216,7 +216,7 @@ KEYS = (
         str,
         '"/etc/litegripd/zenoh-tls.json5"',
         "The absolute path of a configuration file of zenoh's own, for TLS and access lists;"
-        " etc/zenoh-tls.json5 is one. Left out: the link is open to whoever reaches its port.",
+        " etc/zenoh-tls.json5 is one. Left out: the link is open to everyone who reaches its port.",
     ),
 )
 

@@ -165,7 +165,7 @@ class Daemon:
         logging.getLogger().handlers = [self._log_handler]
         rights = acquire(self._config.control.priority, self._config.control.cpus)
         for refused in rights.refused:
-            _log.warning("not granted, going on without: %s", refused)
+            _log.warning("not granted, continuing without: %s", refused)
         self._parts = Parts(
             reactor=self._reactor,
             server=self._server,

@@ -108,7 +108,7 @@ class Supervision:
         if complaint is None:
             self._notifier.send("WATCHDOG=1")
         elif self._complaint is None:
-            _log.error("the watchdog is not fed, this daemon will be started anew: %s", complaint)
+            _log.error("the watchdog is not fed, this daemon will be restarted: %s", complaint)
         self._complaint = complaint
 
     def _idle(self, now_s: float) -> str | None:
@@ -122,9 +122,9 @@ class Supervision:
         if view.phase in _ANSWERS and self._machine.controller.bus.is_usable:
             age_s = now_s - view.feedback.at_s if view.feedback is not None else None
             if age_s is None or age_s > FEEDBACK_WITHIN_S:
-                return "the motor is taken to answer, and does not"
+                return "the motor counts as answering, but does not answer"
         if not self._server.is_open:
-            return "no new client is heard"
+            return "no new client is accepted"
         if waited and self._waited and requests == self._requests:
             return "requests wait, and none is answered"
         return None

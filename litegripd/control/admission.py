@@ -43,7 +43,7 @@ CALIBRATION_COMING = Refusal(
 
 ZERO_MOVED = Refusal(
     "not_calibrated",
-    "the motor's zero was moved, so the calibration fits no longer: calibrate anew"
+    "the motor's zero was moved, so the calibration is no longer valid: calibrate again"
     " (calibration.zero with a mount, or by hand)",
     {"hint": "calibration.zero with a mount"},
 )
@@ -177,7 +177,7 @@ def position_refusal(motor: MotorView, geometry: Geometry) -> Refusal | None:
     if outside_rad <= IMPLAUSIBLE_OUTSIDE_RAD:
         return None
     remedy = (
-        "power-cycle the motor with the jaws inside the travel; if it is still off, calibrate anew"
+        "power-cycle the motor with the jaws inside the travel; if it is still off, calibrate again"
         " (calibration.zero with a mount)"
     )
     return Refusal(

@@ -68,7 +68,9 @@ def calibrated(calibration: Calibration, file: str | None) -> Event:
 
 def not_saved(error: str) -> Event:
     """Report that the file still holds an outdated calibration."""
-    text = f"the calibration file still holds what fits no longer; it was not rewritten: {error}"
+    text = (
+        f"the calibration file still holds the outdated calibration; it was not rewritten: {error}"
+    )
     return Event("calibration", text, {"error": error})
 
 

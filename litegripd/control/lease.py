@@ -147,7 +147,7 @@ class Lease:
         """
         holder = self.holder
         if owner.grant is not None and (holder is None or holder.number != owner.grant):
-            text = "the lease of this token is lost, and nothing retakes it: acquire one anew"
+            text = "the lease of this token is lost for good: acquire a new one"
             return Refusal("lease_lost", text, _held_by(holder))
         if owner.grant is not None:
             return None
@@ -208,7 +208,7 @@ class Lease:
         if self.holder is not None or lapsed is None or lapsed.number != number or self._waiting:
             text = (
                 "the lease of this token cannot be resumed: it was given back, or somebody has had"
-                " the lease since; acquire it anew (lease.acquire)"
+                " the lease since; acquire it again (lease.acquire)"
             )
             return Refusal("lease_lost", text)
         return self._grant(owner, lapsed.options, now_s)

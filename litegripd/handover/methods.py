@@ -38,7 +38,7 @@ class RestartMethods:
 
     @Method(
         "daemon.restart",
-        "Start a successor of the daemon, which reads the configuration anew and takes over; pose"
+        "Start a successor of the daemon, which reads the configuration again and takes over; pose"
         " and force of the jaws are held all the while. Refused while a motion runs. Connections"
         " end after the answer; a lease may be resumed by its token.",
         "The pid of the successor, which has taken over, and gap_s, the time between the last"

@@ -280,7 +280,7 @@ class Succession:
         self._places.name_owner()
         on_restarted, self._on_restarted = self._on_restarted, None
         if on_restarted is not None:
-            on_restarted(Refusal("restart_failed", f"the daemon goes on as it was: {why}"))
+            on_restarted(Refusal("restart_failed", f"the daemon continues unchanged: {why}"))
 
     def _forget_successor(self) -> None:
         self._forget_history()

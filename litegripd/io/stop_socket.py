@@ -28,7 +28,7 @@ OnStop: TypeAlias = Callable[[StopLevel, Owner, str | None], tuple[StopLevel, in
 _GIVES_WAY = Refusal(
     "too_many_connections",
     f"{MAX_STOP_CONNECTIONS} connections are open to the stop socket, and this one was idle the"
-    " longest: connect anew to stop",
+    " longest: connect again to stop",
     {"limit": MAX_STOP_CONNECTIONS},
 )
 

@@ -36,7 +36,7 @@ _REMEDIES: dict[BusState, str] = {
     " back by itself, any other one by: sudo ip link set {name} down && sudo ip link set {name} up",
     "bus_stalled": "nobody on the bus acknowledges a frame: check the cable and the motor's power",
     "motor_silent": "check the motor's 24 V supply, the CAN wiring and its id",
-    "down": "mend what the error names: the bus is opened again and again by itself",
+    "down": "fix what the error names: the daemon keeps reopening the bus",
 }
 
 

@@ -102,7 +102,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "CommandError",
         4,
         False,
-        "No successor could take over; the daemon goes on as it was.",
+        "No successor could take over; the daemon continues unchanged.",
     ),
     ErrorKind(
         "not_calibrated",
@@ -203,7 +203,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "LeaseError",
         6,
         False,
-        "The lease of this token, motion or connection was lost; nothing retakes it by itself.",
+        "The lease of this token, motion or connection was lost; it does not come back by itself.",
     ),
     ErrorKind(
         "not_permitted",
@@ -265,7 +265,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         "HardwareError",
         5,
         True,
-        "The motor did not confirm what it was told.",
+        "The motor did not confirm the request.",
     ),
     ErrorKind(
         "second_master",

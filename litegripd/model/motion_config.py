@@ -280,5 +280,5 @@ def slow_conflict(
         slowest,
         f"{field} is {speed_mm_s:g}, at least {slowest:.3g} goes with stop_lead_mm"
         f" {config.stop_lead_mm:g} and stall_delta {config.stall_delta:g} in a stall window of"
-        f" {window_s:g} s: a slower motion could not be told from a stall",
+        f" {window_s:g} s: a slower motion would look like a stall",
     )

@@ -57,7 +57,7 @@ def implausible_refusal(jump_rad: float) -> Refusal:
     """Return a refusal because of an implausible position, with what to do about it."""
     remedy = (
         "look where the jaws are, and power-cycle the motor if what is shown is wrong; then"
-        " motor.clear_fault, and calibrate anew if it is still wrong"
+        " motor.clear_fault, and calibrate again if it is still wrong"
     )
     return Refusal(
         "implausible_feedback",

@@ -297,7 +297,7 @@ class RpcService:
             self._tell_loser(event)
 
     def _tell_loser(self, event: Event) -> None:
-        """Notify the client that has lost the lease, if it is still there: nothing retakes it."""
+        """Notify the client that has lost the lease, if it is still there."""
         session = self._clients.get(event.data["client"])
         if session is not None:
             session.write(notification_line("lease.lost", encode(event.data)))

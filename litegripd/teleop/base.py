@@ -50,7 +50,7 @@ Tell: TypeAlias = Callable[[Event], None]
 
 _OPEN: Mapping[TeleopMode, str] = {
     "master": (
-        "whoever reaches the link can take part: zenoh_config asks neither for certificates of"
+        "everyone who reaches the link can take part: zenoh_config asks neither for certificates of"
         " both ends nor for an access list or passwords"
     ),
     "slave": (

@@ -109,7 +109,7 @@ def entry_of(name: str, path: Path) -> dict[str, Any]:
 
 def unknown(name: str) -> StoreError:
     """Return the error for a name that no trajectory has."""
-    text = f"there is no trajectory {name!r}; trajectory.list tells which there are"
+    text = f"there is no trajectory {name!r}; trajectory.list lists them"
     return StoreError("unknown_trajectory", text)
 
 

@@ -110,7 +110,7 @@ def test_a_remedy_in_the_protocols_words_is_not_told_twice_either(
         refusal.reason, -32037, refusal.message, **refusal.data
     )
     (told,) = ctl("state")[2].splitlines()
-    assert "if what is shown is wrong; then litegripctl clear-fault, and calibrate anew" in told
+    assert "if what is shown is wrong; then litegripctl clear-fault, and calibrate again" in told
 
 
 @pytest.mark.parametrize(

@@ -272,7 +272,7 @@ def test_reflection_and_limits_are_shown_where_there_are_any() -> None:
     assert "force limited" in status_line(slave)
     master = {**slave, "mode": "master", "followers": 0, "round_trip_ms": 12.4, "late": 3}
     shown = status_line(master)
-    for note in ("reflects +7.2 N (12 ms round)", "nobody tells a force", "late 3"):
+    for note in ("reflects +7.2 N (12 ms round)", "nobody sends a force", "late 3"):
         assert note in shown
     assert "felt              reflects +7.2 N" in status_text(slave)
     for protected, told in ((True, False), (None, False), (False, True)):

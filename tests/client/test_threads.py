@@ -201,5 +201,5 @@ def test_a_forked_child_is_refused_and_its_close_does_not_hurt(
     said = os.read(reading, 10_000).decode()
     os.close(reading)
     assert said.startswith("forked: this connection belongs to process")
-    assert "connect anew in the child" in said
+    assert "connect again in the child" in said
     assert connection.call("state.get") == STATE

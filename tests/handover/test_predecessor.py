@@ -220,7 +220,7 @@ def test_one_that_dies_or_refuses_with_the_state_in_its_hands_is_dead_before_we_
     assert rig.step() is None
     thread.join()
     assert rig.process.wait(DEADLINE_S) < 0
-    assert rig.refusal() == "the daemon goes on as it was: it is not understood"
+    assert rig.refusal() == "the daemon continues unchanged: it is not understood"
 
 
 def test_one_that_closes_the_line_with_the_state_in_its_hands_is_dead_before_we_go_on(

@@ -55,7 +55,7 @@ COMMANDS = (
     CommandRow("slack", "let the jaws be moved by hand, until 'hold'", "motions"),
     CommandRow("hold", "hold the present position", "motions"),
     CommandRow("teleop", "lead another gripper by hand, or follow one", "teleop"),
-    CommandRow("stop", "stop the gripper, whoever moves it, until 'clear'", "clients"),
+    CommandRow("stop", "stop the gripper, whichever client moves it, until 'clear'", "clients"),
     CommandRow("clear", "clear a stop; moves nothing", "clients"),
     CommandRow("clients", "list who is connected, and what each has cost", "clients"),
     CommandRow("lease", "show who has the gripper to itself, or take it away", "clients"),
@@ -75,7 +75,7 @@ COMMANDS = (
     CommandRow(
         "doctor", "check link, daemon, motor and calibration; say what mends them", "doctor"
     ),
-    CommandRow("health", "show how the daemon is; the exit code tells the verdict", "daemon"),
+    CommandRow("health", "show how the daemon is; the exit code is the verdict", "daemon"),
     CommandRow(
         "metrics", "print the figures of health as OpenMetrics text, for Prometheus", "daemon"
     ),

@@ -67,7 +67,7 @@ def lease_options(parser: LateParser) -> None:
 
 def _take_options(parser: LateParser) -> None:
     parser.description = _TAKE
-    parser.add_argument("why", metavar="REASON", help="told to the loser and to the log")
+    parser.add_argument("why", metavar="REASON", help="for the loser and the log")
     parser.add_argument(
         "--release", action="store_true", help="let go of what is held: the jaws go slack"
     )
@@ -148,7 +148,7 @@ def stop_options(parser: LateParser) -> None:
         default="hold",
         help="hold the position (default), let go, or disable the motor",
     )
-    parser.add_argument("--why", metavar="TEXT", help="shown to whoever is refused by the stop")
+    parser.add_argument("--why", metavar="TEXT", help="shown to clients that the stop refuses")
 
 
 def stop(run: Run) -> int:

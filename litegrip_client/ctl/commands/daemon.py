@@ -73,7 +73,7 @@ def _leaves(value: object, name: str) -> Iterator[tuple[str, object]]:
 
 
 _RESTART = """\
-Start a successor of the daemon, which reads the configuration anew and takes
+Start a successor of the daemon, which reads the configuration again and takes
 over. The motor stays enabled, with the same pose and force. For admins, while
 no motion runs."""
 

@@ -245,7 +245,7 @@ def status_text(data: Data) -> str:
         rows.append(("followers", _followers(data)))
     rows += [("felt", text) for text in _felt(data)]
     if data.get("active") and data.get("link_protected") is False:
-        rows.append(("open to", "whoever reaches the link"))
+        rows.append(("open to", "everyone who reaches the link"))
     troubles = _troubles(data)
     if troubles:
         rows.append(("note", ", ".join(troubles)))
@@ -312,7 +312,7 @@ def _troubles(data: Data) -> list[str]:
     if data.get("force_limited"):
         found.append("force limited")
     if data.get("followers") == 0:
-        found.append("nobody tells a force")
+        found.append("nobody sends a force")
     if data.get("link_state") == "failed":
         found.append(f"link failed: {data.get('link_error')}")
     if data.get("mode") == "master" and data.get("matching") is False:

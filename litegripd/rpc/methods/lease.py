@@ -194,7 +194,7 @@ class LeaseMethods:
 
     @Method(
         "lease.renew",
-        "Let the time to live begin anew, as every request of the holder does.",
+        "Restart the time to live, as every request of the holder does.",
         "The number of the lease.",
         LeaseNumber,
         (LEASE,),
@@ -237,7 +237,7 @@ class LeaseMethods:
         " null where the taker's own motion, or disabling, goes on).",
         Taken,
         (
-            Param("why", "string", "The reason, told to the loser and to the log.", required=True),
+            Param("why", "string", "The reason, for the loser and the log.", required=True),
             Param(
                 "jaws",
                 "string",

@@ -272,7 +272,9 @@ class ReadingMethods:
         number = call.params["job"]
         job = self._controller.jobs.get(number)
         if job is None:
-            text = f"there is no job {number}, or it is no longer kept; job.list tells which are"
+            text = (
+                f"there is no job {number}, or it is no longer kept; job.list lists those that are"
+            )
             raise Refused(Refusal("unknown_job", text, {"requested": number}))
         return job
 

@@ -203,7 +203,7 @@ DAEMON_CASES = [
         replace(with_daemon(hello_version="1.2.2"), interface="litegrip_sim"),
         "warning",
         "the daemon is 1.2.2",
-        advises="end it, and start it anew",
+        advises="end it, and start it again",
     ),
     Case("sockets", facts(sockets=()), None),
     Case(

@@ -110,7 +110,7 @@ LINK_CASES = [
             (None, "adapter_gone", "No module named 'usb'", "for the daemon's Python"),
             (SERIAL, "down", "Could not configure port: (25, 'Inapp", "no serial adapter: correct"),
             (SERIAL, "down", "Device or resource busy", "another program has it"),
-            (SERIAL, "down", "it smells", "mend what its driver says"),
+            (SERIAL, "down", "it smells", "fix what its driver says"),
         )
     ),
     Case(
@@ -135,7 +135,7 @@ LINK_CASES = [
         "warning",
         "/dev/ttyACM0 is there, but not for alice",
         "sudo usermod --append --groups dialout alice",
-        "log in anew",
+        "log in again",
     ),
     Case("device", serial(CLOSED), "ok", "is there and accessible"),
     Case(
