@@ -181,6 +181,8 @@ def _inside(command: MitCommand, feedback: Feedback, bounds: Bounds) -> MitComma
         velocity_rad_s = min(velocity_rad_s, 0.0)
     if command.position_rad < low_rad or measured_rad <= bounds.low_rad:
         velocity_rad_s = max(velocity_rad_s, 0.0)
+    if (position_rad, velocity_rad_s) == (command.position_rad, command.velocity_rad_s):
+        return command
     return replace(command, position_rad=position_rad, velocity_rad_s=velocity_rad_s)
 
 
