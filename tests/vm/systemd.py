@@ -162,7 +162,10 @@ def main() -> int:
     boot, *names = sys.argv[1:]
     wanted = (*names, "installation")
     scenes = FIRST if boot == "1" else SECOND
-    return play([scene for scene in scenes if not names or scene.__name__ in wanted])
+    status = play([scene for scene in scenes if not names or scene.__name__ in wanted])
+    if boot == "1":  # for the second one, whatever the scenes have left
+        must("systemctl", "enable", Unit().name)
+    return status
 
 
 if __name__ == "__main__":
