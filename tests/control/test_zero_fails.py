@@ -59,7 +59,7 @@ def test_a_helper_that_does_not_answer_is_not_waited_for_for_ever(
 ) -> None:
     world, client = gripper()
     before = in_use(world)
-    monkeypatch.setattr(world, "_run_errands", lambda: None)
+    monkeypatch.setattr(world, "_send_tasks", lambda: None)
     result = client.result("calibration.zero", config=FAST)
     assert (result["ok"], result["outcome"]) == (False, "not_saved")
     assert in_use(world) == before

@@ -134,6 +134,8 @@ def after_reboot() -> None:
         check("it finds the motor", reaches(partial(rpc.motor_is, "disabled")), unit.tell())
         file = str(rpc.call("info.get")["calibration_file"])
         check("the kept calibration is in use", file.startswith(str(STATE)), file)
+        # The simulated motor got its watchdog by a frame of its own, which is another program's.
+        reaches(lambda: not rpc.call("health")["motor"]["foreign_active"])
         opened = rpc.insist("motion.open")
         check("it opens", opened.get("ok") is True, opened)
         rpc.call("motor.disable")
