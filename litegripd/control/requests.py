@@ -4,8 +4,9 @@ A motion's `config` is the caller's own; it counts for this motion only. The cal
 changes while a motion runs: the travel would change its meaning under that motion.
 """
 
+import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 from litegripd.control.admission import (
@@ -23,6 +24,7 @@ from litegripd.control.admission import (
 )
 from litegripd.control.calibration import Saving, content_of, save_task
 from litegripd.control.controller import Controller
+from litegripd.control.gains import Gains
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
 from litegripd.control.motions.grasp import BUDGET_NM, Grasp, GraspRequest
@@ -44,6 +46,32 @@ from litegripd.model.motor import EnableMotor, Feedback, MotorPhase
 from litegripd.model.results import ForceResult, HoldResult, MoveResult, SlackResult
 
 SMALLEST_MOVE_RAD = 1e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How fast a move is: one of these, else at the configured speed."""
+
+    speed_mm_s: float | None = None
+    duration_s: float | None = None
+    at_least_s: float | None = None
+
+    def speed_over(
+        self, distance_mm: float, geometry: Geometry, config: MotionConfig, period_s: float
+    ) -> float | Refusal:
+        """Return the speed (mm/s) for a way, or a refusal if it does not fit the configuration."""
+        speed = config.speed_mm_s if self.speed_mm_s is None else self.speed_mm_s
+        duration_s = self.duration_s if self.at_least_s is None else self.at_least_s
+        if duration_s is not None and distance_mm > geometry.rad_to_mm * SMALLEST_MOVE_RAD:
+            speed = distance_mm / duration_s if duration_s > 0.0 else math.inf
+        conflict = fast_conflict(config, speed, period_s)
+        if conflict is None:
+            return speed
+        if self.at_least_s is not None:
+            return conflict.limit
+        if duration_s is not None:
+            return duration_refusal(duration_s, distance_mm / conflict.limit, distance_mm)
+        return conflict_refusal(conflict) or speed
 
 
 class MotionRequests:
@@ -142,11 +170,11 @@ class MotionRequests:
         owner: Owner,
         config: MotionConfig,
         *,
-        speed_mm_s: float | None,
-        duration_s: float | None,
+        pace: "Pace",
+        gains: Gains,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to move to a position, at a speed (the configured one by default) or in a time."""
+        """Begin to move to a position; stiffer gains do not press harder."""
         controller, geometry = self._controller, self._ready()
         feedback = controller.motor.feedback
         if isinstance(geometry, Refusal) or feedback is None:
@@ -155,16 +183,10 @@ class MotionRequests:
         if refusal is not None:
             return refusal
         target_rad = target.position_rad(geometry)
-        speed = config.speed_mm_s if speed_mm_s is None else speed_mm_s
         distance_mm = abs(target_rad - feedback.position_rad) * geometry.rad_to_mm
-        if duration_s is not None and distance_mm > geometry.rad_to_mm * SMALLEST_MOVE_RAD:
-            speed = distance_mm / duration_s
-        conflict = fast_conflict(config, speed, controller.period_s)
-        refusal = conflict_refusal(conflict)
-        if conflict is not None and duration_s is not None:
-            refusal = duration_refusal(duration_s, distance_mm / conflict.limit, distance_mm)
-        if refusal is not None:
-            return refusal
+        speed = pace.speed_over(distance_mm, geometry, config, controller.period_s)
+        if isinstance(speed, Refusal):
+            return speed
         held = self._held()
         closes = (target_rad - feedback.position_rad) * geometry.close_sign > 0.0
         if held is not None and closes:
@@ -174,7 +196,8 @@ class MotionRequests:
             geometry.to_rad(speed),
             geometry=geometry,
             config=config,
-            gains=controller.gains,
+            gains=gains,
+            lead_share=min(1.0, controller.gains.kp_nm_rad / gains.kp_nm_rad),
             period_s=controller.period_s,
         )
         return controller.begin("move", action, owner, detached)
@@ -235,13 +258,14 @@ class MotionRequests:
         valid_until_s: float,
         speed_mm_s: float | None,
         torque_nm: float,
+        gains: Gains,
     ) -> Job | Refusal:
         """Take a set-point that is valid until `valid_until_s`; the first one begins the motion."""
         controller = self._controller
         running, action = controller.jobs.running, controller.action
         is_own = running is not None and running.owner.client == owner.client
         if not (is_own and isinstance(action, Stream)):
-            running, action = None, Stream(controller.gains, controller.period_s)
+            running, action = None, Stream(controller.period_s)
         geometry = (
             self._ready()
             if running is None
@@ -256,7 +280,7 @@ class MotionRequests:
         if refusal is not None:
             return refusal
         point = SetPoint(
-            target.position_rad(geometry), valid_until_s, geometry.to_rad(speed), torque_nm
+            target.position_rad(geometry), valid_until_s, geometry.to_rad(speed), torque_nm, gains
         )
         action.set(point)
         return running or controller.begin("stream", action, owner, detached=False)

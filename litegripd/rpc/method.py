@@ -4,9 +4,16 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias, TypeVar
 
+from litegripd.control.admission import conflict_refusal
+from litegripd.control.gains import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import Job, Owner
-from litegripd.model.motion_config import MotionConfig, MotionConfigError, ranges_of
+from litegripd.model.motion_config import (
+    MotionConfig,
+    MotionConfigError,
+    damping_conflict,
+    ranges_of,
+)
 from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.rpc.reports import JobNumber
 from litegripd.rpc.schema import Param, Shape
@@ -49,6 +56,15 @@ class Call(NamedTuple):
     def detached(self) -> bool:
         """True if the motion outlives its connection: as requested, else if not waited for."""
         return bool(self.params.get("detach", not self.params.get("wait", True)))
+
+    def gains(self, base: Gains) -> Gains:
+        """Return `base` with the stiffness and damping that the caller wants; see `gain_params`."""
+        kp = self.params.get("kp", base.kp_nm_rad)
+        kd = self.params.get("kd", base.kd_nm_s_rad)
+        refusal = conflict_refusal(damping_conflict(kp, kd))
+        if refusal is not None:
+            raise Refused(refusal)
+        return Gains(kp, kd)
 
     def config(self, base: MotionConfig, period_s: float, motor_type: MotorType) -> MotionConfig:
         """Return `base` with the changes that the caller wants."""
@@ -228,6 +244,15 @@ def config_param(name: str, description: str) -> Param:
         minimum=low,
         maximum=high,
         maximum_of=lambda motor_type: ranges_of(motor_type)[name][1],
+    )
+
+
+def gain_params() -> tuple[Param, ...]:
+    """Return the parameters of a position command's stiffness and damping."""
+    kd = "Damping, at least kp · 0.002 s (default: the calibration's)."
+    return (
+        Param("kp", "number", "Stiffness (default: the calibration's).", minimum=5, maximum=500),
+        Param("kd", "number", kd, minimum=0.1, maximum=5),
     )
 
 

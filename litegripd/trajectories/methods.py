@@ -18,6 +18,7 @@ from litegripd.rpc.method import (
     Deferred,
     Method,
     accepted,
+    gain_params,
     later,
 )
 from litegripd.rpc.schema import Param, Shape
@@ -219,16 +220,7 @@ class TrajectoryMethods:
             UPLOAD,
             RECORDING,
             _SPEED,
-            Param(
-                "kp", "number", "Stiffness (default: the calibration's).", minimum=5, maximum=500
-            ),
-            Param(
-                "kd",
-                "number",
-                "Damping, at least kp · 0.002 s (default: the calibration's).",
-                minimum=0.1,
-                maximum=5,
-            ),
+            *gain_params(),
             Param(
                 "torque_nm",
                 "number",
@@ -284,8 +276,7 @@ class TrajectoryMethods:
                 request,
                 call.owner,
                 config,
-                kp_nm_rad=params.get("kp"),
-                kd_nm_s_rad=params.get("kd"),
+                call.gains(controller.gains),
                 detached=call.detached,
             )
         )

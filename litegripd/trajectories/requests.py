@@ -24,7 +24,7 @@ from litegripd.control.gains import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.jobs import HelperTask, Job, Owner, TaskResult
-from litegripd.model.motion_config import MotionConfig, damping_conflict, slow_conflict
+from litegripd.model.motion_config import MotionConfig, slow_conflict
 from litegripd.trajectories.capture import Capture, Teach, result_of
 from litegripd.trajectories.loading import outcome_of
 from litegripd.trajectories.replay import Replay, ReplayRequest
@@ -238,30 +238,25 @@ class Trajectories:
         request: ReplayRequest,
         owner: Owner,
         config: MotionConfig,
+        gains: Gains,
         *,
-        kp_nm_rad: float | None,
-        kd_nm_s_rad: float | None,
         detached: bool,
     ) -> Job | Refusal:
-        """Begin to load and replay a trajectory; by default with the calibration's gains."""
+        """Begin to load and replay a trajectory."""
         controller = self._controller
         refusal, geometry = self.refusal() or controller.why_busy(), self._ready()
         if refusal is not None or isinstance(geometry, Refusal):
             return refusal or (geometry if isinstance(geometry, Refusal) else NO_FEEDBACK)
-        kp = controller.gains.kp_nm_rad if kp_nm_rad is None else kp_nm_rad
-        kd = controller.gains.kd_nm_s_rad if kd_nm_s_rad is None else kd_nm_s_rad
-        conflict = damping_conflict(kp, kd)
-        if conflict is None and request.force == "replay":
+        if request.force == "replay":
             speed, field = config.grasp_speed_mm_s, "grasp_speed_mm_s"
-            conflict = slow_conflict(config, speed, geometry, field)
-        refusal = conflict_refusal(conflict)
-        if refusal is not None:
-            return refusal
+            refusal = conflict_refusal(slow_conflict(config, speed, geometry, field))
+            if refusal is not None:
+                return refusal
         action = Replay(
             request,
             geometry=geometry,
             config=config,
-            gains=Gains(kp, kd),
+            gains=gains,
             period_s=controller.period_s,
             motor_type=controller.gripper_id.motor_type,
             idle=lambda: controller.idle,

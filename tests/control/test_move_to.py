@@ -4,8 +4,10 @@ import math
 
 import pytest
 
+from litegripd.model.motor import MitCommand
+from litegripd.motor import codec
 from litegripd.sim.parameters import SimulatorParameters
-from tests.world import PERIOD_S, Client, World
+from tests.world import CAN_ID, PERIOD_S, Client, World, is_command
 
 MM_RAD = 74.8
 LEAD_RAD = 4.0 / MM_RAD
@@ -32,6 +34,15 @@ def arrival_s(world: World, client: Client, opening_mm: float, **params: object)
     result = client.answers[number]["result"]
     assert (result["ok"], result["outcome"], result["reached"]) == (True, "reached", True)
     return arrived_s
+
+
+def commands(world: World) -> list[MitCommand]:
+    """Return all position commands that were sent."""
+    return [
+        codec.decode_command(sent.frame.data, world.ranges)
+        for sent in world.sent
+        if sent.frame.can_id == CAN_ID and is_command(sent.frame)
+    ]
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -78,6 +89,50 @@ def test_it_arrives_in_the_time_that_it_is_given(
 def test_it_goes_at_the_speed_that_it_is_given(speed: float) -> None:
     world, client = at_opening(100.0)
     assert arrival_s(world, client, 20.0, speed_mm_s=speed) == pytest.approx(80.0 / speed, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("at_least_s", "arrives_s"), [(2.0, 2.0), (0.5, 100.0 / 140.0), (0.0, 100.0 / 140.0)]
+)
+def test_a_least_time_that_is_too_short_becomes_the_shortest(
+    at_least_s: float, arrives_s: float
+) -> None:
+    world, client = at_opening(110.0)
+    took_s = arrival_s(world, client, 10.0, at_least_s=at_least_s)
+    assert took_s == pytest.approx(arrives_s, rel=0.1)
+
+
+@pytest.mark.parametrize(("kp", "kd"), [(150.0, 2.0), (60.0, 1.0), (500.0, 1.5)])
+def test_it_moves_with_the_stiffness_and_damping_that_it_is_given(kp: float, kd: float) -> None:
+    world, client = at_opening(60.0)
+    number = client.send("motion.move", opening_mm=90.0, kp=kp, kd=kd)
+    world.run_until(lambda: client.has_answer(number))
+    assert client.answers[number]["result"]["outcome"] == "reached"
+    moved = [command for command in commands(world) if abs(command.velocity_rad_s) > 0.3]
+    assert len(moved) > 50
+    for command in moved:
+        assert (command.kp_nm_rad, command.kd_nm_s_rad) == pytest.approx((kp, kd), abs=0.1)
+
+
+@pytest.mark.parametrize("kp", [100.0, 200.0, 500.0])
+def test_stiffer_gains_press_no_harder_on_what_blocks_it(kp: float) -> None:
+    world, client = at_opening(60.0)
+    world.gripper.put_object(width_mm=50.0)
+    number = client.send("motion.move", opening_mm=10.0, kp=kp, kd=2.0)
+    strongest_nm = 0.0
+    while not client.has_answer(number):
+        world.tick()
+        strongest_nm = max(strongest_nm, abs(world.gripper.motor_torque_nm))
+    assert client.answers[number]["result"]["outcome"] == "blocked"
+    assert 3.0 < strongest_nm < 1.2 * 100.0 * LEAD_RAD
+
+
+def test_gains_that_damp_too_little_are_rejected() -> None:
+    world, client = at_opening(60.0)
+    for method in ("motion.move", "stream.set"):
+        error = client.call(method, opening_mm=90.0, kp=500.0, kd=0.5)["error"]["data"]
+        assert (error["reason"], error["field"], error["limit"]) == ("out_of_limits", "kd", 1.0)
+    assert world.controller.jobs.running is None
 
 
 def test_without_a_speed_it_is_that_of_the_configuration() -> None:
@@ -207,12 +262,32 @@ def test_what_cannot_be_is_refused_with_the_limit(params: dict[str, float], fiel
         {},
         {"opening_mm": 10.0, "openness": 0.5},
         {"opening_mm": 10.0, "speed_mm_s": 50.0, "duration_s": 2.0},
+        {"opening_mm": 10.0, "at_least_s": 1.0, "duration_s": 2.0},
     ],
 )
 def test_it_takes_one_target_and_a_speed_or_a_time(params: dict[str, float]) -> None:
     world, client = at_opening(60.0)
     assert client.refusal("motion.move", **params) == "invalid_params"
     assert world.controller.jobs.running is None
+
+
+def test_the_jaws_go_slack_in_place_of_the_clients_own_motion_but_of_no_other() -> None:
+    world, client = at_opening(60.0)
+    number = client.send("motion.move", opening_mm=10.0)
+    world.run(0.2)
+    other = world.client(pid=200)
+    assert other.refusal("motion.zero_gravity", if_busy="replace") == "busy"
+    assert client.refusal("motion.zero_gravity") == "busy"
+    client.result("motion.zero_gravity", if_busy="replace")
+    assert client.answers[number]["error"]["data"]["reason"] == "replaced"
+    world.tick()
+    last = commands(world)[-1]
+    assert (last.kp_nm_rad, last.kd_nm_s_rad, last.torque_nm) == (
+        0.0,
+        0.0,
+        pytest.approx(0.0, abs=0.01),
+    )
+    assert world.state.mode == "relaxed"
 
 
 def test_progress_tells_phase_and_steps() -> None:

@@ -62,7 +62,11 @@ _GIVE_UP_EXTRA_S = 2.0
 
 
 class MoveTo(PlainAction):
-    """One move to `target_rad`; ends when the jaws have settled there, or stall on the way."""
+    """One move to `target_rad`; ends when the jaws have settled there, or stall on the way.
+
+    `lead_share` is how much of the configured lead its gains may use: less where they are stiffer
+    than the calibration's, so that the jaws press no harder.
+    """
 
     def __init__(
         self,
@@ -72,6 +76,7 @@ class MoveTo(PlainAction):
         geometry: Geometry,
         config: MotionConfig,
         gains: Gains,
+        lead_share: float = 1.0,
         period_s: float,
     ) -> None:
         self._target_rad = target_rad
@@ -79,6 +84,7 @@ class MoveTo(PlainAction):
         self._geometry = geometry
         self._config = config
         self._gains = gains
+        self._lead_share = lead_share
         self._period_s = period_s
         self._stall: StallDetector | None = None
         self._ramp: Ramp | None = None
@@ -120,7 +126,7 @@ class MoveTo(PlainAction):
     def _lead_rad(self, position_rad: float, ramp: Ramp) -> float:
         """Return how far the command may lead: less at the stop that lies ahead."""
         short_rad = abs(self._limit_rad(ramp) - position_rad)
-        return max_lead_rad(short_rad, self._geometry, self._config)
+        return self._lead_share * max_lead_rad(short_rad, self._geometry, self._config)
 
     def _limit_rad(self, ramp: Ramp) -> float:
         """Return the calibrated stop that lies ahead."""

@@ -21,13 +21,14 @@ class SetPoint:
     valid_until_s: float
     speed_rad_s: float
     torque_nm: float
+    gains: Gains
+    """The stiffest that the command may be."""
 
 
 class Stream(PlainAction):
     """Follows set-points until the latest one has expired; then holds with the last pressure."""
 
-    def __init__(self, gains: Gains, period_s: float) -> None:
-        self._gains = gains
+    def __init__(self, period_s: float) -> None:
         self._period_s = period_s
         self._point: SetPoint | None = None
         self._set_points = 0
@@ -46,7 +47,7 @@ class Stream(PlainAction):
             return Step()
         if now_s >= point.valid_until_s:
             return Step(outcome=StreamResult(self._set_points))
-        gains, lead_rad = budgeted(point.torque_nm, point.speed_rad_s, self._gains, self._period_s)
+        gains, lead_rad = budgeted(point.torque_nm, point.speed_rad_s, point.gains, self._period_s)
         was_s, was_rad = self._reference or (now_s, feedback.position_rad)
         elapsed_s = max(now_s - was_s, 0.0)
         step_rad = point.speed_rad_s * elapsed_s

@@ -1,6 +1,6 @@
 """The methods that move the jaws or change the motor's power, and those that stop them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal, TypedDict
 
@@ -8,7 +8,7 @@ from litegripd.control.admission import Target
 from litegripd.control.controller import Controller
 from litegripd.control.motions.grasp import GraspRequest
 from litegripd.control.motions.move import Direction
-from litegripd.control.requests import MotionRequests
+from litegripd.control.requests import MotionRequests, Pace
 from litegripd.model.errors import Refusal
 from litegripd.model.jobs import STOP_LEVELS, Job, StopLevel
 from litegripd.model.motion_config import MotionConfig, ranges_of
@@ -25,6 +25,7 @@ from litegripd.model.results import (
 from litegripd.rpc.method import (
     CONFIG,
     DETACH,
+    IF_BUSY,
     JOB,
     RUN_PARAMS,
     WAIT,
@@ -34,6 +35,7 @@ from litegripd.rpc.method import (
     Refused,
     accepted,
     config_param,
+    gain_params,
     later,
     speed_param,
     target_params,
@@ -242,6 +244,15 @@ class MotionMethods:
                 minimum=0.01,
                 maximum=3600,
             ),
+            Param(
+                "at_least_s",
+                "number",
+                "How long the way shall take, in place of a speed; longer where the fastest speed"
+                " that fits the configuration needs more.",
+                minimum=0,
+                maximum=3600,
+            ),
+            *gain_params(),
             *RUN_PARAMS,
         ),
         role="operator",
@@ -251,17 +262,15 @@ class MotionMethods:
     )
     def _move(self, call: Call) -> Answer:
         config, target = self._config(call), _target("motion.move", call.params)
-        speed, duration_s = call.params.get("speed_mm_s"), call.params.get("duration_s")
-        if speed is not None and duration_s is not None:
-            text = "motion.move takes speed_mm_s or duration_s, not both"
-            return Refusal("invalid_params", text, {"parameter": "duration_s"})
+        _one_at_most("motion.move", _PACES, call.params)
+        pace = Pace(*(call.params.get(name) for name in _PACES))
         return later(
             self._motions.move_to(
                 target,
                 call.owner,
                 config,
-                speed_mm_s=speed,
-                duration_s=duration_s,
+                pace=pace,
+                gains=call.gains(self._controller.gains),
                 detached=call.detached,
             )
         )
@@ -284,6 +293,7 @@ class MotionMethods:
         "Let the jaws go: enabled, but moved freely by hand, until motion.hold or a motion.",
         "The position and the state.",
         SlackResult,
+        (IF_BUSY,),
         role="operator",
         needs_lease=True,
         stop_voids=True,
@@ -332,6 +342,7 @@ class MotionMethods:
                 maximum=3,
                 maximum_of=lambda motor: motor.rated_nm,
             ),
+            *gain_params(),
         ),
         role="operator",
         needs_lease=True,
@@ -350,6 +361,7 @@ class MotionMethods:
             valid_until_s=since_s + valid_s,
             speed_mm_s=call.params.get("speed_mm_s"),
             torque_nm=call.params.get("torque_nm", DEFAULT_CONTACT_NM),
+            gains=call.gains(self._controller.gains),
         )
         return JobNumber(job=accepted(job).number)
 
@@ -417,6 +429,16 @@ class MotionMethods:
     def _changed_state(self) -> StateView:
         self._reporter.refresh()
         return self._reporter.state_view()
+
+
+_PACES = ("speed_mm_s", "duration_s", "at_least_s")
+
+
+def _one_at_most(method: str, names: Sequence[str], params: Mapping[str, Any]) -> None:
+    given = [name for name in names if name in params]
+    if len(given) > 1:
+        text = f"{method} takes {given[0]} or {given[1]}, not both"
+        raise Refused(Refusal("invalid_params", text, {"parameter": given[1]}))
 
 
 def _target(method: str, params: Mapping[str, Any]) -> Target:
