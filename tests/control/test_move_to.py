@@ -282,11 +282,8 @@ def test_the_jaws_go_slack_in_place_of_the_clients_own_motion_but_of_no_other() 
     assert client.answers[number]["error"]["data"]["reason"] == "replaced"
     world.tick()
     last = commands(world)[-1]
-    assert (last.kp_nm_rad, last.kd_nm_s_rad, last.torque_nm) == (
-        0.0,
-        0.0,
-        pytest.approx(0.0, abs=0.01),
-    )
+    last_gains = (last.kp_nm_rad, last.kd_nm_s_rad, last.torque_nm)
+    assert last_gains == pytest.approx((0.0, 0.0, 0.0), abs=0.01)
     assert world.state.mode == "relaxed"
 
 
