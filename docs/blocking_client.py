@@ -20,7 +20,7 @@ HEAD = '''"""The client for threads: made by docs/generate.py from its core, not
 
 from __future__ import annotations
 
-from litegrip_client.blocking import wait
+from litegrip_client.blocking import complete
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing and dataclasses is slow
@@ -89,13 +89,13 @@ def _member(made: Made, node: _Function) -> str:
     decorators = [ast.unparse(one) for one in node.decorator_list]
     name, call = node.name, f"self._core.{node.name}({_arguments(node)})"
     if name == "__aenter__":
-        name, returns, body = "__enter__", made.name, f"wait({call})\n        return self"
+        name, returns, body = "__enter__", made.name, f"complete({call})\n        return self"
     elif name == "__aexit__":
-        name, body = "__exit__", f"wait({call})"
+        name, body = "__exit__", f"complete({call})"
     elif name.startswith("_"):
         return ""
     elif isinstance(node, ast.AsyncFunctionDef):
-        body = f"wait({call})" if returns == "None" else f"return wait({call})"
+        body = f"complete({call})" if returns == "None" else f"return complete({call})"
         decorators = ["property"] if name in PROPERTIES else decorators
     elif "property" in decorators:
         body = f"return self._core.{name}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from litegrip_client.blocking import wait
+from litegrip_client.blocking import complete
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing and dataclasses is slow
@@ -45,7 +45,7 @@ class Lease:
         return self._core.token
 
     def __enter__(self) -> Lease:
-        wait(self._core.__aenter__())
+        complete(self._core.__aenter__())
         return self
 
     def __exit__(
@@ -54,11 +54,11 @@ class Lease:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        wait(self._core.__aexit__(kind, error, trace))
+        complete(self._core.__aexit__(kind, error, trace))
 
     def renew(self) -> None:
         """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""
-        wait(self._core.renew())
+        complete(self._core.renew())
 
 
 class ManualCalibration:
@@ -74,11 +74,11 @@ class ManualCalibration:
 
     def mark_closed(self) -> float:
         """Take the present position as the closed limit; return it, in rad."""
-        return wait(self._core.mark_closed())
+        return complete(self._core.mark_closed())
 
     def mark_open(self) -> float:
         """Take the present position as the open limit; return it, in rad."""
-        return wait(self._core.mark_open())
+        return complete(self._core.mark_open())
 
     def finish(self, save: bool = True) -> CalibrationData:
         """Use the calibration that the two marks make, and save it unless `save` is false.
@@ -86,10 +86,10 @@ class ManualCalibration:
         It is saved as `LiteGrip.zero` does. Raises `CommandError` while a mark is missing or the
         two cannot be right (then mark again), and when it could not be saved.
         """
-        return wait(self._core.finish(save))
+        return complete(self._core.finish(save))
 
     def __enter__(self) -> ManualCalibration:
-        wait(self._core.__aenter__())
+        complete(self._core.__aenter__())
         return self
 
     def __exit__(
@@ -98,7 +98,7 @@ class ManualCalibration:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        wait(self._core.__aexit__(kind, error, trace))
+        complete(self._core.__aexit__(kind, error, trace))
 
 
 class SetpointStream:
@@ -122,24 +122,33 @@ class SetpointStream:
         position_rad: float | None = None,
         openness: float | None = None,
         torque_nm: float | None = None,
+        kp: float | None = None,
+        kd: float | None = None,
     ) -> None:
         """Send the jaws to exactly one of `opening_mm`, `position_rad` and `openness` (0 to 1).
 
-        `torque_nm` is for this target what it is for the whole stream. Raises `CommandError` (a
-        target outside the travel, another motion runs, ...) and all that motions raise.
+        `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
+        `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
+        Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
+        motions raise.
         """
-        wait(
+        complete(
             self._core.set_target(
-                opening_mm, position_rad=position_rad, openness=openness, torque_nm=torque_nm
+                opening_mm,
+                position_rad=position_rad,
+                openness=openness,
+                torque_nm=torque_nm,
+                kp=kp,
+                kd=kd,
             )
         )
 
     def close(self) -> None:
         """End the stream at once, so that the jaws hold; nothing to do when it ended by itself."""
-        wait(self._core.close())
+        complete(self._core.close())
 
     def __enter__(self) -> SetpointStream:
-        wait(self._core.__aenter__())
+        complete(self._core.__aenter__())
         return self
 
     def __exit__(
@@ -148,7 +157,7 @@ class SetpointStream:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        wait(self._core.__aexit__(kind, error, trace))
+        complete(self._core.__aexit__(kind, error, trace))
 
 
 class GripperActions:
@@ -189,26 +198,28 @@ class GripperActions:
         the owner, when another client has the lease, `StoppedError` while a stop is latched and
         `HardwareError` when the motor or the bus does not work.
         """
-        return wait(self._core.enable(retries))
+        return complete(self._core.enable(retries))
 
     def disable(self) -> bool:
         """Disable the motor: no torque, the jaws can be moved by hand. True if confirmed."""
-        return wait(self._core.disable())
+        return complete(self._core.disable())
 
-    def clear_fault(self) -> str | None:
-        """Clear the motor's latched fault; return its name. The motor stays disabled.
+    def clear_fault(self, *, enable: bool = True) -> bool:
+        """Clear the motor's latched fault and enable the motor; true if it is enabled.
 
-        None means that there was no fault. This also accepts a position that has jumped: check
-        first where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
+        The motor holds the measured position then, and `enable` tells what else that means. With
+        `enable` false it stays disabled, and true means that no fault is left. An enabled motor
+        has no fault: nothing happens. This also accepts a position that has jumped: check first
+        where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
         """
-        return wait(self._core.clear_fault())
+        return complete(self._core.clear_fault(enable=enable))
 
     def read_param(self, register: str | int) -> float:
         """Read a register of the motor, by name ("PMAX") or number (21); nothing is written.
 
         Raises `CommandError` for one that is not known.
         """
-        return wait(self._core.read_param(register))
+        return complete(self._core.read_param(register))
 
     def set_zero(self) -> SetZeroResult:
         """Store the present position as the motor's zero, permanently; disables the motor first.
@@ -216,7 +227,7 @@ class GripperActions:
         The calibration is then invalid: motions are refused until the gripper is calibrated
         again, by `zero` or `manual_calibration`.
         """
-        return wait(self._core.set_zero())
+        return complete(self._core.set_zero())
 
     def open(
         self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
@@ -225,13 +236,13 @@ class GripperActions:
 
         A success is `ok` and `stalled`: pressed onto the stop. Raises as `GripperActions` does.
         """
-        return wait(self._core.open(speed_mm_s, progress=progress))
+        return complete(self._core.open(speed_mm_s, progress=progress))
 
     def close(
         self, speed_mm_s: float | None = None, *, progress: ProgressCallback | None = None
     ) -> MoveResult:
         """Close the jaws to the mechanical stop; everything as for `open`."""
-        return wait(self._core.close(speed_mm_s, progress=progress))
+        return complete(self._core.close(speed_mm_s, progress=progress))
 
     def grasp(
         self,
@@ -262,7 +273,7 @@ class GripperActions:
 
         Without an object it returns at once, with `ok` False. Raises as `GripperActions` does.
         """
-        return wait(
+        return complete(
             self._core.grasp(
                 force_n,
                 hold_s,
@@ -277,63 +288,93 @@ class GripperActions:
 
     def goto(
         self,
-        opening_mm: float,
-        duration: float | None = 1.0,
+        position_mm: float,
+        kp: float | None = None,
+        kd: float | None = None,
+        duration: float | None = 0.5,
         *,
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to an opening between the fingers, in mm: 0 at the closed stop.
 
-        `duration`: seconds; None moves at `motion_config.speed_mm_s`. A success is `reached` and
+        `duration`: seconds that the way takes, or longer where the fastest speed that fits
+        `motion_config` needs more; None moves at `motion_config.speed_mm_s`. `kp` (5 to 500
+        N·m/rad) and `kd` (0.1 to 5 N·m·s/rad, and at least kp · 0.002 s) are the calibration's by
+        default; a stiffer move presses no harder on what is in its way. A success is `reached` and
         not `stalled`. Raises as `GripperActions` does. A target outside the calibrated travel is
         a `CommandError`; its `data["limit"]` is the travel.
         """
-        return wait(self._core.goto(opening_mm, duration, progress=progress))
+        return complete(self._core.goto(position_mm, kp, kd, duration, progress=progress))
 
     def goto_rad(
         self,
         position_rad: float,
-        duration: float | None = 1.0,
+        kp: float | None = None,
+        kd: float | None = None,
+        dq_target: float = 0.0,
+        tau_feedforward: float = 0.0,
+        duration: float | None = 0.5,
         *,
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
-        """Move to a position of the motor, in rad; everything else as for `goto`."""
-        return wait(self._core.goto_rad(position_rad, duration, progress=progress))
+        """Move to a position of the motor, in rad; everything else as for `goto`.
+
+        `dq_target` and `tau_feedforward` must be 0: the daemon computes the velocity of its ramp
+        itself, and a torque is given as a force (`set_force`, `grasp`). Others raise
+        `CommandError`, reason "unsupported".
+        """
+        return complete(
+            self._core.goto_rad(
+                position_rad, kp, kd, dq_target, tau_feedforward, duration, progress=progress
+            )
+        )
 
     def goto_openness(
         self,
         openness: float,
-        duration: float | None = 1.0,
         *,
+        kp: float | None = None,
+        kd: float | None = None,
+        duration: float | None = 0.5,
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
-        return wait(self._core.goto_openness(openness, duration, progress=progress))
+        return complete(
+            self._core.goto_openness(openness, kp=kp, kd=kd, duration=duration, progress=progress)
+        )
 
     def move_at_speed(
-        self, opening_mm: float, speed_mm_s: float, *, progress: ProgressCallback | None = None
+        self,
+        target_mm: float,
+        speed_mm_s: float = 30.0,
+        kp: float | None = None,
+        kd: float | None = None,
+        *,
+        progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to an opening in mm at a speed; everything else as for `goto`."""
-        return wait(self._core.move_at_speed(opening_mm, speed_mm_s, progress=progress))
+        return complete(self._core.move_at_speed(target_mm, speed_mm_s, kp, kd, progress=progress))
 
-    def set_force(self, force_n: float) -> GripperState:
-        """Squeeze with `force_n` from now on, 0.5 to 30 N, ramped.
+    def set_force(self, force_n: float, duration: float = 0.3) -> bool:
+        """Squeeze with `force_n`, 0.5 to 30 N, ramped; return after `duration` seconds.
+
+        The force stays until the next motion. True if the jaws still hold then.
 
         It changes the force of a grasp, also while another thread or task of this program waits
         for that grasp. Without a grasp the jaws begin to squeeze at their present position.
         """
-        return wait(self._core.set_force(force_n))
+        return complete(self._core.set_force(force_n, duration))
 
     def zero_gravity(self, on: bool = True) -> GripperState:
         """Let the jaws be moved freely by hand, the motor enabled but without any torque.
 
         They are loose until `zero_gravity(False)`, `hold` or any motion.
         """
-        return wait(self._core.zero_gravity(on))
+        return complete(self._core.zero_gravity(on))
 
     def hold(self) -> GripperState:
         """Hold from now on: a held object with its present force, else the measured position."""
-        return wait(self._core.hold())
+        return complete(self._core.hold())
 
     def stream(
         self,
@@ -353,19 +394,20 @@ class GripperActions:
         )
 
     def send_mit_frame(
-        self, position: float, velocity: float, kp: float, kd: float, torque: float
+        self, q: float, kp: float, kd: float, dq: float = 0.0, tau: float = 0.0
     ) -> bool:
-        """Send a set-point for `position`, in rad, valid for 0.2 s; not a frame on the bus.
+        """Send a set-point for the position `q`, in rad, valid for 0.2 s; not a frame on the bus.
 
-        The daemon's limits and gains stay in force: `velocity`, `kp` and `kd` are checked and
-        then not used. A `torque` beyond ±1 N·m (3 at most) only lets the jaws press with up to
-        that torque. They follow at `motion_config.speed_mm_s` at most.
+        The jaws follow at `motion_config.speed_mm_s` at most, with `kp` (5 to 500 N·m/rad) and
+        `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
+        The velocity of their path is fed forward: `dq` is not used, but checked.
+
         True when it is sent; a refusal is raised, perhaps by the next call. Raises
-        `CommandError` with reason "unsupported" for `kp` 0, which asks for a torque, a speed or
-        for nothing instead of a position: use `set_force`, `grasp`, `move_at_speed` or
-        `zero_gravity`.
+        `CommandError` with reason "unsupported" for `kp` 0 and for a `tau`, which ask for a
+        torque, a speed or for nothing instead of a position: use `set_force`, `grasp`,
+        `move_at_speed` or `zero_gravity`.
         """
-        return wait(self._core.send_mit_frame(position, velocity, kp, kd, torque))
+        return complete(self._core.send_mit_frame(q, kp, kd, dq, tau))
 
     def record(
         self, duration_s: float, rate_hz: float = 100.0, zero_gravity: bool = True
@@ -381,7 +423,7 @@ class GripperActions:
 
         An interrupt ends the recording before it is raised.
         """
-        return wait(self._core.record(duration_s, rate_hz, zero_gravity))
+        return complete(self._core.record(duration_s, rate_hz, zero_gravity))
 
     def record_start(
         self, rate_hz: float = 100.0, zero_gravity: bool = True, max_samples: int | None = None
@@ -391,7 +433,7 @@ class GripperActions:
         It ends by `record_stop`, or when `max_samples` (1 to 360 000, which is the default) were
         due; the jaws then hold.
         """
-        return wait(self._core.record_start(rate_hz, zero_gravity, max_samples))
+        return complete(self._core.record_start(rate_hz, zero_gravity, max_samples))
 
     def record_stop(self, allow_empty: bool = False) -> Trajectory:
         """End the recording and return it.
@@ -399,7 +441,7 @@ class GripperActions:
         Raises `CommandError`, reason recording_failed, for one that was interrupted (by a stop, a
         fault of the motor, a silent bus, ...), and for one without samples unless `allow_empty`.
         """
-        return wait(self._core.record_stop(allow_empty))
+        return complete(self._core.record_stop(allow_empty))
 
     def play(
         self,
@@ -433,7 +475,7 @@ class GripperActions:
         `loop` is for `play_start`. An interrupt, or an error of `progress`, cancels the replay
         before it is raised. A path that something blocks gives `ok` False.
         """
-        return wait(
+        return complete(
             self._core.play(
                 trajectory,
                 speed,
@@ -465,7 +507,7 @@ class GripperActions:
         With `loop` it continues until `play_stop`; a trajectory of one sample is a pose, which is
         held then. `error` of `trajectory_status` reports later errors.
         """
-        return wait(
+        return complete(
             self._core.play_start(
                 trajectory, speed, kp, kd, loop, align, torque_nm=torque_nm, force=force
             )
@@ -477,7 +519,7 @@ class GripperActions:
         It does nothing where none runs. Raises `CommandError` when it has not ended after
         `timeout` seconds.
         """
-        return wait(self._core.play_stop(timeout))
+        return complete(self._core.play_stop(timeout))
 
     def trajectory_status(self) -> dict[str, Any]:
         """Return the status of the running recording or replay, else of the latest one.
@@ -486,7 +528,7 @@ class GripperActions:
         recording also `rate_hz`, `zero_gravity`, `loop_hz`, `missed` and `duration_s`, of a replay
         `frames`, `speed`, `openness`, `completed`, `loops`, `phase` and `grips`.
         """
-        return wait(self._core.trajectory_status())
+        return complete(self._core.trajectory_status())
 
     def teleop_start(
         self,
@@ -533,7 +575,7 @@ class GripperActions:
         enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
         recorded or replayed) and what `GripperActions` says.
         """
-        return wait(
+        return complete(
             self._core.teleop_start(
                 mode,
                 host,
@@ -560,7 +602,7 @@ class GripperActions:
 
         Jaws that the torque guard has released stay loose: holding would press what it freed.
         """
-        return wait(self._core.teleop_stop())
+        return complete(self._core.teleop_stop())
 
     def teleop_status(self) -> dict[str, Any]:
         """Return the status of teleoperation, or of the last one.
@@ -571,12 +613,12 @@ class GripperActions:
         make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
         and `round_trip_ms`.
         """
-        return wait(self._core.teleop_status())
+        return complete(self._core.teleop_status())
 
     @property
     def config(self) -> GripperConfig:
         """Return limits, gains and ids as the daemon has them now; not to be changed from here."""
-        return wait(self._core.config())
+        return complete(self._core.config())
 
     def load_calibration(
         self, path: str | os.PathLike[str] | None = None, template: str | None = None
@@ -593,7 +635,7 @@ class GripperActions:
         Raises `CommandError` when a named calibration cannot be used; never takes another file.
         The daemon logs the closing direction; `mount` returns it, too.
         """
-        return wait(self._core.load_calibration(path, template))
+        return complete(self._core.load_calibration(path, template))
 
     def load_template(self, name: str) -> bool:
         """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
@@ -601,7 +643,7 @@ class GripperActions:
         The daemon logs the closing direction; `mount` returns it, too. Raises `CommandError` for
         another name, and when the daemon cannot use it.
         """
-        return wait(self._core.load_template(name))
+        return complete(self._core.load_template(name))
 
     def save_calibration(self, path: str | os.PathLike[str] | None = None) -> str:
         """Save the calibration in use; return the path.
@@ -610,7 +652,7 @@ class GripperActions:
         where it finds it at its next start. Raises `CommandError` when there is none, or when
         the file cannot be written.
         """
-        return wait(self._core.save_calibration(path))
+        return complete(self._core.save_calibration(path))
 
     def zero(
         self, *, mount: str | None = None, progress: ProgressCallback | None = None
@@ -623,7 +665,7 @@ class GripperActions:
         its progress, unless `progress` is given. Raises `HardwareError` when no plausible travel
         was found, `CommandError` when it was not saved, and the errors of `GripperActions`.
         """
-        return wait(self._core.zero(mount=mount, progress=progress))
+        return complete(self._core.zero(mount=mount, progress=progress))
 
     def calibrate(
         self,
@@ -643,7 +685,7 @@ class GripperActions:
         The probe uses the arguments (N·m/rad, N·m·s/rad, rad, N·m), not `motion_config`. The
         daemon's defaults replace arguments that are left out.
         """
-        return wait(
+        return complete(
             self._core.calibrate(
                 kp,
                 kd,
@@ -670,13 +712,15 @@ class BlockingGripper(GripperActions):
 
     _core: core_gripper.Gripper
 
-    def connect(self) -> None:
-        """Connect to the daemon, unless connected, and load the constructor's `mount`, if any.
+    def connect(self) -> bool:
+        """Connect to the daemon, unless connected, and load the constructor's `mount`; true.
 
         Raises `ConnectError` when no daemon answers (its hint says how to start one). Raises
         `CommandError` when the daemon has another channel or CAN id, or cannot load the mount.
+        While another client moves the gripper, or where this user may only watch, the mount is
+        not loaded, and a warning is logged; `enable` loads it then.
         """
-        wait(self._core.connect())
+        return complete(self._core.connect())
 
     def disconnect(self) -> None:
         """Disconnect; first disable the motor if this object enabled it.
@@ -684,7 +728,7 @@ class BlockingGripper(GripperActions):
         The motor stays enabled if `disable_on_disconnect` is false. Raises the error of
         disabling, but closes the connection in any case.
         """
-        wait(self._core.disconnect())
+        complete(self._core.disconnect())
 
     def __exit__(
         self,
@@ -692,7 +736,7 @@ class BlockingGripper(GripperActions):
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        wait(self._core.__aexit__(kind, error, trace))
+        complete(self._core.__aexit__(kind, error, trace))
 
     @property
     def is_connected(self) -> bool:
@@ -744,9 +788,22 @@ class BlockingGripper(GripperActions):
         Raises `NotPermittedError` unless the owner is the same user, or this user is an admin in
         the daemon's configuration.
         """
-        wait(self._core.take_lease(why, jaws=jaws))
+        complete(self._core.take_lease(why, jaws=jaws))
 
-    def stop(self, level: str = "hold", why: str | None = None) -> GripperState:
+    def stop(self) -> None:
+        """Take the torque off the jaws at once; they are slack until the next motion.
+
+        It ends this object's own motion and latches nothing: the next motion may begin. A motor
+        that is disabled has no torque already.
+
+        If the gripper is not this object's to move (another client has the lease, or moves it, or
+        this user may not), it is stopped all the same, by `software_stop("relax")`, which is
+        latched. A warning is logged then. The same happens in a signal handler whose thread waits
+        for a motion.
+        """
+        complete(self._core.stop())
+
+    def software_stop(self, level: str = "hold", why: str | None = None) -> GripperState:
         """Stop the gripper, whichever client moves it, until `clear_stop`.
 
         `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal
@@ -755,7 +812,7 @@ class BlockingGripper(GripperActions):
         is sent as a usual request. This is a software stop: it does not replace the switch that
         cuts the power.
         """
-        return wait(self._core.stop(level, why))
+        return complete(self._core.software_stop(level, why))
 
     def clear_stop(self) -> GripperState:
         """Clear a stop: the motor may then be enabled and moved again. Moves nothing.
@@ -763,25 +820,29 @@ class BlockingGripper(GripperActions):
         Raises `StoppedError` (`sent_before_stop`) for a stop that this object did not know of:
         look at the state, and clear again.
         """
-        return wait(self._core.clear_stop())
+        return complete(self._core.clear_stop())
 
-    def get_state(self) -> GripperState:
-        """Return the daemon's newest state; it never waits for the bus. Look at `stale`."""
-        return wait(self._core.get_state())
+    def get_state(self, wait: bool = True) -> GripperState:
+        """Return the daemon's newest state; it never waits for the bus. Look at `stale`.
+
+        `wait` makes no difference: the daemon asks the motor in every period, also while nobody
+        calls, so the state is as new as one that was waited for.
+        """
+        return complete(self._core.get_state(wait))
 
     def health(self) -> dict[str, Any]:
         """Return the daemon's health: its verdict, the bus, the ticks, the clients."""
-        return wait(self._core.health())
+        return complete(self._core.health())
 
     def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""
-        return wait(self._core.info())
+        return complete(self._core.info())
 
     def jobs(self) -> list[dict[str, Any]]:
         """Return the running jobs and the ended ones that are still kept, of all clients."""
-        return wait(self._core.jobs())
+        return complete(self._core.jobs())
 
     @property
     def mount(self) -> str | None:
         """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated."""
-        return wait(self._core.mount())
+        return complete(self._core.mount())

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     _Result = TypeVar("_Result")
 
 
-def wait(coroutine: Coroutine[Any, Any, _Result]) -> _Result:
+def complete(coroutine: Coroutine[Any, Any, _Result]) -> _Result:
     """Run a coroutine to its end, here and now: nothing that it awaits ever suspends it."""
     try:
         coroutine.send(None)
@@ -110,7 +110,7 @@ def connect(
     async def attempt(candidate: str) -> Connection:
         return Connection(candidate, timeout_s)
 
-    return wait(reach(channel, path, attempt))
+    return complete(reach(channel, path, attempt))
 
 
 class BlockingSession(DaemonSession):

@@ -9,7 +9,7 @@ from __future__ import annotations
 from litegrip_client.checks import given_numbers, integer, number
 from litegrip_client.core.motion import Motion
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
-from litegrip_client.core.setpoints import SetpointStream, frame_target
+from litegrip_client.core.setpoints import SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.motion_config import MotionConfig
 from litegrip_client.results import (
@@ -30,6 +30,7 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
     from litegrip_client.calibration import CalibrationData, GripperConfig
     from litegrip_client.core.calibrations import ManualCalibration
     from litegrip_client.core.trajectories import Trajectories
+    from litegrip_client.core.wire import Wire
     from litegrip_client.results import PlayResult
     from litegrip_client.trajectory import Trajectory
 
@@ -60,6 +61,7 @@ class GripperActions:
         self._session = session
         self._frames: SetpointStream | None = None
         self._kept_trajectories: Trajectories | None = None
+        self._mount_due: str | None = None
         self.motion_config = MotionConfig() if motion_config is None else motion_config
 
     @property
@@ -94,6 +96,8 @@ class GripperActions:
         params = {} if retries is None else {"retries": integer("retries", retries)}
         call = wire.prepare_guarded("motor.enable", self._configured(params))
         await session.acquire(on_lost="disable" if session.disable_on_disconnect else "hold")
+        if self._mount_due is not None:
+            await self._load_mount(wire)
         before = session.enabled_here, session.keeps_lease
         # Also if the answer never comes: the motor may be enabled.
         session.enabled_here = session.keeps_lease = True
@@ -107,6 +111,12 @@ class GripperActions:
             await self._undo_enable(*before)
         return result
 
+    async def _load_mount(self, wire: Wire) -> None:
+        """Have the daemon use the nominal calibration of the constructor's `mount`."""
+        call = wire.prepare_guarded("calibration.load", {"template": self._mount_due})
+        await wire.run(call, ACTION_TIMEOUT_S)
+        self._mount_due = None
+
     async def _undo_enable(self, was_enabled_here: bool, kept_lease: bool) -> None:
         self._session.enabled_here, self._session.keeps_lease = was_enabled_here, kept_lease
         await self._session.let_go()
@@ -118,15 +128,20 @@ class GripperActions:
             self._session.enabled_here = False
         return done
 
-    async def clear_fault(self) -> str | None:
-        """Clear the motor's latched fault; return its name. The motor stays disabled.
+    async def clear_fault(self, *, enable: bool = True) -> bool:
+        """Clear the motor's latched fault and enable the motor; true if it is enabled.
 
-        None means that there was no fault. This also accepts a position that has jumped: check
-        first where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
+        The motor holds the measured position then, and `enable` tells what else that means. With
+        `enable` false it stays disabled, and true means that no fault is left. An enabled motor
+        has no fault: nothing happens. This also accepts a position that has jumped: check first
+        where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
         """
-        cleared: str | None = (await self._ask("motor.clear_fault"))["cleared"]
+        state = GripperState.from_wire(await self._session.wire.call("state.get"))
+        if state.enabled is True and not state.stale:
+            return True
+        await self._ask("motor.clear_fault")
         self._session.enabled_here = False
-        return cleared
+        return bool(await self.enable()) if enable else True
 
     async def read_param(self, register: str | int) -> float:
         """Read a register of the motor, by name ("PMAX") or number (21); nothing is written.
@@ -213,57 +228,90 @@ class GripperActions:
 
     async def goto(
         self,
-        opening_mm: float,
-        duration: float | None = 1.0,
+        position_mm: float,
+        kp: float | None = None,
+        kd: float | None = None,
+        duration: float | None = 0.5,
         *,
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to an opening between the fingers, in mm: 0 at the closed stop.
 
-        `duration`: seconds; None moves at `motion_config.speed_mm_s`. A success is `reached` and
+        `duration`: seconds that the way takes, or longer where the fastest speed that fits
+        `motion_config` needs more; None moves at `motion_config.speed_mm_s`. `kp` (5 to 500
+        N·m/rad) and `kd` (0.1 to 5 N·m·s/rad, and at least kp · 0.002 s) are the calibration's by
+        default; a stiffer move presses no harder on what is in its way. A success is `reached` and
         not `stalled`. Raises as `GripperActions` does. A target outside the calibrated travel is
         a `CommandError`; its `data["limit"]` is the travel.
         """
-        target = given_numbers(opening_mm=opening_mm, duration_s=duration)
+        target = given_numbers(opening_mm=position_mm, kp=kp, kd=kd, at_least_s=duration)
         return await self._move("motion.move", target, progress)
 
-    async def goto_rad(
+    async def goto_rad(  # noqa: PLR0917 - the vendor's, by position
         self,
         position_rad: float,
-        duration: float | None = 1.0,
+        kp: float | None = None,
+        kd: float | None = None,
+        dq_target: float = 0.0,
+        tau_feedforward: float = 0.0,
+        duration: float | None = 0.5,
         *,
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
-        """Move to a position of the motor, in rad; everything else as for `goto`."""
-        target = given_numbers(position_rad=position_rad, duration_s=duration)
+        """Move to a position of the motor, in rad; everything else as for `goto`.
+
+        `dq_target` and `tau_feedforward` must be 0: the daemon computes the velocity of its ramp
+        itself, and a torque is given as a force (`set_force`, `grasp`). Others raise
+        `CommandError`, reason "unsupported".
+        """
+        check_no_feedforward("goto_rad", dq_target=dq_target, tau_feedforward=tau_feedforward)
+        target = given_numbers(position_rad=position_rad, kp=kp, kd=kd, at_least_s=duration)
         return await self._move("motion.move", target, progress)
 
     async def goto_openness(
         self,
         openness: float,
-        duration: float | None = 1.0,
         *,
+        kp: float | None = None,
+        kd: float | None = None,
+        duration: float | None = 0.5,
         progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to a share of the travel, 0 (closed) to 1 (open); all else as for `goto`."""
-        target = given_numbers(openness=openness, duration_s=duration)
+        target = given_numbers(openness=openness, kp=kp, kd=kd, at_least_s=duration)
         return await self._move("motion.move", target, progress)
 
     async def move_at_speed(
-        self, opening_mm: float, speed_mm_s: float, *, progress: ProgressCallback | None = None
+        self,
+        target_mm: float,
+        speed_mm_s: float = 30.0,
+        kp: float | None = None,
+        kd: float | None = None,
+        *,
+        progress: ProgressCallback | None = None,
     ) -> MoveResult:
         """Move to an opening in mm at a speed; everything else as for `goto`."""
-        target = given_numbers(opening_mm=opening_mm, speed_mm_s=speed_mm_s)
+        target = given_numbers(opening_mm=target_mm, speed_mm_s=speed_mm_s, kp=kp, kd=kd)
         return await self._move("motion.move", target, progress)
 
-    async def set_force(self, force_n: float) -> GripperState:
-        """Squeeze with `force_n` from now on, 0.5 to 30 N, ramped.
+    async def set_force(self, force_n: float, duration: float = 0.3) -> bool:
+        """Squeeze with `force_n`, 0.5 to 30 N, ramped; return after `duration` seconds.
+
+        The force stays until the next motion. True if the jaws still hold then.
 
         It changes the force of a grasp, also while another thread or task of this program waits
         for that grasp. Without a grasp the jaws begin to squeeze at their present position.
         """
+        wait_s = number("duration", duration)
+        if wait_s < 0.0:
+            text = f"duration is {wait_s:g}, it must be 0 s or longer"
+            raise CommandError(text, reason="invalid_params", data={"parameter": "duration"})
         params = self._configured({"force_n": number("force_n", force_n)})
-        return state_of(await self._command("motion.set_force", params))
+        state = state_of(await self._command("motion.set_force", params))
+        if wait_s > 0.0:
+            await self._session.pause(wait_s)
+            state = GripperState.from_wire(await self._session.wire.call("state.get"))
+        return state.force_set_n is not None
 
     async def zero_gravity(self, on: bool = True) -> GripperState:
         """Let the jaws be moved freely by hand, the motor enabled but without any torque.
@@ -295,19 +343,20 @@ class GripperActions:
         return SetpointStream(self._session, valid_s, limits, self._end_frames)
 
     async def send_mit_frame(
-        self, position: float, velocity: float, kp: float, kd: float, torque: float
+        self, q: float, kp: float, kd: float, dq: float = 0.0, tau: float = 0.0
     ) -> bool:
-        """Send a set-point for `position`, in rad, valid for 0.2 s; not a frame on the bus.
+        """Send a set-point for the position `q`, in rad, valid for 0.2 s; not a frame on the bus.
 
-        The daemon's limits and gains stay in force: `velocity`, `kp` and `kd` are checked and
-        then not used. A `torque` beyond ±1 N·m (3 at most) only lets the jaws press with up to
-        that torque. They follow at `motion_config.speed_mm_s` at most.
+        The jaws follow at `motion_config.speed_mm_s` at most, with `kp` (5 to 500 N·m/rad) and
+        `kd` (0.1 to 5 N·m·s/rad, at least kp · 0.002 s) or softer, and press with 1 N·m at most.
+        The velocity of their path is fed forward: `dq` is not used, but checked.
+
         True when it is sent; a refusal is raised, perhaps by the next call. Raises
-        `CommandError` with reason "unsupported" for `kp` 0, which asks for a torque, a speed or
-        for nothing instead of a position: use `set_force`, `grasp`, `move_at_speed` or
-        `zero_gravity`.
+        `CommandError` with reason "unsupported" for `kp` 0 and for a `tau`, which ask for a
+        torque, a speed or for nothing instead of a position: use `set_force`, `grasp`,
+        `move_at_speed` or `zero_gravity`.
         """
-        target = frame_target(position, velocity, kp, kd, torque)
+        target = frame_target(q, kp, kd, dq, tau)
         if self._frames is None:
             self._frames = SetpointStream(self._session, _FRAME_VALID_S, self._speed_limit())
         await self._frames.set_target(**target)

@@ -9,10 +9,11 @@ from __future__ import annotations
 from types import TracebackType
 
 from litegrip_client.core.actions import GripperActions, state_of
-from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
+from litegrip_client.core.session import DaemonSession, Lease
+from litegrip_client.errors import BusyError, HardwareError, NotPermittedError, StoppedError
 from litegrip_client.results import GripperState
 from litegrip_client.stopping import stop
-from litegrip_client.warn import leave
+from litegrip_client.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
@@ -38,18 +39,25 @@ class Gripper(GripperActions):
 
     # Connection
 
-    async def connect(self) -> None:
-        """Connect to the daemon, unless connected, and load the constructor's `mount`, if any.
+    async def connect(self) -> bool:
+        """Connect to the daemon, unless connected, and load the constructor's `mount`; true.
 
         Raises `ConnectError` when no daemon answers (its hint says how to start one). Raises
         `CommandError` when the daemon has another channel or CAN id, or cannot load the mount.
+        While another client moves the gripper, or where this user may only watch, the mount is
+        not loaded, and a warning is logged; `enable` loads it then.
         """
         await self._session.open(self._begin)
+        return True
 
     async def _begin(self, wire: Wire) -> None:
-        if self._template is not None:
-            call = wire.prepare_guarded("calibration.load", {"template": self._template})
-            await wire.run(call, ACTION_TIMEOUT_S)
+        self._mount_due = self._template
+        if self._template is None:
+            return
+        try:
+            await self._load_mount(wire)
+        except (BusyError, NotPermittedError) as error:
+            warn(f"mount {self._template!r} is not loaded yet: {error.message}")
 
     async def disconnect(self) -> None:
         """Disconnect; first disable the motor if this object enabled it.
@@ -124,7 +132,30 @@ class Gripper(GripperActions):
 
     # Stop
 
-    async def stop(self, level: str = "hold", why: str | None = None) -> GripperState:
+    async def stop(self) -> None:
+        """Take the torque off the jaws at once; they are slack until the next motion.
+
+        It ends this object's own motion and latches nothing: the next motion may begin. A motor
+        that is disabled has no torque already.
+
+        If the gripper is not this object's to move (another client has the lease, or moves it, or
+        this user may not), it is stopped all the same, by `software_stop("relax")`, which is
+        latched. A warning is logged then. The same happens in a signal handler whose thread waits
+        for a motion.
+        """
+        try:
+            await self._session.ask("motion.zero_gravity", {"if_busy": "replace"})
+        except (BusyError, NotPermittedError, StoppedError) as error:
+            await self.software_stop("relax", "stop() of a client that does not move it")
+            warn(
+                f"stop(): {error.message}. So the gripper is stopped for every client, until"
+                " clear_stop()"
+            )
+        except HardwareError:
+            if (await self.get_state()).enabled is not False:
+                raise
+
+    async def software_stop(self, level: str = "hold", why: str | None = None) -> GripperState:
         """Stop the gripper, whichever client moves it, until `clear_stop`.
 
         `level` is "hold", "relax" or "disable". Any thread may call it, and also a signal
@@ -146,8 +177,12 @@ class Gripper(GripperActions):
 
     # Reading
 
-    async def get_state(self) -> GripperState:
-        """Return the daemon's newest state; it never waits for the bus. Look at `stale`."""
+    async def get_state(self, wait: bool = True) -> GripperState:  # noqa: ARG002 - the vendor's
+        """Return the daemon's newest state; it never waits for the bus. Look at `stale`.
+
+        `wait` makes no difference: the daemon asks the motor in every period, also while nobody
+        calls, so the state is as new as one that was waited for.
+        """
         return GripperState.from_wire(await self._session.wire.call("state.get"))
 
     async def health(self) -> dict[str, Any]:

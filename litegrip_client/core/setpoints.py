@@ -23,8 +23,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
 _EXPIRED = "set_point_expired"
 """A target that came too late, on a busy machine say: the next one takes its place."""
-_CONTACT_TORQUE_NM = 1.0
-"""What the jaws press with at most, following set-points, when nothing else is asked for."""
 
 
 class SetpointStream:
@@ -61,11 +59,15 @@ class SetpointStream:
         position_rad: float | None = None,
         openness: float | None = None,
         torque_nm: float | None = None,
+        kp: float | None = None,
+        kd: float | None = None,
     ) -> None:
         """Send the jaws to exactly one of `opening_mm`, `position_rad` and `openness` (0 to 1).
 
-        `torque_nm` is for this target what it is for the whole stream. Raises `CommandError` (a
-        target outside the travel, another motion runs, ...) and all that motions raise.
+        `torque_nm` is for this target what it is for the whole stream. `kp` (5 to 500 N·m/rad) and
+        `kd` (0.1 to 5 N·m·s/rad) are the most stiffness and damping, the calibration's by default.
+        Raises `CommandError` (a target outside the travel, another motion runs, ...) and all that
+        motions raise.
         """
         target = given_numbers(opening_mm=opening_mm, position_rad=position_rad, openness=openness)
         if len(target) != 1:
@@ -73,7 +75,7 @@ class SetpointStream:
                 "a set-point needs exactly one of opening_mm, position_rad and openness",
                 reason="invalid_params",
             )
-        own = given_numbers(torque_nm=torque_nm)
+        own = given_numbers(torque_nm=torque_nm, kp=kp, kd=kd)
         if self._before is not None:
             before, self._before = self._before, None
             await before()
@@ -118,33 +120,39 @@ class SetpointStream:
         await leave(self.close, error)
 
 
-def frame_target(
-    position: float, velocity: float, kp: float, kd: float, torque: float
-) -> dict[str, float]:
+def frame_target(q: float, kp: float, kd: float, dq: float, tau: float) -> dict[str, float]:
     """Return the target that stands for an MIT frame; raises `CommandError` if none can."""
-    given = {"position": position, "velocity": velocity, "kp": kp, "kd": kd, "torque": torque}
+    given = {"q": q, "kp": kp, "kd": kd, "dq": dq, "tau": tau}
     values = {name: number(name, value) for name, value in given.items()}
-    if values["kp"] <= 0.0 or values["kd"] < 0.0:
-        raise _no_position(values)
-    target = {"position_rad": values["position"]}
-    press_nm = abs(values["torque"])
-    if press_nm > _CONTACT_TORQUE_NM:
-        target["torque_nm"] = press_nm
-    return target
-
-
-def _no_position(values: dict[str, float]) -> CommandError:
-    if values["kp"] < 0.0 or values["kd"] < 0.0:
-        text = f"kp is {values['kp']:g} and kd {values['kd']:g}, a gain cannot be negative"
-        return CommandError(text, reason="invalid_params")
-    if values["torque"] != 0.0:
-        what, hint = "a torque", "set_force(force_n) or grasp(force_n=...)"
-    elif values["velocity"] != 0.0:
-        what, hint = "a speed", "move_at_speed(opening_mm, speed_mm_s)"
-    else:
+    for gain in ("kp", "kd"):
+        if values[gain] < 0.0:
+            text = f"{gain} is {values[gain]:g}, a gain cannot be negative"
+            raise CommandError(text, reason="invalid_params", data={"parameter": gain})
+    if values["tau"] != 0.0:
+        raise _unsupported("a frame with tau asks for a torque", _FORCES)
+    if values["kp"] == 0.0:
         what, hint = "loose jaws", "zero_gravity()"
+        if values["dq"] != 0.0:
+            what, hint = "a speed", "move_at_speed(target_mm, speed_mm_s)"
+        raise _unsupported(f"a frame with kp = 0 asks for {what}", hint)
+    return {"position_rad": values["q"], "kp": values["kp"], "kd": values["kd"]}
+
+
+def check_no_feedforward(method: str, **given: float) -> None:
+    """Raise `CommandError` for a velocity or torque (by name) that is not 0."""
+    for name, value in given.items():
+        if number(name, value) != 0.0:
+            asked = "a torque" if name.startswith("tau") else "a velocity"
+            hint = _FORCES if name.startswith("tau") else "a duration, or move_at_speed()"
+            raise _unsupported(f"{method} with {name} = {value:g} asks for {asked}", hint)
+
+
+_FORCES = "set_force(force_n), grasp(force_n=...), or stream(torque_nm=...) to bound it"
+
+
+def _unsupported(what: str, hint: str) -> CommandError:
     return CommandError(
-        f"a frame with kp = 0 asks for {what}: the daemon takes only positions by frame",
+        f"{what}: the daemon computes velocity and torque itself",
         reason="unsupported",
         data={"hint": f"use {hint}"},
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from litegrip_client.blocking import BlockingWire, wait
+from litegrip_client.blocking import BlockingWire, complete
 from litegrip_client.core.motion import Motion
 from litegrip_client.ctl.render import Data, figure, plain
 from litegrip_client.ctl.run import ENDING, INTERRUPTED, NOT_OK, OK, Run
@@ -41,7 +41,7 @@ def finish(
 
     motion = Motion(BlockingWire(run.connection), method, {**params, "detach": True}, show)
     try:
-        data = wait(motion.run())
+        data = complete(motion.run())
     except KeyboardInterrupt:
         run.output.erase_line()
         _report_cancelled(motion, run)

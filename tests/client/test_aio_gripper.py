@@ -124,7 +124,7 @@ def test_nobody_sees_the_connection_before_the_mount_is_loaded(daemon: FakeDaemo
         (loading,) = await arrived(daemon, "calibration.load")
         assert loading.params["template"] == "reverse"
         assert not gripper.is_connected
-        loading.fail("busy", -32020)
+        loading.fail("calibration_unreadable", -32010)
         with pytest.raises(CommandError):
             await connecting
         assert not gripper.is_connected
@@ -282,7 +282,7 @@ def test_a_stop_overtakes_a_motion(daemon: FakeDaemon) -> None:
         async with LiteGrip(socket_path=daemon.path) as gripper:
             moving = asyncio.create_task(gripper.open())
             (motion,) = await arrived(daemon, "motion.open")
-            assert (await gripper.stop("relax", why="smoke")).mode == "holding"
+            assert (await gripper.software_stop("relax", why="smoke")).mode == "holding"
             assert daemon.requests[-1].params == {"level": "relax", "why": "smoke"}
             motion.fail("stopped", -32021, stop_generation=4)
             with pytest.raises(StoppedError):

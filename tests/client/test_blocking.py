@@ -2,7 +2,7 @@ import asyncio
 
 import pytest
 
-from litegrip_client.blocking import wait
+from litegrip_client.blocking import complete
 
 
 async def double(number: int) -> int:
@@ -18,11 +18,11 @@ async def fail() -> int:
 
 
 def test_what_does_not_suspend_is_run_to_its_end() -> None:
-    assert wait(quadruple(3)) == 12
+    assert complete(quadruple(3)) == 12
     with pytest.raises(ZeroDivisionError):
-        wait(fail())
+        complete(fail())
 
 
 def test_what_suspends_is_refused() -> None:
     with pytest.raises(RuntimeError, match="wants an event loop"):
-        wait(asyncio.sleep(0))
+        complete(asyncio.sleep(0))

@@ -42,11 +42,31 @@ def test_another_mount_needs_no_daemon_to_be_refused() -> None:
 
 
 def test_a_mount_that_cannot_be_loaded_leaves_no_connection(daemon: FakeDaemon) -> None:
-    daemon.handlers["calibration.load"] = lambda request: request.fail("busy", -32020)
+    daemon.handlers["calibration.load"] = lambda request: request.fail("out_of_limits", -32011)
     gripper = LiteGrip(mount="normal", socket_path=daemon.path)
-    with pytest.raises(BusyError):
+    with pytest.raises(CommandError):
         gripper.connect()
     assert not gripper.is_connected
+
+
+@pytest.mark.parametrize("reason", ["busy", "lease_held", "not_permitted"])
+def test_a_watcher_connects_with_a_mount_that_it_may_not_load_yet(
+    daemon: FakeDaemon, caplog: pytest.LogCaptureFixture, reason: str
+) -> None:
+    code = {"busy": -32020, "lease_held": -32026, "not_permitted": -32027}[reason]
+    default = daemon.handlers["calibration.load"]
+    daemon.handlers["calibration.load"] = lambda request: request.fail(reason, code)
+    gripper = LiteGrip(mount="reverse", socket_path=daemon.path)
+    assert gripper.connect() is True
+    assert "mount 'reverse' is not loaded yet" in caplog.text
+    with pytest.raises(CommandError):
+        gripper.enable()
+    assert daemon.methods()[-1] == "calibration.load"  # nothing is enabled by another mount
+    daemon.handlers["calibration.load"] = default
+    assert gripper.enable()
+    assert gripper.enable()
+    assert loads(daemon) == [{"template": "reverse"}] * 3
+    gripper.disconnect()
 
 
 def test_the_four_ways_to_a_mount_are_one(daemon: FakeDaemon, gripper: LiteGrip) -> None:

@@ -1,3 +1,4 @@
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -58,7 +59,7 @@ def test_a_grasp_has_tunables(daemon: FakeDaemon, gripper: LiteGrip) -> None:
     gripper.grasp()
     assert last_params(daemon)["config"] == {"grasp_speed_mm_s": 40.0}
     daemon.handlers["motion.set_force"] = lambda request: {"force_n": 3.0, "state": STATE}
-    gripper.set_force(3.0)
+    gripper.set_force(3.0, 0.0)
     assert last_params(daemon)["config"] == {"grasp_speed_mm_s": 40.0}
 
 
@@ -108,12 +109,24 @@ def test_a_force_that_is_no_number_is_refused_here(
 @pytest.mark.parametrize(
     ("move", "sent"),
     [
-        (lambda g: g.goto(30), {"opening_mm": 30.0, "duration_s": 1.0}),
-        (lambda g: g.goto(30, 2), {"opening_mm": 30.0, "duration_s": 2.0}),
-        (lambda g: g.goto(30, duration=None), {"opening_mm": 30.0}),
-        (lambda g: g.goto_rad(-0.5), {"position_rad": -0.5, "duration_s": 1.0}),
-        (lambda g: g.goto_openness(0.5, 0.2), {"openness": 0.5, "duration_s": 0.2}),
+        (lambda g: g.goto(30), {"opening_mm": 30.0, "at_least_s": 0.5}),
+        (lambda g: g.goto(30, 150), {"opening_mm": 30.0, "kp": 150.0, "at_least_s": 0.5}),
+        (
+            lambda g: g.goto(30, 150, 2, 1),
+            {"opening_mm": 30.0, "kp": 150.0, "kd": 2.0, "at_least_s": 1.0},
+        ),
+        (lambda g: g.goto(position_mm=30, duration=None), {"opening_mm": 30.0}),
+        (lambda g: g.goto_rad(-0.5), {"position_rad": -0.5, "at_least_s": 0.5}),
+        (
+            lambda g: g.goto_rad(-0.5, 150, 2, 0, 0, 2),
+            {"position_rad": -0.5, "kp": 150.0, "kd": 2.0, "at_least_s": 2.0},
+        ),
+        (lambda g: g.goto_openness(0.5, duration=0.2), {"openness": 0.5, "at_least_s": 0.2}),
         (lambda g: g.move_at_speed(30, 25), {"opening_mm": 30.0, "speed_mm_s": 25.0}),
+        (
+            lambda g: g.move_at_speed(target_mm=30, kp=150, kd=2),
+            {"opening_mm": 30.0, "speed_mm_s": 30.0, "kp": 150.0, "kd": 2.0},
+        ),
     ],
 )
 def test_moving_to_a_target(
@@ -126,6 +139,16 @@ def test_moving_to_a_target(
     daemon.handlers["motion.move"] = lambda request: reached
     assert move(gripper).outcome == "reached"
     assert last_params(daemon) == {**sent, "progress": True}
+
+
+@pytest.mark.parametrize("feedforward", [{"dq_target": 0.5}, {"tau_feedforward": -1.0}])
+def test_a_move_with_a_feedforward_of_the_callers_own_is_rejected(
+    daemon: FakeDaemon, gripper: LiteGrip, feedforward: dict[str, Any]
+) -> None:
+    with pytest.raises(CommandError, match="the daemon computes velocity and torque") as caught:
+        gripper.goto_rad(-0.5, **feedforward)
+    assert caught.value.reason == "unsupported"
+    assert daemon.methods() == ["hello"]
 
 
 def test_moving_has_progress_and_tunables(daemon: FakeDaemon, gripper: LiteGrip) -> None:
@@ -159,7 +182,6 @@ def test_a_target_outside_the_travel_tells_the_travel(
 @pytest.mark.parametrize(
     ("call", "method", "sent"),
     [
-        (lambda g: g.set_force(12), "motion.set_force", {"force_n": 12.0}),
         (lambda g: g.zero_gravity(), "motion.zero_gravity", {}),
         (lambda g: g.zero_gravity(on=False), "motion.hold", {}),
         (lambda g: g.hold(), "motion.hold", {}),
@@ -178,6 +200,15 @@ def test_what_is_answered_at_once(
     daemon.handlers[method] = lambda request: request.fail("busy", -32020)
     with pytest.raises(BusyError):
         call(gripper)
+
+
+@pytest.mark.parametrize("duration", [-0.1, math.nan, "1"])
+def test_a_force_for_no_time_is_rejected(
+    daemon: FakeDaemon, gripper: LiteGrip, duration: Any
+) -> None:
+    with pytest.raises(CommandError, match="duration is"):
+        gripper.set_force(12, duration)
+    assert daemon.methods() == ["hello"]
 
 
 # The motor by itself

@@ -133,9 +133,9 @@ def test_hold_stop_and_clear(daemon: FakeDaemon, gripper: LiteGrip) -> None:
     daemon.handlers["stop.clear"] = lambda request: {"generation": 5, "state": STATE}
     assert gripper.hold().mode == "holding"
     assert daemon.requests[-1].params.keys() == {"sent_s", "stop_generation"}
-    assert gripper.stop().mode == "holding"
+    assert gripper.software_stop().mode == "holding"
     assert daemon.requests[-1].params == {"level": "hold"}
-    gripper.stop("disable", why="smoke")
+    gripper.software_stop("disable", why="smoke")
     assert daemon.requests[-1].params == {"level": "disable", "why": "smoke"}
     gripper.clear_stop()
     assert daemon.requests[-1].params.keys() == {"sent_s", "stop_generation"}
@@ -151,7 +151,7 @@ def test_a_signal_handler_may_stop_while_its_thread_waits(
     daemon.handlers["stop"] = lambda request: {"level": "hold", "generation": 4, "state": STATE}
 
     def stop(number: int, frame: object) -> None:
-        gripper.stop()
+        gripper.software_stop()
         daemon.wait_for("motion.open")[0].fail("stopped", -32021)
 
     before = signal.signal(signal.SIGUSR1, stop)

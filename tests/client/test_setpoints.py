@@ -1,3 +1,4 @@
+import math
 import threading
 import time
 from typing import Any
@@ -110,7 +111,7 @@ def test_a_stream_follows_at_the_speed_of_the_tunables(
     for stream in (gripper.stream(), gripper.stream(speed_mm_s=20.0)):
         with stream:
             stream.set_target(20.0)
-    gripper.send_mit_frame(-0.6, 0.0, 100.0, 2.0, 0.0)
+    gripper.send_mit_frame(-0.6, 100.0, 2.0)
     assert [one.params["speed_mm_s"] for one in sent(daemon)] == [80.0, 20.0, 80.0]
     assert all("config" not in one.params for one in sent(daemon))
 
@@ -218,43 +219,48 @@ def test_a_stream_begins_anew_on_a_new_connection(
 # Frames, as the vendor's SDK sends them
 
 
+def frame(request: Request) -> dict[str, float]:
+    """Return what a frame's request asks, without what guards it against stops."""
+    names = ("position_rad", "kp", "kd", "valid_s", "torque_nm")
+    return {name: request.params[name] for name in names if name in request.params}
+
+
 def test_a_frame_becomes_a_set_point(daemon: FakeDaemon, gripper: LiteGrip, clock: Clock) -> None:
-    assert gripper.send_mit_frame(-0.6, 0.0, 100.0, 2.0, 0.0) is True
-    assert gripper.send_mit_frame(position=-0.5, velocity=1.0, kp=150.0, kd=2.0, torque=-2.0)
+    assert gripper.send_mit_frame(-0.6, 100.0, 2.0) is True
+    assert gripper.send_mit_frame(q=-0.5, kp=150.0, kd=2.5, dq=1.0, tau=0.0)
     first, second = daemon.wait_for("stream.set", 2)
-    assert first.params["position_rad"] == -0.6
-    assert (first.params["valid_s"], "torque_nm" in first.params) == (0.2, False)
-    assert (second.identity, second.params["torque_nm"]) == (None, 2.0)
+    assert frame(first) == {"position_rad": -0.6, "kp": 100.0, "kd": 2.0, "valid_s": 0.2}
+    assert frame(second) == {"position_rad": -0.5, "kp": 150.0, "kd": 2.5, "valid_s": 0.2}
+    assert second.identity is None
 
 
 @pytest.mark.parametrize(
-    ("velocity", "torque", "asks", "instead"),
+    ("arguments", "asks", "instead"),
     [
-        (0.0, 1.5, "a torque", "set_force"),
-        (0.0, -1.5, "a torque", "grasp"),
-        (2.0, 0.0, "a speed", "move_at_speed"),
-        (0.0, 0.0, "loose jaws", "zero_gravity"),
+        ({"kp": 0.0, "kd": 2.0, "tau": 1.5}, "tau asks for a torque", "set_force"),
+        ({"kp": 100.0, "kd": 2.0, "tau": -0.1}, "tau asks for a torque", "grasp"),
+        ({"kp": 0.0, "kd": 2.0, "dq": 2.0}, "kp = 0 asks for a speed", "move_at_speed"),
+        ({"kp": 0.0, "kd": 0.0}, "kp = 0 asks for loose jaws", "zero_gravity"),
     ],
 )
-def test_a_frame_without_stiffness_is_refused(
-    daemon: FakeDaemon,
-    gripper: LiteGrip,
-    velocity: float,
-    torque: float,
-    asks: str,
-    instead: str,
+def test_a_frame_that_is_no_position_is_rejected_with_what_to_use(
+    daemon: FakeDaemon, gripper: LiteGrip, arguments: dict[str, float], asks: str, instead: str
 ) -> None:
-    with pytest.raises(CommandError, match=f"kp = 0 asks for {asks}") as caught:
-        gripper.send_mit_frame(0.0, velocity, 0.0, 2.0, torque)
+    with pytest.raises(CommandError, match=asks) as caught:
+        gripper.send_mit_frame(0.0, **arguments)
     assert caught.value.reason == "unsupported"
     assert instead in str(caught.value)
     assert daemon.methods() == ["hello"]
 
 
-@pytest.mark.parametrize(("kp", "kd"), [(-1.0, 2.0), (100.0, -1.0), (float("nan"), 2.0)])
-def test_a_frame_with_impossible_gains_is_refused(gripper: LiteGrip, kp: float, kd: float) -> None:
+@pytest.mark.parametrize(
+    "frame", [(0.0, -1.0, 2.0), (0.0, 100.0, -1.0), (0.0, math.nan, 2.0), (0.0, 9.0, 1.0, math.inf)]
+)
+def test_a_frame_with_impossible_figures_is_rejected(
+    gripper: LiteGrip, frame: tuple[float, ...]
+) -> None:
     with pytest.raises(CommandError, match=r"cannot be negative|finite") as caught:
-        gripper.send_mit_frame(0.0, 0.0, kp, kd, 0.0)
+        gripper.send_mit_frame(*frame)
     assert caught.value.reason == "invalid_params"
 
 
@@ -263,10 +269,10 @@ def test_a_motion_after_frames_does_not_have_to_wait_for_them(
 ) -> None:
     daemon.handlers["motion.close"] = lambda request: MOVE
     daemon.handlers["motion.hold"] = lambda request: {"state": STATE}
-    gripper.send_mit_frame(0.0, 0.0, 100.0, 2.0, 0.0)
+    gripper.send_mit_frame(0.0, 100.0, 2.0)
     gripper.close()
     gripper.close()
-    gripper.send_mit_frame(0.0, 0.0, 100.0, 2.0, 0.0)
+    gripper.send_mit_frame(0.0, 100.0, 2.0)
     gripper.hold()
     assert daemon.methods()[1:] == [
         *("stream.set", "job.cancel", "motion.close"),

@@ -55,7 +55,7 @@ def stop_within_loop(path: str, *arguments: Any) -> Any:
 
     async def main() -> Any:
         async with aio.LiteGrip(socket_path=path) as gripper:
-            state = await gripper.stop(*arguments)
+            state = await gripper.software_stop(*arguments)
             await gripper.hold()
             return state
 
@@ -65,7 +65,7 @@ def stop_within_loop(path: str, *arguments: Any) -> Any:
 def stop(path: str, *arguments: Any) -> Any:
     """Do the same with threads."""
     with LiteGrip(socket_path=path) as gripper:
-        state = gripper.stop(*arguments)
+        state = gripper.software_stop(*arguments)
         gripper.hold()
         return state
 
@@ -188,7 +188,7 @@ def test_a_reason_too_long_for_a_line_of_that_socket_is_told_by_a_request(
 def test_who_is_not_connected_is_told(daemon: FakeDaemon, stops: FakeDaemon) -> None:
     gripper = LiteGrip(socket_path=daemon.path)
     with pytest.raises(ConnectError) as caught:
-        gripper.stop()
+        gripper.software_stop()
     assert caught.value.reason == "not_connected"
     assert stops.methods() == []
 
@@ -201,10 +201,10 @@ def test_a_stop_whose_state_does_not_come_says_that_it_is_in_force(
         with pytest.raises(
             ConnectError, match=r"^stopped \(relax\), but no state came: the daemon"
         ):
-            gripper.stop("relax")
+            gripper.software_stop("relax")
         assert not gripper.is_connected
         with pytest.raises(ConnectError, match=r"^stopped \(relax\)"):
-            gripper.stop("relax")
+            gripper.software_stop("relax")
     assert stops.methods() == ["stop", "stop"]
 
 
@@ -214,7 +214,7 @@ def test_a_thread_stops_the_motion_that_another_waits_for(
     with LiteGrip(socket_path=daemon.path) as gripper:
         moving = in_thread(gripper.open)
         (motion,) = daemon.wait_for("motion.open")
-        assert gripper.stop("relax").stop_generation == GENERATION
+        assert gripper.software_stop("relax").stop_generation == GENERATION
         motion.fail("stopped", -32021, stop_generation=GENERATION)
         with pytest.raises(StoppedError):
             moving()
@@ -237,7 +237,7 @@ def test_a_signal_handler_stops_the_motion_that_its_thread_waits_for(
         name_stop_socket(daemon, None)
 
     def on_signal(number: int, frame: object) -> None:
-        told.append(gripper.stop().stop_generation)
+        told.append(gripper.software_stop().stop_generation)
         daemon.wait_for("motion.open")[0].fail("stopped", -32021, stop_generation=GENERATION)
 
     before = signal.signal(signal.SIGUSR1, on_signal)
@@ -262,7 +262,7 @@ def test_a_task_stops_the_motion_that_another_waits_for(
         async with aio.LiteGrip(socket_path=daemon.path) as gripper:
             moving = asyncio.create_task(gripper.open())
             (motion,) = await arrived(daemon, "motion.open")
-            assert (await gripper.stop("relax")).stop_generation == GENERATION
+            assert (await gripper.software_stop("relax")).stop_generation == GENERATION
             motion.fail("stopped", -32021, stop_generation=GENERATION)
             with pytest.raises(StoppedError):
                 await moving
@@ -277,7 +277,7 @@ def test_a_stop_whose_task_is_cancelled_at_once_is_given_all_the_same(
 ) -> None:
     async def main() -> None:
         async with aio.LiteGrip(socket_path=daemon.path) as gripper:
-            stopping = asyncio.create_task(gripper.stop())
+            stopping = asyncio.create_task(gripper.software_stop())
             await asyncio.sleep(0)
             await cancel(stopping)
             assert stops.methods() == ["stop"]
@@ -292,7 +292,7 @@ def test_another_event_loop_stops_but_gets_no_state(daemon: FakeDaemon, stops: F
 
     async def stop_there() -> None:
         with pytest.raises(CommandError, match=r"stopped \(relax\), but no state") as caught:
-            await gripper.stop()
+            await gripper.software_stop()
         assert caught.value.reason == "wrong_loop"
 
     async def main() -> None:

@@ -38,7 +38,8 @@ def follow(gripper: LiteGrip, site: Site) -> None:
 MOTIONS: dict[str, tuple[Callable[[LiteGrip, Site], object], float, float]] = {
     "grasp": (lambda gripper, _: gripper.grasp(force_n=10, hold_s=1), 1.0, 1.1),
     "close": (lambda gripper, _: gripper.close(), 6.0, 6.7),
-    "goto": (lambda gripper, _: gripper.goto(10.0), 6.0, 7.0),
+    "goto": (lambda gripper, _: gripper.goto(10.0, duration=None), 6.0, 7.0),
+    "goto, as fast as it may": (lambda gripper, _: gripper.goto(10.0), 6.8, 7.2),
     "stream": (stream, 0.9, 1.05),
     "stream of 3 N·m": (lambda gripper, site: stream(gripper, site, torque_nm=3.0), 2.8, 3.05),
     "play": (play, 1.9, 2.05),
@@ -87,11 +88,11 @@ def test_a_stop_that_holds_goes_on_gripping_and_one_that_relaxes_does_not(site: 
     with LiteGrip("can0") as gripper:
         gripper.enable()
         assert gripper.grasp(force_n=20, hold_s=1)
-        gripper.stop()
+        gripper.software_stop()
         site.run(2.0)
         assert daemon.closing_torque_nm == pytest.approx(2.0, abs=0.1)
-        gripper.stop("relax")
-        weaker = gripper.stop("hold")
+        gripper.software_stop("relax")
+        weaker = gripper.software_stop("hold")
         assert weaker.stop is not None
         assert weaker.stop["level"] == "relax"
         site.run(0.5)

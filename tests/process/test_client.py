@@ -44,7 +44,7 @@ def test_a_thread_stops_a_motion_and_what_comes_behind_is_refused(simulated: Dae
         mover = threading.Thread(target=move)
         mover.start()
         assert is_moving.wait(30.0)
-        state = gripper.stop(why="a hand")
+        state = gripper.software_stop(why="a hand")
         mover.join(30.0)
         ended(errors)
         assert state.stop is not None
@@ -53,7 +53,7 @@ def test_a_thread_stops_a_motion_and_what_comes_behind_is_refused(simulated: Dae
         latched = {name: state.stop[name] for name in ("level", "by", "why", "repeats")}
         assert latched == {"level": "hold", "by": comm, "why": "a hand", "repeats": 0}
         assert state.stop_generation == 1
-        again = gripper.stop()
+        again = gripper.software_stop()
         assert again.stop is not None
         assert (again.stop["repeats"], again.stop_generation) == (1, 2)
         with pytest.raises(StoppedError) as caught:
@@ -71,7 +71,7 @@ def test_a_task_stops_a_motion(simulated: DaemonProcess) -> None:
             motion = gripper.open(**OPENING, progress=lambda _report: is_moving.set())
             moving = asyncio.create_task(motion)
             await asyncio.wait_for(is_moving.wait(), 30.0)
-            state = await gripper.stop("relax")
+            state = await gripper.software_stop("relax")
             assert state.stop is not None
             assert (state.stop["level"], state.stop_generation) == ("relax", 1)
             (error,) = await asyncio.gather(moving, return_exceptions=True)
@@ -84,7 +84,7 @@ def test_a_task_stops_a_motion(simulated: DaemonProcess) -> None:
 def test_who_does_not_know_of_a_stop_clears_it_only_after_a_look(simulated: DaemonProcess) -> None:
     place = of(simulated)
     with LiteGrip(**place) as knowing, LiteGrip(**place) as unaware:
-        knowing.stop("disable", why="a hand")
+        knowing.software_stop("disable", why="a hand")
         with pytest.raises(StoppedError) as caught:
             unaware.clear_stop()
         assert caught.value.reason == "sent_before_stop"

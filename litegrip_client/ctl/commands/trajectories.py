@@ -7,7 +7,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import asdict
 
-from litegrip_client.blocking import BlockingWire, pause, wait
+from litegrip_client.blocking import BlockingWire, complete, pause
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, send
 from litegrip_client.ctl import files
@@ -183,7 +183,7 @@ def put(run: Run) -> int:
         refuse_kept(run, name)
     grips = grips_beside(options.file, content)
     with showing(run) as share:
-        data = wait(send(BlockingWire(run.connection), content, {"name": name}, share, grips))
+        data = complete(send(BlockingWire(run.connection), content, {"name": name}, share, grips))
     run.output.result(data, f"kept as {plain(data['name'])}, {data['samples']} samples")
     return OK
 
@@ -284,7 +284,7 @@ def _refuse_name(rows: list[dict[str, Any]], name: str) -> None:
 def fetched(run: Run, source: Mapping[str, Any]) -> bytes:
     """Fetch one of the daemon's, with a bar where it can be seen."""
     with showing(run) as share:
-        return wait(fetch(BlockingWire(run.connection), source, share))
+        return complete(fetch(BlockingWire(run.connection), source, share))
 
 
 def fetched_whole(run: Run, source: Mapping[str, Any]) -> tuple[Trajectory, bytes]:
@@ -292,7 +292,7 @@ def fetched_whole(run: Run, source: Mapping[str, Any]) -> tuple[Trajectory, byte
     content = fetched(run, source)
     trajectory = Trajectory.from_bytes(content)
     try:
-        beside = wait(fetch_grips(BlockingWire(run.connection), source))
+        beside = complete(fetch_grips(BlockingWire(run.connection), source))
         return trajectory.with_grips(content, beside), content
     except CommandError as error:  # also an older daemon, which knows of no grips
         say(f"the grips are left out: {error.message}")
@@ -394,7 +394,7 @@ def record(run: Run) -> int:
         on_status=show,
     )
     try:
-        data = wait(recording.run())
+        data = complete(recording.run())
     except KeyboardInterrupt:
         run.output.erase_line()
         text = "interrupted: nothing was kept, the jaws hold"
@@ -499,7 +499,7 @@ def _uploaded(run: Run) -> int:
     wire, content = BlockingWire(run.connection), read(run.options.name)
     grips = b"" if run.options.force == "path" else read_grips(run.options.name)
     with showing(run) as share:
-        return int(wait(send(wire, content, None, share, grips))["upload"])
+        return int(complete(send(wire, content, None, share, grips))["upload"])
 
 
 COMMANDS: Commands = {
