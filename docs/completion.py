@@ -4,14 +4,13 @@ They are static: no shell asks the program or the daemon. Only the running chann
 """
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import TYPE_CHECKING
 
 import shtab
 
 from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
 from litegrip_client.discovery import SYSTEM_DIRECTORY
-from litegrip_client.motion_config import MotionConfig
+from litegrip_client.motion_config import DAEMON_FIELDS
 
 if TYPE_CHECKING:
     from argparse import Action
@@ -42,7 +41,7 @@ COMPLETERS: Mapping[str, shtab.CompleteType] = {
 }
 """What completes an argument, by its metavar, or by its name where it has none."""
 
-_FIELDS = [field.name for field in fields(MotionConfig)]
+_FIELDS = list(DAEMON_FIELDS)
 CHOICES = {"FIELD": _FIELDS, "FIELD=VALUE": [f"{name}=" for name in _FIELDS]}
 """Words for arguments whose values only the daemon checks, by their metavars."""
 

@@ -79,6 +79,7 @@ _PROGRESS: Mapping[str, str] = {
     "command_rad": "where the jaws are led to",
     "position_rad": "where they are",
     "torque_nm": "the motor's torque",
+    "coil_temperature_c": "the coil's temperature",
 }
 
 _OWN, _LEADERS, _LINK = "own", "leader's", "link"

@@ -535,6 +535,10 @@ class GripperActions:
         mode: str,
         host: str | None = None,
         *,
+        only_from: str | None = None,
+        align: bool = True,
+        align_speed_mm_s: float | None = None,
+        lead_cap_mm: float | None = None,
         port: int | None = None,
         grip_id: str | None = None,
         link: str | None = None,
@@ -557,7 +561,9 @@ class GripperActions:
         go where the master's are, as a share of its own travel: calibration and mount may differ.
         Both ends share `port` (17448) and `grip_id` ("gripA"). `link` is "zenoh" (the default)
         or "udp", which only a trusted network is for, and with which the master needs the slave's
-        `host`. `rate_hz` is how often a master publishes, the control rate by default.
+        `host`, and a slave's is its own address to listen at (all of them by default; `only_from`
+        is the only leader that it listens to). `rate_hz` is how often a master publishes, the
+        control rate by default.
 
         After `watchdog_s` (0.2) without a frame a slave holds its last target. At or over
         `torque_limit_nm` (0: off) for 60 ms it lets go, until the master has reopened by 0.05.
@@ -569,7 +575,10 @@ class GripperActions:
         pushes back with the share `reflect_gain` (0.5) of it: the hand feels what is gripped. Over
         udp a master's `host` may name several slaves, separated by commas.
 
-        `transport` is refused: the link is the daemon's, and there is no `TeleopTransport` here.
+        A slave first goes to where its master is, at `align_speed_mm_s` (`motion_config.speed_mm_s`
+        by default), and never leads its jaws by more than `lead_cap_mm` (`max_lead_mm`).
+
+        `align` false is refused: the jaws would jump. So is `transport`: the link is the daemon's.
 
         It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
         enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
@@ -579,6 +588,10 @@ class GripperActions:
             self._core.teleop_start(
                 mode,
                 host,
+                only_from=only_from,
+                align=align,
+                align_speed_mm_s=align_speed_mm_s,
+                lead_cap_mm=lead_cap_mm,
                 port=port,
                 grip_id=grip_id,
                 link=link,
@@ -597,12 +610,13 @@ class GripperActions:
             )
         )
 
-    def teleop_stop(self) -> dict[str, Any]:
+    def teleop_stop(self, timeout: float = 2.0) -> dict[str, Any]:
         """End it, if it runs: the jaws hold where they are. Returns the status at the end.
 
-        Jaws that the torque guard has released stay loose: holding would press what it freed.
+        Raises `ConnectError` when the daemon does not answer within `timeout` seconds. Jaws that
+        the torque guard has released stay loose: holding would press what it freed.
         """
-        return complete(self._core.teleop_stop())
+        return complete(self._core.teleop_stop(timeout))
 
     def teleop_status(self) -> dict[str, Any]:
         """Return the status of teleoperation, or of the last one.
@@ -636,6 +650,13 @@ class GripperActions:
         The daemon logs the closing direction; `mount` returns it, too.
         """
         return complete(self._core.load_calibration(path, template))
+
+    def use_calibration(self, data: CalibrationData) -> bool:
+        """Have the daemon use these limits and gains, for all its clients; true.
+
+        Nothing is saved. Raises `CommandError` when they cannot be used.
+        """
+        return complete(self._core.use_calibration(data))
 
     def load_template(self, name: str) -> bool:
         """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
@@ -672,11 +693,11 @@ class GripperActions:
         kp: float | None = None,
         kd: float | None = None,
         step_rad: float | None = None,
-        tau_limit: float | None = None,
-        *,
         stall_delta: float | None = None,
         stall_cycles: int | None = None,
         max_iter: int | None = None,
+        tau_limit: float | None = None,
+        *,
         mount: str | None = None,
         progress: ProgressCallback | None = None,
     ) -> CalibrationData:
@@ -690,10 +711,10 @@ class GripperActions:
                 kp,
                 kd,
                 step_rad,
+                stall_delta,
+                stall_cycles,
+                max_iter,
                 tau_limit,
-                stall_delta=stall_delta,
-                stall_cycles=stall_cycles,
-                max_iter=max_iter,
                 mount=mount,
                 progress=progress,
             )

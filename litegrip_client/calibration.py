@@ -1,34 +1,44 @@
 """A gripper's geometry, as values with the vendor SDK's names. No I/O here."""
 
+import time
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import TYPE_CHECKING, Any
 
 from litegrip_client.checks import pick
 from litegrip_client.errors import CommandError, HardwareError
+from litegrip_client.sdk.fields import CalibrationNames, ConfigNames
+
+NOMINAL_CLOSED_RAD = 0.114
+NOMINAL_OPEN_RAD = -1.491
+NOMINAL_RAD_TO_MM = 74.8
+"""The template of a normal mount."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CalibrationData:
+class CalibrationData(CalibrationNames):
     """A calibration, with the keys of its file; None means that the file lacks the key.
 
     `zero_position_rad` is the closed limit and `max_position_rad` the open one; `rad_to_mm` the
-    opening per radian. `kp` (N·m/rad) and `kd` (N·m·s/rad) are the gains of the hold.
+    opening per radian. `kp` (N·m/rad) and `kd` (N·m·s/rad) are the gains of the hold. Without
+    arguments it is the nominal geometry of a normal mount, not `calibrated`. `calibration_time` is
+    the Unix time at which this object was made of a measurement, else None.
     """
 
     channel: str | None = None
     can_id: int | None = None
     mst_id: int | None = None
     canfd_mode: bool | None = None
-    calibrated: bool = True
-    zero_position_rad: float
-    max_position_rad: float
-    travel_range_rad: float
-    rad_to_mm: float
+    calibrated: bool = False
+    zero_position_rad: float = NOMINAL_CLOSED_RAD
+    max_position_rad: float = NOMINAL_OPEN_RAD
+    travel_range_rad: float = NOMINAL_CLOSED_RAD - NOMINAL_OPEN_RAD
+    rad_to_mm: float = NOMINAL_RAD_TO_MM
     motor_type: str | None = None
     kp: float | None = None
     kd: float | None = None
     grasp_torque_threshold: float | None = None
+    calibration_time: float | None = None
 
     @classmethod
     def from_content(cls, content: Mapping[str, Any]) -> "CalibrationData":
@@ -38,13 +48,14 @@ class CalibrationData:
         )
         travel_rad = abs(values["zero_position_rad"] - values["max_position_rad"])
         known = {name: content[name] for name in CALIBRATION_KEYS if name in content}
-        return cls(**{"travel_range_rad": travel_rad, **known})
+        return cls(**{"travel_range_rad": travel_rad, "calibrated": True, **known})
 
     @classmethod
     def from_result(cls, result: Mapping[str, Any]) -> "CalibrationData":
         """Read the result of measuring; raises `HardwareError` or `CommandError` if it failed."""
         if result.get("ok") is True:
-            return cls.from_content(pick(result, ("content",), "calibration result")["content"])
+            content = pick(result, ("content",), "calibration result")["content"]
+            return replace(cls.from_content(content), calibration_time=time.time())
         outcome = pick(result, ("outcome", "message"), "calibration result")["outcome"]
         kind = CommandError if outcome == "not_saved" else HardwareError
         raise kind(str(result["message"]), reason=str(outcome), data=result)
@@ -55,28 +66,41 @@ class CalibrationData:
         return "normal" if self.zero_position_rad > self.max_position_rad else "reverse"
 
 
-CALIBRATION_KEYS = tuple(field.name for field in fields(CalibrationData))
+CALIBRATION_KEYS = tuple(
+    one.name for one in fields(CalibrationData) if one.name != "calibration_time"
+)
 """The keys of a calibration file, in the order in which files have them."""
 
 
-@dataclass(frozen=True, slots=True)
-class GripperConfig:
-    """The gripper as the daemon drives it now; read-only.
+class _ReadOnlyError(CommandError, AttributeError):
+    """The daemon's configuration cannot be set from here."""
+
+
+@dataclass(slots=True)
+class GripperConfig(ConfigNames):
+    """The gripper as the daemon drives it, or as a program expects it.
+
+    `gripper.config` is the daemon's: assigning to its fields raises `CommandError`. An object that
+    a program makes, for `LiteGrip(config=...)`, says what the daemon's gripper must be: a field
+    that is None, or was not set, is not compared.
 
     Unknown values are None: the limits and `rad_to_mm` until `calibrated`, `mst_id` (the id of
     the motor's answers) until the motor has answered. `kp` is N·m/rad, `kd` N·m·s/rad.
     """
 
-    channel: str
-    can_id: int
-    mst_id: int | None
-    motor_type: str
-    calibrated: bool
-    pos_closed_rad: float | None
-    pos_open_rad: float | None
-    rad_to_mm: float | None
-    kp: float
-    kd: float
+    channel: str = "can0"
+    can_id: int = 0x08
+    mst_id: int | None = None
+    motor_type: str = "DM4310"
+    calibrated: bool = False
+    pos_closed_rad: float | None = None
+    pos_open_rad: float | None = None
+    rad_to_mm: float | None = None
+    kp: float = 100.0
+    kd: float = 2.0
+    canfd_mode: bool = False
+    grasp_torque_threshold: float = 0.5
+    is_read: bool = field(default=False, repr=False, compare=False)
 
     @classmethod
     def from_wire(cls, info: Mapping[str, Any]) -> "GripperConfig":
@@ -92,19 +116,25 @@ class GripperConfig:
             motor_type=motor["type"],
             pos_closed_rad=gripper.pop("closed_rad"),
             pos_open_rad=gripper.pop("open_rad"),
+            is_read=True,
             **gripper,
         )
 
-    @property
-    def close_sign(self) -> int | None:
-        """+1 when closing increases radians, -1 otherwise; None until calibrated."""
-        if self.pos_closed_rad is None or self.pos_open_rad is None:
-            return None
-        return 1 if self.pos_closed_rad > self.pos_open_rad else -1
+    if not TYPE_CHECKING:  # with it, a type checker would allow any name
 
-    @property
-    def travel_mm(self) -> float | None:
-        """The calibrated stroke in mm; None until calibrated."""
-        if self.pos_closed_rad is None or self.pos_open_rad is None or self.rad_to_mm is None:
-            return None
-        return abs(self.pos_closed_rad - self.pos_open_rad) * self.rad_to_mm
+        def __setattr__(self, name, value):
+            """Set a field, unless the object is the daemon's."""
+            if getattr(self, "is_read", False):
+                raise _ReadOnlyError(
+                    f"config.{name} cannot be set: it is the daemon's, for all its clients",
+                    reason="unsupported",
+                    data={
+                        "parameter": name,
+                        "hint": "gains and limits are the calibration file's (load_calibration); a"
+                        " single motion takes kp and kd",
+                    },
+                )
+            object.__setattr__(self, _OTHER_NAMES.get(name, name), value)
+
+
+_OTHER_NAMES = {"can_channel": "channel"}

@@ -12,7 +12,7 @@ from typing import Any
 
 from litegrip_client import atomic_file
 from litegrip_client.calibration import CALIBRATION_KEYS
-from litegrip_client.errors import CommandError
+from litegrip_client.errors import CommandError, ParameterError
 from litegrip_client.warn import warn
 
 CALIB_VARIABLE = "LITEGRIP_CALIB"
@@ -35,7 +35,7 @@ def list_templates() -> list[str]:
 def check_template(name: str) -> str:
     """Return `name` if it is a template; raises `CommandError` that lists them."""
     if not isinstance(name, str) or name not in CALIB_TEMPLATES:
-        raise CommandError(
+        raise ParameterError(
             f"{name!r:.80} is no mount, it must be one of: {', '.join(CALIB_TEMPLATES)}",
             reason="invalid_params",
             data={"parameter": "template", "allowed": list_templates()},
@@ -56,8 +56,9 @@ def environment_path() -> str | None:
 
 def read(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Read a file's keys; raises `CommandError` when that cannot be done."""
+    found = _path(path)
     try:
-        with _path(path).open("rb") as file:
+        with found.open("rb") as file:
             text = file.read(MAX_FILE_BYTES + 1)
         if len(text) > MAX_FILE_BYTES:
             raise _unreadable(path, f"it is larger than {MAX_FILE_BYTES} bytes")
@@ -95,7 +96,7 @@ def own_files(channel: str) -> Iterator[tuple[str, dict[str, Any]]]:
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise `CommandError` for a template, which is no place for a measurement."""
     if (name := template_at(path)) is not None:
-        raise CommandError(
+        raise ParameterError(
             f"{path} is the template {name}, which is not to be written",
             reason="invalid_params",
             data={"hint": f"name another file, or unset {CALIB_VARIABLE} if it names this one"},
@@ -135,7 +136,7 @@ def _path(path: str | os.PathLike[str]) -> Path:
         return Path(path).expanduser().resolve()
     except (TypeError, ValueError, OSError, RuntimeError) as error:  # RuntimeError: no home, a loop
         text = f"{path!r:.80} cannot be the path of a calibration: {error}"
-        raise CommandError(text, reason="invalid_params") from error
+        raise ParameterError(text, reason="invalid_params") from error
 
 
 def _unreadable(path: str | os.PathLike[str], why: str) -> CommandError:

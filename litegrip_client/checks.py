@@ -9,7 +9,7 @@ import math
 import operator
 from collections.abc import Mapping
 
-from litegrip_client.errors import CommandError, ProtocolError
+from litegrip_client.errors import CommandError, ParameterError, ProtocolError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -55,4 +55,4 @@ def pick(data: Mapping[str, Any], names: tuple[str, ...], what: str) -> dict[str
 
 
 def _wrong(name: str, problem: str) -> CommandError:
-    return CommandError(f"{name} {problem}", reason="invalid_params", data={"parameter": name})
+    return ParameterError(f"{name} {problem}", reason="invalid_params", data={"parameter": name})

@@ -7,6 +7,14 @@ class UnitConversion:
     N_TO_NM = 0.1
     """N·m per N (the vendor's figure): approximate, since the force depends on the fingers."""
 
+    NM_TO_N = 10.0
+    """N per N·m."""
+
+    RAD_TO_MM = 74.8
+    """mm of opening per radian of a gripper as the vendor sells it; calibrated ones differ."""
+
+    MM_TO_RAD = 1.0 / RAD_TO_MM
+
     @classmethod
     def n_to_nm(cls, force_n: float) -> float:
         """Return the motor's torque for a squeezing force."""

@@ -7,7 +7,7 @@ import os
 import re
 from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.errors import CommandError, ConnectError
+from litegrip_client.errors import ConnectError, ParameterError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -36,7 +36,7 @@ def check_channel(channel: str) -> str:
     A channel becomes part of a path, so it must not be able to leave the directory.
     """
     if not isinstance(channel, str) or _CHANNEL.fullmatch(channel) is None:
-        raise CommandError(
+        raise ParameterError(
             f"{channel!r:.80} cannot be a channel: 1 to 64 letters, digits, '_', '-' and '.', "
             "and no '.' in front",
             reason="invalid_params",

@@ -30,7 +30,8 @@ class LiteGripError(Exception):
 
     def __init__(
         self,
-        message: str,
+        message: str = "",
+        error_code: int | None = None,
         *,
         reason: str | None = None,
         code: int | None = None,
@@ -41,6 +42,16 @@ class LiteGripError(Exception):
         self.reason = reason
         self.code = code
         self.data: dict[str, Any] = dict(data or {})
+        self._error_code = error_code
+
+    @property
+    def error_code(self) -> int | None:
+        """The motor's status nibble if it is the reason (see `describe_error`), else None."""
+        if self._error_code is None and self.reason == "motor_fault":
+            from litegrip_client.sdk.names import STATUS_CODES  # noqa: PLC0415 - seldom needed
+
+            return STATUS_CODES.get(str(self.data.get("status")))
+        return self._error_code
 
     @property
     def retryable(self) -> bool:
@@ -76,15 +87,24 @@ class CommandError(LiteGripError):
     """The daemon refuses the request as it stands."""
 
 
-class TrajectoryError(CommandError, ValueError):
-    """A trajectory, or its taught grips, that cannot be used. Also a builtin `ValueError`."""
-
-    def __init__(self, message: str) -> None:
-        super().__init__(message, reason="trajectory_unreadable")
+class ParameterError(CommandError, ValueError):
+    """A value that cannot be, or not here. Also a builtin `ValueError`."""
 
 
 class HardwareError(LiteGripError):
     """The motor or its bus cannot execute the request."""
+
+
+class NotInitializedError(HardwareError):
+    """The motor is not enabled."""
+
+
+class CommError(HardwareError):
+    """The bus cannot be used, or the motor does not answer on it."""
+
+
+class CANTimeoutError(CommError):
+    """The motor does not answer."""
 
 
 class ConnectError(LiteGripError, ConnectionError):
@@ -95,15 +115,58 @@ class BusyError(CommandError):
     """Another motion is running, or too many requests came at once."""
 
 
-class TrajectoryBusyError(BusyError):
+class TrajectoryError(CommandError):
+    """A trajectory cannot be recorded, replayed, read or written."""
+
+
+class TrajectoryBusyError(BusyError, TrajectoryError):
     """A trajectory is being recorded or replayed."""
 
 
-class TeleopBusyError(BusyError):
+class TrajectoryFormatError(TrajectoryError, ValueError):
+    """A trajectory, or its taught grips, that cannot be used. Also a builtin `ValueError`."""
+
+    def __init__(
+        self,
+        message: str,
+        error_code: int | None = None,
+        *,
+        reason: str | None = "trajectory_unreadable",
+        code: int | None = None,
+        data: Mapping[str, Any] | None = None,
+    ) -> None:
+        super().__init__(message, error_code, reason=reason, code=code, data=data)
+
+
+class TrajectoryNotFoundError(TrajectoryError, FileNotFoundError):
+    """There is no such trajectory. Also a builtin `FileNotFoundError`."""
+
+
+class TrajectoryRecordingError(TrajectoryError):
+    """A recording was broken off, or did not fill."""
+
+
+class TrajectoryEmptyError(TrajectoryRecordingError):
+    """A recording has no samples."""
+
+
+class TrajectoryNotActiveError(TrajectoryError):
+    """No recording is running, and none has ended that could be fetched."""
+
+
+class TeleopError(CommandError):
+    """Teleoperation cannot begin or continue."""
+
+
+class TeleopBusyError(BusyError, TeleopError):
     """Teleoperation is running: end it with `teleop_stop`."""
 
 
-class TeleopNotReady(CommandError):  # noqa: N818 - the vendor SDK's name
+class TeleopNotActiveError(TeleopError):
+    """Teleoperation is not running."""
+
+
+class TeleopNotReady(TeleopError):  # noqa: N818 - the vendor SDK's name
     """Teleoperation needs a calibrated gripper whose motor is enabled."""
 
 
@@ -129,10 +192,17 @@ _CLASSES: Mapping[str, type[LiteGripError]] = {
         LiteGripError,
         ProtocolError,
         CommandError,
+        ParameterError,
         HardwareError,
+        NotInitializedError,
+        CommError,
+        CANTimeoutError,
         ConnectError,
         BusyError,
         TrajectoryBusyError,
+        TrajectoryFormatError,
+        TrajectoryNotFoundError,
+        TrajectoryRecordingError,
         LeaseError,
         NotPermittedError,
         StoppedError,

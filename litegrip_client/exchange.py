@@ -17,6 +17,7 @@ from litegrip_client.errors import (
     CommandError,
     ConnectError,
     LiteGripError,
+    ParameterError,
     ProtocolError,
     StoppedError,
     from_error_object,
@@ -138,7 +139,7 @@ def generation_of(result: Mapping[str, Any]) -> int | None:
 
 
 def _unsendable(message: str) -> CommandError:
-    return CommandError(message, reason="invalid_params")
+    return ParameterError(message, reason="invalid_params")
 
 
 Key: TypeAlias = "tuple[str, int]"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from litegrip_client.checks import integer, number
-from litegrip_client.errors import CommandError, ConnectError
+from litegrip_client.errors import ConnectError, ParameterError
 from litegrip_client.exchange import Key, Message, unsubscribing
 from litegrip_client.results import STATE_FIELDS, GripperState
 from litegrip_client.voices import Voice, in_python
@@ -148,7 +148,7 @@ class EventFeed(Feed[Event]):
 def names(what: str, given: Sequence[str]) -> list[str]:
     """Return a list of names; raises `CommandError` for a text, which holds but letters."""
     if isinstance(given, str):
-        raise CommandError(
+        raise ParameterError(
             f"{what} is the text {given!r:.60}, it must be a list of names",
             reason="invalid_params",
             data={"parameter": what},

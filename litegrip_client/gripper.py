@@ -7,19 +7,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from litegrip_client.actions import BlockingGripper, GripperActions
+from litegrip_client.actions import GripperActions
 from litegrip_client.blocking import BlockingSession
+from litegrip_client.sdk.gripper import SdkGripper
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, overload
 
+    from litegrip_client.calibration import GripperConfig
     from litegrip_client.motion_config import MotionConfig
     from litegrip_client.results import GripperState
     from litegrip_client.subscription import EventSubscription, Subscription
 
 
-class LiteGrip(BlockingGripper):
+class LiteGrip(SdkGripper):
     """The gripper on `channel`, as `with LiteGrip("can0") as gripper:`.
 
     The constructor does not connect. `can_id` must be the id of the daemon's motor; None accepts
@@ -30,6 +32,10 @@ class LiteGrip(BlockingGripper):
     With `mount` "normal" or "reverse" the daemon loads the nominal calibration of that mount on
     connecting, as `load_template` does. It replaces the calibration in use. `motion_config`
     belongs to this object: it changes nothing for other clients.
+
+    `mst_id`, `motor_type` and `config` say what the daemon's gripper must be; `connect` raises
+    `CommandError` for another one. They change nothing. `canfd_mode` must be false: the motor
+    speaks classic CAN.
 
     `GripperActions` describes all actions.
     """
@@ -43,12 +49,27 @@ class LiteGrip(BlockingGripper):
         disable_on_disconnect: bool = True,
         socket_path: str | None = None,
         motion_config: MotionConfig | None = None,
+        mst_id: int | None = None,
+        canfd_mode: bool | None = None,
+        motor_type: str | int | None = None,
+        config: GripperConfig | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
         from litegrip_client.core.gripper import Gripper  # noqa: PLC0415 - see above
 
+        expected: dict[str, Any] = {}
+        if config is not None or not (mst_id is canfd_mode is motor_type is None):
+            from litegrip_client.sdk import expected as sdk  # noqa: PLC0415 - seldom needed
+
+            channel, can_id, expected = sdk.expectations(
+                channel, can_id, mst_id, canfd_mode, motor_type, config
+            )
         self._session = BlockingSession(
-            channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect
+            channel,
+            can_id,
+            socket_path,
+            disable_on_disconnect=disable_on_disconnect,
+            expected=expected,
         )
         super().__init__(Gripper(self._session, mount, motion_config))
 

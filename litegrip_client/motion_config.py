@@ -37,11 +37,13 @@ class MotionConfig:
     Units are in the names, or: `margin` and `press_overshoot` are shares of the travel,
     `stall_ratio` one of the expected distance; `reach_tol`, `stall_delta`, `stop_tol` and
     `calib_stall_delta` radians; `settle_s` and what ends in `_interval` seconds; gains
-    N·m/rad (`kp`) and N·m·s/rad (`kd`); `calib_tau_limit` N·m. The last four fields are not the
-    vendor's: how fast a force is ramped, and the torque guard of open and close.
+    N·m/rad (`kp`) and N·m·s/rad (`kd`); `calib_tau_limit` N·m. `force_rate_n_s` is how fast a
+    force is ramped, `force_ramp_n_s` the vendor's name of it; what begins with `stop_` and is not
+    a lead or a tolerance belongs to the torque guard of open and close.
 
-    `frame_interval` is the daemon's control period and cannot be changed from here; `sleep_fn`
-    and `monotonic_fn` have no effect across a process, so only their defaults are accepted.
+    `frame_interval` is the daemon's control period and `stop_speed_ratio` its guard's: they cannot
+    be changed from here. `sleep_fn` and `monotonic_fn` have no effect across a process. So only
+    their defaults are accepted.
     Raises `CommandError` for those, and for what is no finite number. The daemon refuses a value
     out of its range when it is used.
     """
@@ -80,6 +82,8 @@ class MotionConfig:
     stop_torque_nm: float = field(default=_Float(0.7), kw_only=True)
     stop_torque_cycles: int = field(default=_Int(3), kw_only=True)
     stop_release_s: float = field(default=_Float(0.2), kw_only=True)
+    stop_speed_ratio: float = field(default=_Float(0.5), kw_only=True)
+    force_ramp_n_s: float = field(default=_Float(20.0), kw_only=True)
 
     if not TYPE_CHECKING:  # with it, a type checker would allow any name
 
@@ -87,16 +91,36 @@ class MotionConfig:
             """Check what is set; `CommandError` says what is wrong with it."""
             if name in _DEFAULTS:
                 value = _checked(name, value)
-            object.__setattr__(self, name, value)
+            if name not in _ONE:
+                object.__setattr__(self, name, value)
+            elif not (_is_unset(value) and hasattr(self, name)):  # the other name has set it
+                for each in _ONE:
+                    object.__setattr__(self, each, value)
 
     def to_wire(self) -> dict[str, float]:
         """Return the fields that were set: what is sent as `config`."""
-        values = {name: getattr(self, name) for name in _NUMBERS}
+        values = {name: getattr(self, name) for name in DAEMON_FIELDS}
         return {name: value for name, value in values.items() if not _is_unset(value)}
 
 
 _DEFAULTS = {one.name: one.default for one in fields(MotionConfig)}
 _NUMBERS = tuple(name for name in _DEFAULTS if not name.endswith("_fn"))
+_ONE = ("force_rate_n_s", "force_ramp_n_s")
+"""Two names of one tunable; the first is the daemon's."""
+DAEMON_FIELDS = tuple(
+    name for name in _NUMBERS if name not in ("force_ramp_n_s", "stop_speed_ratio")
+)
+"""The fields that the daemon has, too."""
+_READ_ONLY = {
+    "frame_interval": (
+        "it is the daemon's control period and read-only",
+        "the daemon's configuration sets it, for all clients: rate_hz in [control]",
+    ),
+    "stop_speed_ratio": (
+        "it is the daemon's and read-only",
+        "stop_torque_nm and stop_torque_cycles tune the torque guard",
+    ),
+}
 
 
 def _is_unset(value: object) -> bool:
@@ -118,12 +142,9 @@ def _checked(name: str, value: Any) -> Any:
     if isinstance(default, _Int):
         return integer(name, value)
     result = number(name, value)
-    if name == "frame_interval" and result != default:
-        raise _unsupported(
-            name,
-            f"frame_interval cannot be {result:g}: it is the daemon's control period and read-only",
-            "the daemon's configuration sets it, for all clients: rate_hz in [control]",
-        )
+    if name in _READ_ONLY and result != default:
+        why, hint = _READ_ONLY[name]
+        raise _unsupported(name, f"{name} cannot be {result:g}: {why}", hint)
     return result
 
 

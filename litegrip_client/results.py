@@ -12,6 +12,7 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from litegrip_client.checks import pick
+from litegrip_client.sdk.fields import MoveNames, StateNames
 
 USABLE_BUS = ("up", "motor_silent")
 """States of a bus on which frames can be exchanged."""
@@ -22,7 +23,7 @@ NEWER_FIELDS = ("clamp_n", "loss_detection", "loss_detection_from_n")
 
 
 @dataclass(frozen=True, slots=True)
-class GripperState:
+class GripperState(StateNames):
     """The daemon's newest state. None stands where something is not known.
 
     Times are CLOCK_MONOTONIC seconds: `monotonic_s` of this state, `feedback_s` of the motor's
@@ -228,6 +229,12 @@ class PlayResult:
     def __bool__(self) -> bool:
         return self.ok
 
+    def __getitem__(self, name: str) -> Any:
+        """Return a field by its name, as from the status of a replay; raises `KeyError`."""
+        if name not in _PLAY_FIELDS:
+            raise KeyError(name)
+        return getattr(self, name)
+
     @classmethod
     def from_wire(cls, data: Mapping[str, Any]) -> PlayResult:
         """Read the wire's form; raises `ProtocolError`."""
@@ -240,6 +247,9 @@ class PlayResult:
             width_difference_mm=data.get("width_difference_mm"),
             **values,
         )
+
+
+_PLAY_FIELDS = tuple(field.name for field in fields(PlayResult))
 
 
 @dataclass(frozen=True, slots=True)
@@ -261,25 +271,44 @@ class SetZeroResult:
 
 
 @dataclass(frozen=True, slots=True)
-class MoveProgress:
-    """How far a motion is: `phase`, command `i` of `total_steps`, and what the motor does.
+class MoveProgress(MoveNames):
+    """How far a motion is: command `i` of `total_steps`, and what the motor does.
 
-    `total_steps` is 0 where a phase has no foreseeable end, as the "hold" of a grasp.
+    `phase` is "move" on the way of every motion, "hold" while a grasp holds, and else what the
+    daemon calls it, as `stage` does in any case. `total_steps` is 0 where a phase has no
+    foreseeable end, as the "hold" of a grasp. `delta_rad` is how far the jaws have moved since the
+    report before, `win_delta_rad` since the fifth before; `temperature_coil` is in °C, None of an
+    older daemon.
     """
 
-    phase: str
+    stage: str
     i: int
     total_steps: int
     cmd_rad: float
     pos_rad: float
     torque_nm: float
+    delta_rad: float = 0.0
+    win_delta_rad: float = 0.0
+    temperature_coil: float | None = None
 
     @classmethod
-    def from_wire(cls, data: Mapping[str, Any]) -> MoveProgress:
-        """Read the wire's form; raises `ProtocolError`."""
-        return cls(*pick(data, _PROGRESS_KEYS, "progress").values())
+    def from_wire(cls, data: Mapping[str, Any], before: list[float] | None = None) -> MoveProgress:
+        """Read the wire's form; raises `ProtocolError`.
+
+        `before` has the positions of the motion's last reports, to which this one is added.
+        """
+        values = pick(data, _PROGRESS_KEYS, "progress")
+        position_rad, seen = values["position_rad"], [] if before is None else before
+        delta_rad = position_rad - seen[-1] if seen else 0.0
+        win_delta_rad = position_rad - seen[0] if seen else 0.0
+        seen.append(position_rad)
+        del seen[:-_WINDOW]
+        values |= {"delta_rad": delta_rad, "win_delta_rad": win_delta_rad}
+        values["temperature_coil"] = data.get("coil_temperature_c")
+        return cls(*values.values())
 
 
+_WINDOW = 5
 _PROGRESS_KEYS = ("phase", "step", "total_steps", "command_rad", "position_rad", "torque_nm")
 
 

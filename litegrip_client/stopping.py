@@ -68,12 +68,13 @@ def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[st
 def _result(received: bytes) -> dict[str, Any]:
     try:
         answer = json.loads(received)
-        if "error" in answer:
-            raise from_error_object(answer["error"])
-        result: dict[str, Any] = answer["result"]
-    except (ValueError, KeyError, TypeError) as error:
+        error = answer.get("error")
+        result: dict[str, Any] = answer["result"] if error is None else {}
+    except (ValueError, KeyError, TypeError, AttributeError) as problem:
         text = f"the daemon answered the stop with {received[:80]!r}"
-        raise ProtocolError(text) from error
+        raise ProtocolError(text) from problem
+    if error is not None:
+        raise from_error_object(error)
     return result
 
 

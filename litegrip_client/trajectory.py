@@ -6,15 +6,19 @@ replays on another. This module must not know the daemon, nor where files lie: `
 
 from __future__ import annotations
 
+import bisect
 import hashlib
 import itertools
 import math
 import os
+import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
-from litegrip_client.errors import CommandError, TrajectoryError
+from litegrip_client.calibration import NOMINAL_CLOSED_RAD, NOMINAL_OPEN_RAD, NOMINAL_RAD_TO_MM
+from litegrip_client.checks import number
+from litegrip_client.errors import CommandError, ParameterError, TrajectoryFormatError
 from litegrip_client.protocol import grips as grip_file
 from litegrip_client.protocol.grips import TaughtGrip
 from litegrip_client.protocol.lgt import HEADER, SAMPLE, Header, Mount, check_count, read_header
@@ -36,7 +40,7 @@ class TrajectorySample(NamedTuple):
     torque_nm: float
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Trajectory:
     """A motion of the jaws, and the gripper that it was recorded on.
 
@@ -45,35 +49,38 @@ class Trajectory:
     the reason in its message, for what no daemon would take: a sample that is not finite, an
     openness outside 0 to 1, time that runs backwards, a travel or scale of nothing, more than
     360 000 samples, a grip outside their time.
+
+    `samples` may be changed afterwards; they are checked again before they are saved or replayed.
+    Without arguments it has none, and the geometry of the template of a normal mount.
     """
 
-    samples: Sequence[TrajectorySample]
-    sample_hz: float
-    created: float
-    pos_closed_rad: float
-    pos_open_rad: float
-    rad_to_mm: float
+    samples: Sequence[TrajectorySample] = ()
+    sample_hz: float = 100.0
+    created: float = field(default_factory=time.time)
+    pos_closed_rad: float = NOMINAL_CLOSED_RAD
+    pos_open_rad: float = NOMINAL_OPEN_RAD
+    rad_to_mm: float = NOMINAL_RAD_TO_MM
     can_id: int = 0x08
     mount: Mount | None = None
     grips: Sequence[TaughtGrip] = ()
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "samples", _checked(self.samples))
+        self.samples = _checked(self.samples)
         for name in _FIGURES:
-            object.__setattr__(self, name, _finite(name, getattr(self, name)))
+            setattr(self, name, _finite(name, getattr(self, name)))
         for name in ("sample_hz", "rad_to_mm"):
             if getattr(self, name) <= 0.0:
-                raise TrajectoryError(f"{name} is {getattr(self, name)}, it must be above 0")
+                raise TrajectoryFormatError(f"{name} is {getattr(self, name)}, it must be above 0")
         if self.pos_closed_rad == self.pos_open_rad:
-            raise TrajectoryError("zero travel: the closed and the open limit are equal")
+            raise TrajectoryFormatError("zero travel: the closed and the open limit are equal")
         if self.mount not in ("normal", "reverse", None):
-            raise TrajectoryError(
+            raise TrajectoryFormatError(
                 f"unknown mount {self.mount!r:.40}; there are normal, reverse, and none"
             )
         if not isinstance(self.can_id, int) or not 0 <= self.can_id < 2**32:
-            raise TrajectoryError(f"can_id is {self.can_id!r:.40}, it must fit into 32 bits")
+            raise TrajectoryFormatError(f"can_id is {self.can_id!r:.40}, it must fit into 32 bits")
         span_s = (self.samples[0].t, self.samples[-1].t) if self.samples else (0.0, -math.inf)
-        object.__setattr__(self, "grips", tuple(self.grips))
+        self.grips = tuple(self.grips)
         grip_file.check_row(self.grips, *span_s)
 
     def __len__(self) -> int:
@@ -91,6 +98,27 @@ class Trajectory:
     def duration_s(self) -> float:
         """The time from the first to the last sample: replay starts at the first one's."""
         return self.samples[-1].t - self.samples[0].t if self.samples else 0.0
+
+    @property
+    def duration(self) -> float:
+        """`duration_s`, by the vendor SDK's name."""
+        return self.duration_s
+
+    def openness_at(self, t: float) -> float:
+        """Return the openness `t` seconds after the recording's begin, as in `samples`.
+
+        Between two samples it lies on the line between them; before the first and after the last
+        it is theirs. Raises `ParameterError` without samples, and for what is no finite number.
+        """
+        at_s, rows = number("t", t), self.samples
+        if not rows:
+            raise ParameterError("a trajectory without samples has no openness")
+        after = bisect.bisect_right(rows, at_s, key=lambda row: row.t)
+        if after in (0, len(rows)):
+            return rows[0 if after == 0 else -1].openness
+        low, high = rows[after - 1], rows[after]
+        share = (at_s - low.t) / (high.t - low.t)
+        return low.openness + share * (high.openness - low.openness)
 
     @property
     def longest_gap_s(self) -> float:
@@ -125,7 +153,9 @@ class Trajectory:
         try:
             trajectory = cls.from_bytes(content)
         except CommandError as error:
-            raise TrajectoryError(f"{trajectory_files.path_of(name)}: {error.message}") from error
+            raise TrajectoryFormatError(
+                f"{trajectory_files.path_of(name)}: {error.message}"
+            ) from error
         try:
             return trajectory.with_grips(content, trajectory_files.read_grips(name))
         except CommandError as error:
@@ -147,9 +177,10 @@ class Trajectory:
         return grip_file.pack(self.grips, _digest(self.to_bytes())) if self.grips else b""
 
     def to_bytes(self) -> bytes:
-        """Return the file's content, which knows of no grips."""
+        """Return the file's content, which knows of no grips; raises as the constructor does."""
+        samples = _checked(self.samples)
         header = Header(
-            samples=len(self),
+            samples=len(samples),
             sample_hz=self.sample_hz,
             created_s=self.created,
             closed_rad=self.pos_closed_rad,
@@ -158,7 +189,7 @@ class Trajectory:
             can_id=self.can_id,
             mount=self.mount,
         )
-        return header.pack() + b"".join([SAMPLE.pack(*sample) for sample in self.samples])
+        return header.pack() + b"".join([SAMPLE.pack(*sample) for sample in samples])
 
     @classmethod
     def from_bytes(cls, content: bytes) -> Trajectory:
@@ -186,24 +217,24 @@ def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def _checked(samples: Any) -> tuple[TrajectorySample, ...]:
+def _checked(samples: Any) -> list[TrajectorySample]:
     try:
         check_count(len(samples))
-        checked = tuple(TrajectorySample._make(map(float, sample)) for sample in samples)
+        checked = [TrajectorySample._make(map(float, sample)) for sample in samples]
     except (TypeError, ValueError, OverflowError) as error:
         text = f"samples are t, openness, position_rad, velocity_rad_s, torque_nm: {error}"
-        raise TrajectoryError(text) from error
+        raise TrajectoryFormatError(text) from error
     last_s = -math.inf
-    for number, sample in enumerate(checked):
+    for place, sample in enumerate(checked):
         if not all(map(math.isfinite, sample)):
-            raise TrajectoryError(f"sample {number} has a value that is not finite")
+            raise TrajectoryFormatError(f"sample {place} has a value that is not finite")
         if not 0.0 <= sample.openness <= 1.0:
-            raise TrajectoryError(
-                f"sample {number}: openness is {sample.openness}, it must be 0 to 1"
+            raise TrajectoryFormatError(
+                f"sample {place}: openness is {sample.openness}, it must be 0 to 1"
             )
         if sample.t < last_s:
-            text = f"sample {number}: time runs backwards, {last_s} to {sample.t} s"
-            raise TrajectoryError(text)
+            text = f"sample {place}: time runs backwards, {last_s} to {sample.t} s"
+            raise TrajectoryFormatError(text)
         last_s = sample.t
     return checked
 
@@ -214,5 +245,5 @@ def _finite(name: str, value: Any) -> float:
     except (TypeError, ValueError, OverflowError):
         figure = math.nan
     if not math.isfinite(figure):
-        raise TrajectoryError(f"{name} is {value!r:.40}, it must be a finite number")
+        raise TrajectoryFormatError(f"{name} is {value!r:.40}, it must be a finite number")
     return figure

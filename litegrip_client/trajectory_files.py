@@ -13,7 +13,12 @@ from pathlib import Path
 from typing import BinaryIO
 
 from litegrip_client import atomic_file
-from litegrip_client.errors import CommandError, TrajectoryError
+from litegrip_client.errors import (
+    CommandError,
+    ParameterError,
+    TrajectoryFormatError,
+    TrajectoryNotFoundError,
+)
 from litegrip_client.protocol.grips import MAX_GRIP_BYTES
 from litegrip_client.protocol.lgt import (
     HEADER,
@@ -90,7 +95,9 @@ def read(name: str | os.PathLike[str]) -> bytes:
     except OSError as error:
         raise _unopened(path, error) from error
     if len(content) > MAX_BYTES:
-        raise TrajectoryError(f"{path}: it is larger than {MAX_SAMPLES} samples, {MAX_BYTES} bytes")
+        raise TrajectoryFormatError(
+            f"{path}: it is larger than {MAX_SAMPLES} samples, {MAX_BYTES} bytes"
+        )
     return content
 
 
@@ -103,7 +110,7 @@ def read_grips(name: str | os.PathLike[str]) -> bytes:
     except FileNotFoundError:
         return b""
     except OSError as error:
-        raise TrajectoryError(f"it cannot be read: {error.strerror or error}") from error
+        raise TrajectoryFormatError(f"it cannot be read: {error.strerror or error}") from error
 
 
 def path_beside(name: str | os.PathLike[str]) -> Path:
@@ -204,10 +211,11 @@ def _real(path: str | Path) -> Path:
 
 def _not_a_name(name: object, why: str) -> CommandError:
     text = f"{name!r:.80} cannot be a trajectory's name: {why}"
-    return CommandError(text, reason="invalid_params")
+    return ParameterError(text, reason="invalid_params")
 
 
 def _unopened(path: Path, error: OSError) -> CommandError:
     if isinstance(error, FileNotFoundError):
-        return CommandError(f"there is no trajectory {path}", reason="unknown_trajectory")
-    return TrajectoryError(f"{path} cannot be read: {error.strerror or error}")
+        text = f"there is no trajectory {path}"
+        return TrajectoryNotFoundError(text, reason="unknown_trajectory")
+    return TrajectoryFormatError(f"{path} cannot be read: {error.strerror or error}")

@@ -9,6 +9,7 @@ from types import TracebackType
 from typing import Any, Generic, TypeVar, overload
 
 from litegrip_client.aio.connection import Connection
+from litegrip_client.calibration import GripperConfig
 from litegrip_client.core.actions import GripperActions
 from litegrip_client.core.gripper import Gripper
 from litegrip_client.core.session import DaemonSession
@@ -16,6 +17,7 @@ from litegrip_client.discovery import reach
 from litegrip_client.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
 from litegrip_client.motion_config import MotionConfig
 from litegrip_client.results import GripperState
+from litegrip_client.sdk.expected import expectations
 from litegrip_client.warn import leave
 
 _Item = TypeVar("_Item")
@@ -148,10 +150,21 @@ class LiteGrip(Gripper):
         disable_on_disconnect: bool = True,
         socket_path: str | None = None,
         motion_config: MotionConfig | None = None,
+        mst_id: int | None = None,
+        canfd_mode: bool | None = None,
+        motor_type: str | int | None = None,
+        config: GripperConfig | None = None,
     ) -> None:
         """Raise `CommandError` for what cannot be a channel, a mount or a `MotionConfig`."""
+        channel, can_id, expected = expectations(
+            channel, can_id, mst_id, canfd_mode, motor_type, config
+        )
         session = AsyncSession(
-            channel, can_id, socket_path, disable_on_disconnect=disable_on_disconnect
+            channel,
+            can_id,
+            socket_path,
+            disable_on_disconnect=disable_on_disconnect,
+            expected=expected,
         )
         super().__init__(session, mount, motion_config)
 

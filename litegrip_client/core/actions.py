@@ -10,7 +10,7 @@ from litegrip_client.checks import given_numbers, integer, number
 from litegrip_client.core.motion import Motion
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
 from litegrip_client.core.setpoints import SetpointStream, check_no_feedforward, frame_target
-from litegrip_client.errors import CommandError, LiteGripError
+from litegrip_client.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.motion_config import MotionConfig
 from litegrip_client.results import (
     EnableResult,
@@ -72,7 +72,7 @@ class GripperActions:
     @motion_config.setter
     def motion_config(self, value: MotionConfig) -> None:
         if not isinstance(value, MotionConfig):
-            raise CommandError(
+            raise ParameterError(
                 f"motion_config is {value!r:.60}, it must be a MotionConfig",
                 reason="invalid_params",
                 data={"parameter": "motion_config"},
@@ -305,7 +305,7 @@ class GripperActions:
         wait_s = number("duration", duration)
         if wait_s < 0.0:
             text = f"duration is {wait_s:g}, it must be 0 s or longer"
-            raise CommandError(text, reason="invalid_params", data={"parameter": "duration"})
+            raise ParameterError(text, reason="invalid_params", data={"parameter": "duration"})
         params = self._configured({"force_n": number("force_n", force_n)})
         state = state_of(await self._command("motion.set_force", params))
         if wait_s > 0.0:
@@ -454,7 +454,7 @@ class GripperActions:
         from litegrip_client.results import PlayResult  # noqa: PLC0415 - see above
 
         if loop:
-            raise CommandError(
+            raise ParameterError(
                 "play returns at the end, which a loop does not have",
                 reason="invalid_params",
                 data={"parameter": "loop", "hint": "use play_start(trajectory, loop=True)"},
@@ -521,6 +521,10 @@ class GripperActions:
         mode: str,
         host: str | None = None,
         *,
+        only_from: str | None = None,
+        align: bool = True,
+        align_speed_mm_s: float | None = None,
+        lead_cap_mm: float | None = None,
         port: int | None = None,
         grip_id: str | None = None,
         link: str | None = None,
@@ -543,7 +547,9 @@ class GripperActions:
         go where the master's are, as a share of its own travel: calibration and mount may differ.
         Both ends share `port` (17448) and `grip_id` ("gripA"). `link` is "zenoh" (the default)
         or "udp", which only a trusted network is for, and with which the master needs the slave's
-        `host`. `rate_hz` is how often a master publishes, the control rate by default.
+        `host`, and a slave's is its own address to listen at (all of them by default; `only_from`
+        is the only leader that it listens to). `rate_hz` is how often a master publishes, the
+        control rate by default.
 
         After `watchdog_s` (0.2) without a frame a slave holds its last target. At or over
         `torque_limit_nm` (0: off) for 60 ms it lets go, until the master has reopened by 0.05.
@@ -555,7 +561,10 @@ class GripperActions:
         pushes back with the share `reflect_gain` (0.5) of it: the hand feels what is gripped. Over
         udp a master's `host` may name several slaves, separated by commas.
 
-        `transport` is refused: the link is the daemon's, and there is no `TeleopTransport` here.
+        A slave first goes to where its master is, at `align_speed_mm_s` (`motion_config.speed_mm_s`
+        by default), and never leads its jaws by more than `lead_cap_mm` (`max_lead_mm`).
+
+        `align` false is refused: the jaws would jump. So is `transport`: the link is the daemon's.
 
         It ends with this object's connection. Raises `TeleopNotReady` (not calibrated, not
         enabled), `TeleopBusyError` (it runs already), `TrajectoryBusyError` (a trajectory is
@@ -568,8 +577,19 @@ class GripperActions:
                 reason="unsupported",
                 data={"parameter": "transport", "hint": 'leave it out, or take link="udp"'},
             )
+        if not align:
+            raise CommandError(
+                "a follower that does not align would jump to where its leader is",
+                reason="unsupported",
+                data={"parameter": "align", "hint": "leave it out; align_speed_mm_s is how fast"},
+            )
         params: dict[str, Any] = {"mode": mode}
-        texts = {"host": host, "grip_id": grip_id, "link": link}
+        listens = (mode, link) == ("slave", "udp")
+        texts = {"grip_id": grip_id, "link": link}
+        texts |= {"bind": host, "host": only_from} if listens else {"host": host}
+        if only_from is not None and not listens:
+            text = 'only_from is for a slave with link="udp"; with zenoh it connects to its host'
+            raise ParameterError(text, reason="invalid_params", data={"parameter": "only_from"})
         params |= {name: value for name, value in texts.items() if value is not None}
         if port is not None:
             params["port"] = integer("port", port)
@@ -588,14 +608,19 @@ class GripperActions:
             params["reflect"] = True
         if fake_leader:
             params["fake_leader"] = True
-        return await self._command("teleop.start", self._configured(params))
+        own = given_numbers(speed_mm_s=align_speed_mm_s, max_lead_mm=lead_cap_mm)
+        config = {**self._motion_config.to_wire(), **own}
+        return await self._command(
+            "teleop.start", {**params, **({"config": config} if config else {})}
+        )
 
-    async def teleop_stop(self) -> dict[str, Any]:
+    async def teleop_stop(self, timeout: float = 2.0) -> dict[str, Any]:
         """End it, if it runs: the jaws hold where they are. Returns the status at the end.
 
-        Jaws that the torque guard has released stay loose: holding would press what it freed.
+        Raises `ConnectError` when the daemon does not answer within `timeout` seconds. Jaws that
+        the torque guard has released stay loose: holding would press what it freed.
         """
-        return await self._session.wire.call("teleop.stop")
+        return await self._session.wire.call("teleop.stop", None, number("timeout", timeout))
 
     async def teleop_status(self) -> dict[str, Any]:
         """Return the status of teleoperation, or of the last one.
@@ -636,6 +661,15 @@ class GripperActions:
         from litegrip_client.core import calibrations  # noqa: PLC0415 - see above
 
         return await calibrations.load(self._session, self._command, path, template)
+
+    async def use_calibration(self, data: CalibrationData) -> bool:
+        """Have the daemon use these limits and gains, for all its clients; true.
+
+        Nothing is saved. Raises `CommandError` when they cannot be used.
+        """
+        from litegrip_client.core import calibrations  # noqa: PLC0415 - see above
+
+        return await calibrations.use(self._command, data)
 
     async def load_template(self, name: str) -> bool:
         """Have the daemon use the nominal geometry of a mount, "normal" or "reverse".
@@ -682,16 +716,16 @@ class GripperActions:
             await self.save_calibration(target)
         return data
 
-    async def calibrate(
+    async def calibrate(  # noqa: PLR0917 - the vendor's, by position
         self,
         kp: float | None = None,
         kd: float | None = None,
         step_rad: float | None = None,
-        tau_limit: float | None = None,
-        *,
         stall_delta: float | None = None,
         stall_cycles: int | None = None,
         max_iter: int | None = None,
+        tau_limit: float | None = None,
+        *,
         mount: str | None = None,
         progress: ProgressCallback | None = None,
     ) -> CalibrationData:
@@ -755,10 +789,11 @@ class GripperActions:
         self, method: str, params: dict[str, Any], progress: ProgressCallback | None
     ) -> dict[str, Any]:
         """Wait for a motion's result; whatever else ends the waiting cancels the motion."""
+        positions: list[float] = []
 
         def report(data: dict[str, Any]) -> None:
             if progress is not None:
-                progress(MoveProgress.from_wire(data))
+                progress(MoveProgress.from_wire(data, positions))
 
         await self._end_frames()
         return await Motion(self._session.wire, method, params, report).run()

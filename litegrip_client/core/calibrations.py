@@ -13,9 +13,9 @@ from types import TracebackType
 from typing import Any
 
 from litegrip_client import calibration_files as files
-from litegrip_client.calibration import CalibrationData
+from litegrip_client.calibration import CALIBRATION_KEYS, CalibrationData
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
-from litegrip_client.errors import BusyError, CommandError, LiteGripError
+from litegrip_client.errors import BusyError, CommandError, LiteGripError, ParameterError
 from litegrip_client.results import MoveProgress
 from litegrip_client.warn import leave, warn
 
@@ -38,7 +38,7 @@ async def load(
     if template is not None:
         if path is not None:
             text = "either a path or a template can be loaded, not both"
-            raise CommandError(text, reason="invalid_params")
+            raise ParameterError(text, reason="invalid_params")
         return await _load(command, {"template": files.check_template(template)})
     asked = path if path is not None else files.environment_path()
     if asked is None:
@@ -47,6 +47,13 @@ async def load(
     if name is not None:
         return await _load(command, {"template": name})
     return await _load(command, {"content": await session.aside(files.read, asked)})
+
+
+async def use(command: Command, data: CalibrationData) -> bool:
+    """Have the daemon use a calibration's values."""
+    content = {name: getattr(data, name) for name in CALIBRATION_KEYS}
+    known = {name: value for name, value in content.items() if value is not None}
+    return await _load(command, {"content": {**known, "calibrated": True}})
 
 
 async def _load(command: Command, params: dict[str, Any]) -> bool:
@@ -178,17 +185,17 @@ class ProbePrinter:
     """
 
     def __init__(self) -> None:
-        self._phase = ""
+        self._stage = ""
         self._reports = 0
 
     def progress(self, report: MoveProgress) -> None:
         """Print a line for some of the reports."""
-        if report.phase != self._phase:
-            self._phase, self._reports = report.phase, 0
+        if report.stage != self._stage:
+            self._stage, self._reports = report.stage, 0
         if self._reports % _REPORTS_PER_LINE == 0:
             total = f"/{report.total_steps}" if report.total_steps else ""  # mostly nobody knows
             _print(
-                f"[{report.phase}] {report.i}{total} cmd={report.cmd_rad:+.4f} "
+                f"[{report.stage}] {report.i}{total} cmd={report.cmd_rad:+.4f} "
                 f"pos={report.pos_rad:+.4f} tau={report.torque_nm:+.3f}"
             )
         self._reports += 1

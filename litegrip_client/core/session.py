@@ -49,7 +49,10 @@ class DaemonSession:
         socket_path: str | None,
         *,
         disable_on_disconnect: bool,
+        expected: Mapping[str, Any] | None = None,
     ) -> None:
+        """Expect what `expected` says of the daemon's `GripperConfig`, by its fields."""
+        self._expected = expected or {}
         self.channel = check_channel(channel)
         self.can_id = can_id
         self.socket_path = socket_path
@@ -150,6 +153,10 @@ class DaemonSession:
             raise _different("channel", self.channel, channel, path)
         if self.can_id is not None and can_id != self.can_id:
             raise _different("can_id", f"{self.can_id:#04x}", f"{can_id:#04x}", path)
+        if self._expected:
+            from litegrip_client.sdk.expected import check_expected  # noqa: PLC0415 - seldom needed
+
+            check_expected(self._expected, hello, path)
 
     async def close(self) -> None:
         """End the connection, after having seen to the motor if this session enabled it.

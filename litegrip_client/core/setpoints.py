@@ -12,7 +12,7 @@ from types import TracebackType
 
 from litegrip_client.checks import given_numbers, number
 from litegrip_client.core.session import DaemonSession
-from litegrip_client.errors import CommandError
+from litegrip_client.errors import CommandError, ParameterError
 from litegrip_client.warn import leave
 
 TYPE_CHECKING = False
@@ -71,7 +71,7 @@ class SetpointStream:
         """
         target = given_numbers(opening_mm=opening_mm, position_rad=position_rad, openness=openness)
         if len(target) != 1:
-            raise CommandError(
+            raise ParameterError(
                 "a set-point needs exactly one of opening_mm, position_rad and openness",
                 reason="invalid_params",
             )
@@ -127,7 +127,7 @@ def frame_target(q: float, kp: float, kd: float, dq: float, tau: float) -> dict[
     for gain in ("kp", "kd"):
         if values[gain] < 0.0:
             text = f"{gain} is {values[gain]:g}, a gain cannot be negative"
-            raise CommandError(text, reason="invalid_params", data={"parameter": gain})
+            raise ParameterError(text, reason="invalid_params", data={"parameter": gain})
     if values["tau"] != 0.0:
         raise _unsupported("a frame with tau asks for a torque", _FORCES)
     if values["kp"] == 0.0:

@@ -13,7 +13,15 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.checks import number
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.errors import CommandError, LiteGripError, ProtocolError
+from litegrip_client.errors import (
+    CommandError,
+    LiteGripError,
+    ParameterError,
+    ProtocolError,
+    TrajectoryEmptyError,
+    TrajectoryNotActiveError,
+    TrajectoryRecordingError,
+)
 from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
@@ -95,7 +103,7 @@ class Trajectories:
         if not isinstance(given, Trajectory):
             text = f"{trajectory!r:.60} is no Trajectory"
             hint = {"hint": 'a saved one: Trajectory.load("pick")'}
-            raise CommandError(text, reason="invalid_params", data=hint)
+            raise ParameterError(text, reason="invalid_params", data=hint)
         session = self._session
         wire = session.wire
         content = await session.aside(trajectory.to_bytes)
@@ -154,7 +162,16 @@ async def begin(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
 
 async def end(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
     """End the recording and have the daemon keep it; return its description."""
-    return await wire.call("trajectory.record_stop", params, ACTION_TIMEOUT_S)
+    try:
+        return await wire.call("trajectory.record_stop", params, ACTION_TIMEOUT_S)
+    except TrajectoryRecordingError as error:
+        if "samples" not in error.data:
+            kind: type[LiteGripError] = TrajectoryNotActiveError
+        elif error.data["samples"] == 0 and error.data.get("error") is None:
+            kind = TrajectoryEmptyError
+        else:
+            raise
+        raise kind(error.message, reason=error.reason, code=error.code, data=error.data) from None
 
 
 class Recording:
@@ -181,7 +198,7 @@ class Recording:
         self._samples = round(number("duration_s", duration_s) * self._rate_hz)
         if self._samples < 1:
             text = f"{duration_s!r} s at {rate_hz!r} Hz make no sample: record for longer"
-            raise CommandError(text, reason="invalid_params", data={"parameter": "duration_s"})
+            raise ParameterError(text, reason="invalid_params", data={"parameter": "duration_s"})
         self._start = {
             "rate_hz": self._rate_hz,
             "zero_gravity": bool(zero_gravity),
@@ -218,7 +235,7 @@ class Recording:
         """Refuse a recording with holes before it is kept; the daemon refuses a broken one."""
         got = status["samples"]
         if status["error"] is None and got < (1.0 - MOST_MISSED_SHARE) * self._samples:
-            raise CommandError(
+            raise TrajectoryRecordingError(
                 f"the recording did not fill: {got} of {self._samples} samples",
                 reason="recording_failed",
                 data={"samples": got, "expected": self._samples},

@@ -270,7 +270,7 @@ _shtab_litegripctl_config_get_options=(
   "--socket[the daemon\'s socket]:PATH:_files"
   "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
-  ":force_n, for one:(speed_mm_s grasp_speed_mm_s margin frame_interval sample_interval settle_s reach_tol stall_cycles stall_ratio stall_delta max_lead_mm press_overshoot press_zone_mm stop_lead_mm stop_tol force_n hold_interval hold_kp hold_kd enable_retries enable_retry_interval calib_kp calib_kd calib_step_rad calib_tau_limit calib_stall_delta calib_stall_cycles calib_max_iter sleep_fn monotonic_fn force_rate_n_s stop_torque_nm stop_torque_cycles stop_release_s)"
+  ":force_n, for one:(speed_mm_s grasp_speed_mm_s margin frame_interval sample_interval settle_s reach_tol stall_cycles stall_ratio stall_delta max_lead_mm press_overshoot press_zone_mm stop_lead_mm stop_tol force_n hold_interval hold_kp hold_kd enable_retries enable_retry_interval calib_kp calib_kd calib_step_rad calib_tau_limit calib_stall_delta calib_stall_cycles calib_max_iter force_rate_n_s stop_torque_nm stop_torque_cycles stop_release_s)"
 )
 
 # guard to ensure default positional specs are added only once per session
@@ -283,7 +283,7 @@ _shtab_litegripctl_config_set_options=(
   "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--keep[also for after a restart]"
-  "(*):numbers:(speed_mm_s= grasp_speed_mm_s= margin= frame_interval= sample_interval= settle_s= reach_tol= stall_cycles= stall_ratio= stall_delta= max_lead_mm= press_overshoot= press_zone_mm= stop_lead_mm= stop_tol= force_n= hold_interval= hold_kp= hold_kd= enable_retries= enable_retry_interval= calib_kp= calib_kd= calib_step_rad= calib_tau_limit= calib_stall_delta= calib_stall_cycles= calib_max_iter= sleep_fn= monotonic_fn= force_rate_n_s= stop_torque_nm= stop_torque_cycles= stop_release_s=)"
+  "(*):numbers:(speed_mm_s= grasp_speed_mm_s= margin= frame_interval= sample_interval= settle_s= reach_tol= stall_cycles= stall_ratio= stall_delta= max_lead_mm= press_overshoot= press_zone_mm= stop_lead_mm= stop_tol= force_n= hold_interval= hold_kp= hold_kd= enable_retries= enable_retry_interval= calib_kp= calib_kd= calib_step_rad= calib_tau_limit= calib_stall_delta= calib_stall_cycles= calib_max_iter= force_rate_n_s= stop_torque_nm= stop_torque_cycles= stop_release_s=)"
 )
 
 # guard to ensure default positional specs are added only once per session

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from typing import Any
 
-from litegrip_client.errors import TrajectoryError
+from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol import strict_json
 
 FORMAT = "litegrip-grips"
@@ -34,7 +34,7 @@ class TaughtGrip:
 
     From `closing_s` on the jaws closed on something. From `start_s` to `end_s` they held it with
     the set force `force_n`. `openness` and `width_mm` are those at the contact; `source` says who
-    commanded it. Raises `TrajectoryError` for impossible values.
+    commanded it. Raises `TrajectoryFormatError` for impossible values.
     """
 
     closing_s: float
@@ -50,38 +50,38 @@ class TaughtGrip:
             _check_figure(field.name, getattr(self, field.name))
         if not self.closing_s <= self.start_s <= self.end_s:
             text = f"closing_s {self.closing_s}, start_s {self.start_s}, end_s {self.end_s}"
-            raise TrajectoryError(f"{text} must come one after the other")
+            raise TrajectoryFormatError(f"{text} must come one after the other")
         if not 0.0 <= self.openness <= 1.0:
-            raise TrajectoryError(f"openness is {self.openness}, it must be 0 to 1")
+            raise TrajectoryFormatError(f"openness is {self.openness}, it must be 0 to 1")
         if self.width_mm < 0.0:
-            raise TrajectoryError(f"width_mm is {self.width_mm}, it must not be below 0")
+            raise TrajectoryFormatError(f"width_mm is {self.width_mm}, it must not be below 0")
         if not 0.0 < self.force_n <= MOST_FORCE_N:
             text = f"force_n is {self.force_n}, it must be above 0 and at most {MOST_FORCE_N:g}"
-            raise TrajectoryError(text)
+            raise TrajectoryFormatError(text)
         source: object = self.source
         if not isinstance(source, str) or not _is_plain(source):
             text = f"source must be 1 to {MAX_SOURCE} printable ASCII characters"
-            raise TrajectoryError(text)
+            raise TrajectoryFormatError(text)
 
 
 def check_row(grips: Sequence[TaughtGrip], first_s: float, last_s: float) -> None:
     """Refuse grips that overlap, or do not lie between the first and the last sample.
 
-    Raises `TrajectoryError` with the number of the wrong one.
+    Raises `TrajectoryFormatError` with the number of the wrong one.
     """
     if len(grips) > MOST_GRIPS:
-        raise TrajectoryError(f"{len(grips)} grips, at most {MOST_GRIPS} are allowed")
+        raise TrajectoryFormatError(f"{len(grips)} grips, at most {MOST_GRIPS} are allowed")
     before_s = first_s
     for number, grip in enumerate(grips):
         given: object = grip
         if not isinstance(given, TaughtGrip):
-            raise TrajectoryError(f"grip {number} is {given!r:.60}, no TaughtGrip")
+            raise TrajectoryFormatError(f"grip {number} is {given!r:.60}, no TaughtGrip")
         if grip.closing_s < before_s:
             text = f"closing_s is {grip.closing_s}, before {before_s}, where it can begin"
-            raise TrajectoryError(f"grip {number}: {text}")
+            raise TrajectoryFormatError(f"grip {number}: {text}")
         if grip.end_s > last_s:
             text = f"end_s is {grip.end_s}, after {last_s}, where the trajectory ends"
-            raise TrajectoryError(f"grip {number}: {text}")
+            raise TrajectoryFormatError(f"grip {number}: {text}")
         before_s = grip.end_s
 
 
@@ -94,45 +94,47 @@ def pack(grips: Sequence[TaughtGrip], lgt_sha256: str) -> bytes:
 
 
 def read(content: bytes, lgt_sha256: str) -> tuple[TaughtGrip, ...]:
-    """Return the grips of a file that belongs to this `.lgt`; raises `TrajectoryError`."""
+    """Return the grips of a file that belongs to this `.lgt`; raises `TrajectoryFormatError`."""
     plain = parse(content)
     if not isinstance(plain, dict) or plain.keys() != _KEYS or plain["format"] != FORMAT:
-        raise TrajectoryError(f"it is no object with {', '.join(sorted(_KEYS))}: no file of grips")
+        raise TrajectoryFormatError(
+            f"it is no object with {', '.join(sorted(_KEYS))}: no file of grips"
+        )
     if plain["version"] != VERSION or isinstance(plain["version"], bool):
         text = f"version {plain['version']!r:.40}, only version {VERSION} can be read"
-        raise TrajectoryError(text)
+        raise TrajectoryFormatError(text)
     grips = grips_of(plain["grips"])
     if plain["lgt_sha256"] != lgt_sha256:
-        raise TrajectoryError("it belongs to another .lgt file, which has been replaced")
+        raise TrajectoryFormatError("it belongs to another .lgt file, which has been replaced")
     return grips
 
 
 def grips_of(plain: object) -> tuple[TaughtGrip, ...]:
-    """Return the grips in a list of objects; raises `TrajectoryError` with the wrong number."""
+    """Return the grips in a list of objects; raises `TrajectoryFormatError`, which names one."""
     if not isinstance(plain, list) or len(plain) > MOST_GRIPS:
-        raise TrajectoryError(f"grips must be an array of at most {MOST_GRIPS}")
+        raise TrajectoryFormatError(f"grips must be an array of at most {MOST_GRIPS}")
     return tuple(_grip_of(number, one) for number, one in enumerate(plain))
 
 
 def parse(content: bytes) -> Any:
-    """Return the parsed JSON; raises `TrajectoryError` if it is too long or no JSON."""
+    """Return the parsed JSON; raises `TrajectoryFormatError` if it is too long or no JSON."""
     if len(content) > MAX_GRIP_BYTES:
-        raise TrajectoryError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
+        raise TrajectoryFormatError(f"{len(content)} bytes, at most {MAX_GRIP_BYTES} are allowed")
     try:
         return strict_json.decode(content.decode())
     except (ValueError, RecursionError) as error:
-        raise TrajectoryError(f"it is no JSON: {error}") from None
+        raise TrajectoryFormatError(f"it is no JSON: {error}") from None
 
 
 def _grip_of(number: int, plain: object) -> TaughtGrip:
     names = {field.name for field in fields(TaughtGrip)}
     if not isinstance(plain, dict) or plain.keys() != names:
         text = f"grip {number} is no object with {', '.join(sorted(names))}"
-        raise TrajectoryError(text)
+        raise TrajectoryFormatError(text)
     try:
         return TaughtGrip(**plain)
-    except TrajectoryError as error:
-        raise TrajectoryError(f"grip {number}: {error}") from None
+    except TrajectoryFormatError as error:
+        raise TrajectoryFormatError(f"grip {number}: {error}") from None
 
 
 def _check_figure(name: str, value: object) -> None:
@@ -141,7 +143,7 @@ def _check_figure(name: str, value: object) -> None:
     except OverflowError:  # an integer beyond all floats
         fine = False
     if not fine or isinstance(value, bool):
-        raise TrajectoryError(f"{name} is {value!r:.40}, it must be a finite number")
+        raise TrajectoryFormatError(f"{name} is {value!r:.40}, it must be a finite number")
 
 
 def _is_plain(source: str) -> bool:

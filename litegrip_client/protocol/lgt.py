@@ -9,7 +9,7 @@ import struct
 from dataclasses import dataclass, fields
 from typing import BinaryIO, Literal, TypeAlias
 
-from litegrip_client.errors import TrajectoryError
+from litegrip_client.errors import TrajectoryFormatError
 
 MAGIC = b"LGRTRJ01"
 VERSION = 1
@@ -40,21 +40,21 @@ class Header:
     mount: Mount | None
 
     def __post_init__(self) -> None:
-        """Reject values that no reader accepts; raises `TrajectoryError`."""
+        """Reject values that no reader accepts; raises `TrajectoryFormatError`."""
         for field in fields(self):
             value = getattr(self, field.name)
             if isinstance(value, float) and not math.isfinite(value):
                 text = f"{field.name} of the header is {value}, it must be a finite number"
-                raise TrajectoryError(text)
+                raise TrajectoryFormatError(text)
         if self.sample_hz <= 0.0:
-            raise TrajectoryError(f"sample_hz is {self.sample_hz}, it must be above 0")
+            raise TrajectoryFormatError(f"sample_hz is {self.sample_hz}, it must be above 0")
         if self.rad_to_mm <= 0.0:
-            raise TrajectoryError(f"rad_to_mm is {self.rad_to_mm}, it must be above 0")
+            raise TrajectoryFormatError(f"rad_to_mm is {self.rad_to_mm}, it must be above 0")
         if self.closed_rad == self.open_rad:
-            raise TrajectoryError("zero travel: the closed and the open limit are equal")
+            raise TrajectoryFormatError("zero travel: the closed and the open limit are equal")
         check_count(self.samples)
         if not 0 <= self.can_id <= _MAX_CAN_ID:
-            raise TrajectoryError(f"can_id is {self.can_id}, it must fit into 32 bits")
+            raise TrajectoryFormatError(f"can_id is {self.can_id}, it must fit into 32 bits")
 
     def pack(self) -> bytes:
         """Return the 66 bytes."""
@@ -74,41 +74,43 @@ class Header:
 
 
 def check_count(samples: int) -> None:
-    """Raise `TrajectoryError` for more samples than there may be."""
+    """Raise `TrajectoryFormatError` for more samples than there may be."""
     if not 0 <= samples <= MAX_SAMPLES:
-        raise TrajectoryError(f"{samples} samples, at most {MAX_SAMPLES} are allowed")
+        raise TrajectoryFormatError(f"{samples} samples, at most {MAX_SAMPLES} are allowed")
 
 
 def check_length(length: int, samples: int) -> None:
-    """Raise `TrajectoryError` for a file whose length is not that of its samples."""
+    """Raise `TrajectoryFormatError` for a file whose length is not that of its samples."""
     expected = HEADER.size + samples * SAMPLE.size
     if length != expected:
-        raise TrajectoryError(
+        raise TrajectoryFormatError(
             f"{length} bytes, but {samples} samples make {expected}: it is cut off or"
             " something was added"
         )
 
 
 def read_header(content: memoryview) -> Header:
-    """Read the header of a whole file; raises `TrajectoryError` with the reason."""
+    """Read the header of a whole file; raises `TrajectoryFormatError` with the reason."""
     header = parse_header(content)
     check_length(len(content), header.samples)
     return header
 
 
 def parse_header(content: memoryview) -> Header:
-    """Return the header, ignoring what follows; raises `TrajectoryError` with the reason."""
+    """Return the header, ignoring what follows; raises `TrajectoryFormatError` with the reason."""
     if len(content) < HEADER.size:
         text = f"{len(content)} bytes are too few for a header, which has {HEADER.size}"
-        raise TrajectoryError(text)
+        raise TrajectoryFormatError(text)
     magic, version, samples, *figures, can_id, padded = HEADER.unpack_from(content)
     if magic != MAGIC:
-        raise TrajectoryError(f"it begins with {magic!r} and not with {MAGIC!r}: no .lgt file")
+        raise TrajectoryFormatError(
+            f"it begins with {magic!r} and not with {MAGIC!r}: no .lgt file"
+        )
     if version != VERSION:
-        raise TrajectoryError(f"version {version}, only version {VERSION} can be read")
+        raise TrajectoryFormatError(f"version {version}, only version {VERSION} can be read")
     mount = padded.rstrip(b"\0")
     if mount not in _MOUNTS:
-        raise TrajectoryError(f"unknown mount {mount!r}; there are normal, reverse, and none")
+        raise TrajectoryFormatError(f"unknown mount {mount!r}; there are normal, reverse, and none")
     hz, created_s, closed_rad, open_rad, rad_to_mm = figures
     return Header(samples, hz, created_s, closed_rad, open_rad, rad_to_mm, can_id, _MOUNTS[mount])
 

@@ -38,7 +38,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ErrorKind(
         "invalid_params",
         -32602,
-        "CommandError",
+        "ParameterError",
         4,
         False,
         "A parameter is unknown, missing, of the wrong type or out of its range.",
@@ -115,7 +115,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ErrorKind(
         "out_of_limits",
         -32011,
-        "CommandError",
+        "ParameterError",
         4,
         False,
         "A value is possible in itself but not with the other settings.",
@@ -140,7 +140,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ErrorKind(
         "unknown_trajectory",
         -32015,
-        "CommandError",
+        "TrajectoryNotFoundError",
         4,
         False,
         "No trajectory of that name, and no such upload or recording, or no longer kept.",
@@ -148,7 +148,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ErrorKind(
         "trajectory_unreadable",
         -32016,
-        "CommandError",
+        "TrajectoryFormatError",
         4,
         False,
         "A trajectory that was asked for, or sent, cannot be used.",
@@ -156,7 +156,7 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
     ErrorKind(
         "recording_failed",
         -32017,
-        "CommandError",
+        "TrajectoryRecordingError",
         4,
         False,
         "No recording came about, or one that was broken off or is empty.",
@@ -245,12 +245,12 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         False,
         "Teleoperation needs a calibrated gripper whose motor is enabled.",
     ),
-    ErrorKind("not_enabled", -32030, "HardwareError", 5, False, "The motor is not enabled."),
+    ErrorKind("not_enabled", -32030, "NotInitializedError", 5, False, "The motor is not enabled."),
     ErrorKind(
         "motor_fault", -32031, "HardwareError", 5, False, "The motor reports a fault by its status."
     ),
-    ErrorKind("motor_silent", -32032, "HardwareError", 5, True, "The motor does not answer."),
-    ErrorKind("bus_down", -32033, "HardwareError", 5, True, "The CAN bus cannot be used."),
+    ErrorKind("motor_silent", -32032, "CANTimeoutError", 5, True, "The motor does not answer."),
+    ErrorKind("bus_down", -32033, "CommError", 5, True, "The CAN bus cannot be used."),
     ErrorKind(
         "motor_unsuitable",
         -32034,

@@ -230,6 +230,7 @@ class Progress:
     command_rad: float
     position_rad: float
     torque_nm: float
+    coil_temperature_c: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,6 +33,8 @@ has no reflection, so the last one is ours."""
 class LinkOptions:
     """The link to open. `host` is the other end's: a follower's leader, or the receiver of UDP.
 
+    `bind` is the address at which a follower over UDP listens, None for all.
+
     A leader sends UDP to one address or several (see `udp_targets`). With `reflects` the followers'
     forces travel the other way.
     """
@@ -43,6 +45,7 @@ class LinkOptions:
     port: int = DEFAULT_PORT
     grip_id: str = DEFAULT_GRIP_ID
     reflects: bool = False
+    bind: str | None = None
 
     @property
     def topic(self) -> str:

@@ -54,6 +54,11 @@ _WHERE = (
         minimum=1,
         maximum=65_535,
     ),
+    Param(
+        "bind",
+        "string",
+        "The address at which a slave over udp listens (default: all of this machine's).",
+    ),
     Param("grip_id", "string", f"Both ends share it (default {DEFAULT_GRIP_ID})."),
     Param(
         "link",
@@ -230,6 +235,7 @@ def _link_options(params: Mapping[str, Any]) -> LinkOptions:
         params.get("port", DEFAULT_PORT),
         params.get("grip_id", DEFAULT_GRIP_ID),
         params.get("reflect_n", 0.0) > 0.0 if mode == "master" else params.get("reflect", False),
+        params.get("bind"),
     )
     problem = (
         _of_names(options) or _of_reflection(params, fake=fake) or _of_ends(options, fake=fake)
@@ -245,6 +251,11 @@ def _of_names(options: LinkOptions) -> _Problem:
     """Check what becomes a part of keys and endpoints."""
     if not _GRIP_ID.fullmatch(options.grip_id):
         return "grip_id", f"is {options.grip_id!r}; it has letters, digits, _ . - (1 to 64)"
+    if options.bind is not None:
+        if (options.mode, options.kind) != ("slave", "udp"):
+            return "bind", "is for a slave over udp: the only end that listens for datagrams"
+        if not _HOST.fullmatch(options.bind):
+            return "bind", f"is {options.bind!r}; it must be an address of this machine"
     if options.host is None:
         return None
     if options.mode == "master" and options.kind == "udp":

@@ -135,9 +135,9 @@ class UdpLeader:
 
 
 class UdpFollower:
-    """Listens at the port on all addresses, or only to `host` if it is given.
+    """Listens at the port on all addresses, or that of `bind`, or only to `host` if it is given.
 
-    Raises `OSError` if the port is taken or the host is unknown.
+    Raises `OSError` if the port is taken, the host is unknown or the address is none of here.
     """
 
     matching = None
@@ -148,14 +148,17 @@ class UdpFollower:
         self._refuse = refuse
         self._leaders: OrderedDict[str, Address] = OrderedDict()
         self._hosts: set[str] | None = None
-        family = socket.AF_INET
+        family, address = socket.AF_INET, ""
+        if options.bind is not None:
+            own = socket.getaddrinfo(options.bind, options.port, type=socket.SOCK_DGRAM)[0]
+            family, address = own[0], str(own[4][0])
         if options.host is not None:
             found = socket.getaddrinfo(options.host, None, type=socket.SOCK_DGRAM)
-            family = found[0][0]
+            family = found[0][0] if options.bind is None else family
             self._hosts = {str(entry[4][0]) for entry in found if entry[0] == family}
         self._socket = socket.socket(family, socket.SOCK_DGRAM)
         try:
-            self._socket.bind(("", options.port))
+            self._socket.bind((address, options.port))
         except OSError:
             self._socket.close()
             raise

@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from litegrip_client.errors import TrajectoryError
+from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol.lgt import (
     HEADER,
     MAX_BYTES,
@@ -52,7 +52,7 @@ class Content:
         """Return a trajectory that passes all checks; raises `StoreError` with the reason."""
         try:
             header, summary = read(memoryview(whole))
-        except TrajectoryError as error:
+        except TrajectoryFormatError as error:
             raise StoreError("trajectory_unreadable", f"no usable trajectory: {error}") from None
         return cls(whole, hashlib.sha256(whole).hexdigest(), header, summary)
 
@@ -100,7 +100,7 @@ def entry_of(name: str, path: Path) -> dict[str, Any]:
             lasts_s = duration_s(file, header.samples)
     except OSError as error:
         return {"name": name, "error": error.strerror}
-    except (StoreError, TrajectoryError) as error:
+    except (StoreError, TrajectoryFormatError) as error:
         return {"name": name, "error": str(error)}
     described = {"samples", "sample_hz", "created_s", "mount"}
     known = {key: value for key, value in asdict(header).items() if key in described}

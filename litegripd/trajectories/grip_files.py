@@ -10,7 +10,7 @@ from dataclasses import astuple, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.errors import TrajectoryError
+from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol.grips import (
     ENDING,
     MAX_GRIP_BYTES,
@@ -66,7 +66,7 @@ def recorded(plain: bytes, lgt: bytes, sha256: str) -> Grips:
     try:
         grips = grips_of(parse(plain))
         return sent(pack(grips, sha256), lgt, sha256)
-    except TrajectoryError as error:
+    except TrajectoryFormatError as error:
         raise _unusable(error) from None
 
 
@@ -76,7 +76,7 @@ def sent(whole: bytes, lgt: bytes, sha256: str) -> Grips:
         grips = read(whole, sha256)
         if grips:
             check_row(grips, *_span(lgt))
-    except TrajectoryError as error:
+    except TrajectoryFormatError as error:
         raise _unusable(error) from None
     return Grips(grips, whole) if grips else Grips()
 
@@ -132,11 +132,11 @@ def path_beside(path: Path) -> Path:
 def _span(lgt: bytes) -> tuple[float, float]:
     """Return the times of the first and the last sample."""
     if len(lgt) < HEADER.size + SAMPLE.size:
-        raise TrajectoryError("a trajectory without samples has no grips")
+        raise TrajectoryFormatError("a trajectory without samples has no grips")
     first_s, *_ = SAMPLE.unpack_from(lgt, HEADER.size)
     last_s, *_ = SAMPLE.unpack_from(lgt, len(lgt) - SAMPLE.size)
     return first_s, last_s
 
 
-def _unusable(error: TrajectoryError) -> StoreError:
+def _unusable(error: TrajectoryFormatError) -> StoreError:
     return StoreError("trajectory_unreadable", f"no usable grips: {error}")

@@ -379,6 +379,7 @@ class Replay(PlainAction):
             command_rad=self._command_rad(),
             position_rad=feedback.position_rad,
             torque_nm=feedback.torque_nm,
+            coil_temperature_c=feedback.coil_temperature_c,
             frames=self.frames,
             speed=self.speed,
             openness=here if self.openness is None else self.openness,

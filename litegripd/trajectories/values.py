@@ -9,7 +9,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from litegrip_client.errors import TrajectoryError
+from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol.lgt import HEADER, SAMPLE, Header, read_header
 
 MAX_NAME = 64
@@ -32,7 +32,7 @@ class Summary:
 
 
 def read(content: memoryview) -> tuple[Header, Summary]:
-    """Check a whole file; raises `TrajectoryError` with the reason.
+    """Check a whole file; raises `TrajectoryFormatError` with the reason.
 
     The longest file takes about half a second.
     """
@@ -41,18 +41,22 @@ def read(content: memoryview) -> tuple[Header, Summary]:
 
 
 def summarize(samples: memoryview) -> Summary:
-    """Check the samples; raises `TrajectoryError` with the number of the wrong one."""
+    """Check the samples; raises `TrajectoryFormatError` with the number of the wrong one."""
     first_s = last_s = last = fastest = 0.0
     for number, values in enumerate(SAMPLE.iter_unpack(samples)):
         t_s, openness = values[:2]
         if not all(map(math.isfinite, values)):
-            raise TrajectoryError(f"sample {number} has a value that is not finite")
+            raise TrajectoryFormatError(f"sample {number} has a value that is not finite")
         if not 0.0 <= openness <= 1.0:
-            raise TrajectoryError(f"sample {number}: openness is {openness}, it must be 0 to 1")
+            raise TrajectoryFormatError(
+                f"sample {number}: openness is {openness}, it must be 0 to 1"
+            )
         if number == 0:
             first_s = t_s
         elif t_s < last_s:
-            raise TrajectoryError(f"sample {number}: time runs backwards, {last_s} to {t_s} s")
+            raise TrajectoryFormatError(
+                f"sample {number}: time runs backwards, {last_s} to {t_s} s"
+            )
         elif openness != last:
             rate_s = math.inf if t_s == last_s else abs(openness - last) / (t_s - last_s)
             fastest = max(fastest, rate_s)

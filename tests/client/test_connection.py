@@ -9,6 +9,7 @@ import pytest
 
 from litegrip_client.connection import Connection
 from litegrip_client.errors import (
+    CANTimeoutError,
     CommandError,
     ConnectError,
     HardwareError,
@@ -211,4 +212,4 @@ def test_the_daemons_errors_keep_all_they_say(daemon: FakeDaemon, connection: Co
     assert (error.message, error.code, error.retryable) == ("nothing comes", -32032, True)
     assert (error.hint, error.owner) == ("power?", owner)
     copy = pickle.loads(pickle.dumps(error))
-    assert (type(copy), copy.reason, copy.data) == (HardwareError, error.reason, error.data)
+    assert (type(copy), copy.reason, copy.data) == (CANTimeoutError, error.reason, error.data)

@@ -88,7 +88,7 @@ def test_a_grasp_for_ever_waits_until_an_interrupt_which_cancels_it(
     daemon.handlers["job.cancel"] = lambda request: {"job": 9, "state": "cancelled"}
     with pytest.raises(KeyboardInterrupt):
         gripper.grasp(progress=show)
-    assert phases == [("approach", 10), ("hold", 0)]
+    assert phases == [("move", 10), ("hold", 0)]
     assert daemon.requests[-1].method == "job.cancel"
     assert daemon.requests[-1].params == {"job": 9}
 

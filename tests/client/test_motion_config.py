@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 
 from litegrip_client import CommandError, LiteGrip, MotionConfig
+from litegrip_client.motion_config import DAEMON_FIELDS
 from litegripd.model.motion_config import MotionConfig as DaemonsConfig
 from tests.client.fake_daemon import MOVE, STATE, FakeDaemon
 
-NUMBERS = [one.name for one in dataclasses.fields(MotionConfig) if not one.name.endswith("_fn")]
+NUMBERS = DAEMON_FIELDS
 
 
 def test_it_has_the_fields_and_defaults_of_the_daemon() -> None:

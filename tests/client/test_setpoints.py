@@ -10,6 +10,7 @@ from litegrip_client import (
     CommandError,
     ConnectError,
     LiteGrip,
+    ParameterError,
     SetpointStream,
     StoppedError,
 )
@@ -148,7 +149,7 @@ def test_a_refusal_of_a_later_one_is_raised_and_the_next_is_answered_again(
         stream.set_target(10.0)
         error = until_refused(stream)
         assert (type(error), error.reason, error.message) == (
-            CommandError,
+            ParameterError,
             "out_of_limits",
             "too far",
         )

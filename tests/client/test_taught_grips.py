@@ -19,7 +19,7 @@ from litegrip_client.ctl.commands.recorder import block_chart
 from litegrip_client.ctl.commands.trajectories import played_text, recorded_text
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.plot.drawing import draw_trajectory, png
-from litegrip_client.errors import TrajectoryError
+from litegrip_client.errors import TrajectoryFormatError
 from tests.client.aio_helpers import with_gripper
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories
@@ -125,7 +125,7 @@ def test_each_field_is_checked(changes: dict[str, Any], why: str) -> None:
     plain = json.loads(BESIDE)
     plain["grips"][0] |= changes
     content = json.dumps(plain).encode()
-    with pytest.raises(TrajectoryError, match=why):
+    with pytest.raises(TrajectoryFormatError, match=why):
         TAUGHT.with_grips(CONTENT, content)
 
 

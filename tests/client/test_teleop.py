@@ -44,7 +44,6 @@ def test_only_what_was_given_is_sent(
     assert gripper.teleop_start("master") == STATUS
     assert gripper.teleop_start("slave", "10.0.0.2") == STATUS
     everything: dict[str, Any] = {
-        "host": "h",
         "port": 5000,
         "grip_id": "gripB",
         "link": "udp",
@@ -60,11 +59,18 @@ def test_only_what_was_given_is_sent(
         "reflect_gain": 0.25,
         "fake_leader": True,
     }
-    gripper.teleop_start("slave", **everything)
+    gripper.teleop_start("slave", "0.0.0.0", only_from="h", **everything)
+    gripper.teleop_start("master", "h", link="udp", align_speed_mm_s=20, lead_cap_mm=2)
     assert [params for _, params in asked] == [
         {"mode": "master"},
         {"mode": "slave", "host": "10.0.0.2"},
-        {"mode": "slave", **everything},
+        {"mode": "slave", "bind": "0.0.0.0", "host": "h", **everything},
+        {
+            "mode": "master",
+            "host": "h",
+            "link": "udp",
+            "config": {"speed_mm_s": 20.0, "max_lead_mm": 2.0},
+        },
     ]
 
 

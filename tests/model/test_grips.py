@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client.errors import TrajectoryError
+from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol.grips import (
     MAX_GRIP_BYTES,
     MOST_GRIPS,
@@ -76,29 +76,29 @@ def test_the_file_says_what_it_is() -> None:
 )
 def test_a_wrong_file_is_refused_with_its_reason(changes: dict[str, Any], why: str) -> None:
     content = {**json.loads(pack(GRIPS, DIGEST)), **changes}
-    with pytest.raises(TrajectoryError, match=why):
+    with pytest.raises(TrajectoryFormatError, match=why):
         read(json.dumps(content).encode(), DIGEST)
 
 
 def test_a_key_that_is_there_twice_is_refused() -> None:
     content = pack(GRIPS, DIGEST).replace(b'"version": 1', b'"version": 1, "version": 1')
-    with pytest.raises(TrajectoryError, match="twice"):
+    with pytest.raises(TrajectoryFormatError, match="twice"):
         read(content, DIGEST)
 
 
 def test_grips_lie_between_the_samples_one_after_the_other() -> None:
     check_row(GRIPS, 0.25, 2.75)
     for first_s, last_s in ((0.26, 2.75), (0.25, 2.74)):
-        with pytest.raises(TrajectoryError, match=r"grip [01]"):
+        with pytest.raises(TrajectoryFormatError, match=r"grip [01]"):
             check_row(GRIPS, first_s, last_s)
-    with pytest.raises(TrajectoryError, match="grip 1: closing_s"):
+    with pytest.raises(TrajectoryFormatError, match="grip 1: closing_s"):
         check_row((GRIPS[1], GRIPS[0]), 0.0, 5.0)
 
 
 def test_cut_off_at_any_byte_it_is_refused() -> None:
     content = pack(GRIPS, DIGEST)
     for length in range(len(content) - 1):  # the last one ends the last line
-        with pytest.raises(TrajectoryError):
+        with pytest.raises(TrajectoryFormatError):
             read(content[:length], DIGEST)
 
 
@@ -108,7 +108,7 @@ def test_mutations_are_read_whole_or_refused() -> None:
     for content in mutated(whole):
         try:
             grips = read(content, DIGEST)
-        except TrajectoryError:
+        except TrajectoryFormatError:
             continue
         read_again += 1
         assert grips == grips_of(json.loads(content)["grips"])

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client.errors import TrajectoryError
+from litegrip_client.errors import TrajectoryFormatError
 from litegrip_client.protocol.lgt import HEADER, MAX_SAMPLES, SAMPLE, Header, read_header
 from litegripd.model.geometry import Mount
 from litegripd.trajectories.values import csv_line, name_problem, read, summarize
@@ -117,7 +117,7 @@ def test_the_sizes_are_those_of_the_format() -> None:
 def test_a_wrong_header_is_rejected_with_its_reason(fields: dict[str, Any], reason: str) -> None:
     content = lgt([(0.0, 0.1), (0.1, 0.2), (0.2, 0.3)], **fields)
     expected = "2 samples make" if fields == {"count": 2} else reason
-    with pytest.raises(TrajectoryError, match=expected):
+    with pytest.raises(TrajectoryFormatError, match=expected):
         read(memoryview(content))
 
 
@@ -133,7 +133,7 @@ def test_a_wrong_header_is_rejected_with_its_reason(fields: dict[str, Any], reas
     ],
 )
 def test_a_wrong_sample_is_rejected_with_its_number(points: list[Point], reason: str) -> None:
-    with pytest.raises(TrajectoryError, match=reason):
+    with pytest.raises(TrajectoryFormatError, match=reason):
         read(memoryview(lgt(points)))
 
 
@@ -143,7 +143,7 @@ def test_no_field_of_a_sample_may_be_other_than_finite(field: int, value: float)
     values = [0.0, 0.5, 0.0, 0.0, 0.0]
     values[field] = value
     content = lgt([(0.0, 0.5)])[:HEADER_BYTES] + struct.pack("<5d", *values)
-    with pytest.raises(TrajectoryError, match="not finite"):
+    with pytest.raises(TrajectoryFormatError, match="not finite"):
         read(memoryview(content))
 
 
@@ -182,13 +182,13 @@ def test_without_samples_it_is_whole_but_nothing() -> None:
 def test_cut_off_at_any_byte_it_is_rejected() -> None:
     content = taught()
     for length in range(len(content)):
-        with pytest.raises(TrajectoryError):
+        with pytest.raises(TrajectoryFormatError):
             read(memoryview(content[:length]))
 
 
 @pytest.mark.parametrize("added", [1, 39, 40, 41])
 def test_with_something_added_it_is_rejected(added: int) -> None:
-    with pytest.raises(TrajectoryError, match="something was added"):
+    with pytest.raises(TrajectoryFormatError, match="something was added"):
         read(memoryview(taught() + b"\0" * added))
 
 
@@ -198,7 +198,7 @@ def test_mutations_are_read_whole_or_rejected() -> None:
     for content in mutated(taught(8), header=HEADER_BYTES):
         try:
             header, _ = read(memoryview(content))
-        except TrajectoryError:
+        except TrajectoryFormatError:
             continue
         read_again += 1
         samples = points_of(content)
@@ -212,7 +212,7 @@ def test_mutations_are_read_whole_or_rejected() -> None:
 @given(st.binary(max_size=200), st.booleans())
 def test_any_bytes_are_read_or_rejected(content: bytes, begins_well: bool) -> None:
     candidate = lgt([])[:14] + content if begins_well else content
-    with suppress(TrajectoryError):
+    with suppress(TrajectoryFormatError):
         header, _ = read(memoryview(candidate))
         assert header.samples == 0
 
@@ -226,9 +226,9 @@ def test_csv_reads_back_to_the_bit(samples: tuple[tuple[float, ...], ...]) -> No
 
 @pytest.mark.parametrize("samples", [-1, MAX_SAMPLES + 1])
 def test_no_header_is_made_that_could_not_be_read(samples: int) -> None:
-    with pytest.raises(TrajectoryError):
+    with pytest.raises(TrajectoryFormatError):
         Header(samples, 100.0, 0.0, 0.1, -1.5, 74.8, 8, None)
-    with pytest.raises(TrajectoryError):
+    with pytest.raises(TrajectoryFormatError):
         Header(1, 100.0, 0.0, 0.1, -1.5, 74.8, 2**32, None)
 
 

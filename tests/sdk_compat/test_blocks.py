@@ -149,7 +149,7 @@ def test_trajectory(site: Site, home: Path, daemon: Daemon) -> None:
 
 def test_progress(gripper: LiteGrip, capsys: pytest.CaptureFixture[str]) -> None:
     blocks.run(blocks.source("progress"), gripper=gripper)
-    assert capsys.readouterr().out.startswith("[ramp] ")
+    assert capsys.readouterr().out.startswith("[move] ")
 
 
 def test_motion_config(site: Site, daemon: Daemon) -> None:

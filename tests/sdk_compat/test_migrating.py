@@ -119,7 +119,7 @@ def test_gains_belong_to_the_gripper_config_and_motion_tunables_to_the_motion_co
         with site.recorded(daemon) as moments:
             gripper.close()
         with pytest.raises(AttributeError):
-            gripper.config.kp = 80.0  # type: ignore[misc]
+            gripper.config.kp = 80.0
     used = {
         (round(m.command.kp_nm_rad), round(m.command.kd_nm_s_rad, 1))
         for m in moments[:-1]

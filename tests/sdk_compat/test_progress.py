@@ -97,7 +97,8 @@ def test_the_phase_of_a_grasp_is_hold_while_force_is_held(
     )
     phases = [report.phase for _, report, _ in reports]
     first = phases.index("hold")
-    assert set(phases[:first]) == {"approach"}
+    assert set(phases[:first]) == {"move"}
+    assert {report.stage for _, report, _ in reports[:first]} == {"approach"}
     assert set(phases[first:]) == {"hold"}
     assert reports[-1][0] - reports[first][0] == pytest.approx(2.0, abs=0.1)
     assert all(report.total_steps == 0 for _, report, _ in reports[first:])

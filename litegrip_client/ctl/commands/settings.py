@@ -10,7 +10,7 @@ from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.render import Data, plain
 from litegrip_client.ctl.run import OK, Commands, Run
-from litegrip_client.errors import CommandError
+from litegrip_client.errors import ParameterError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -65,7 +65,7 @@ def config(run: Run) -> int:
         run.output.result(data, _config_text(data))
         return OK
     if field not in data["config"]:
-        raise CommandError(
+        raise ParameterError(
             f"there is no field {field!r}",
             reason="invalid_params",
             data={"hint": "all fields: litegripctl config"},

@@ -58,7 +58,13 @@ def progress_of(
 ) -> Progress:
     """Return the progress of a motion, with what was measured."""
     return Progress(
-        phase, step, total_steps, command_rad, feedback.position_rad, feedback.torque_nm
+        phase,
+        step,
+        total_steps,
+        command_rad,
+        feedback.position_rad,
+        feedback.torque_nm,
+        feedback.coil_temperature_c,
     )
 
 

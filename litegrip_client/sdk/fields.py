@@ -1,0 +1,164 @@
+"""Fields of the SDK's values, by its names: what they show is in the values' own fields."""
+
+from __future__ import annotations
+
+import time
+
+TYPE_CHECKING = False
+
+STILL_RAD_S = 0.05
+"""Slower jaws count as still: three steps of the motor's reported velocity (30/2047 rad/s)."""
+
+
+class StateNames:
+    """Further names of a `GripperState`'s fields."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+        opening_mm: float | None
+        driver_temperature_c: float | None
+        coil_temperature_c: float | None
+        feedback_s: float | None
+        enabled: bool | None
+        error_code: int | None
+        velocity_rad_s: float | None
+
+    @property
+    def position_mm(self) -> float | None:
+        """`opening_mm`: 0 closed."""
+        return self.opening_mm
+
+    @property
+    def aperture_mm(self) -> float | None:
+        """`opening_mm`: 0 closed."""
+        return self.opening_mm
+
+    @property
+    def temperature_mos(self) -> float | None:
+        """`driver_temperature_c`, in °C."""
+        return self.driver_temperature_c
+
+    @property
+    def temperature_coil(self) -> float | None:
+        """`coil_temperature_c`, in °C."""
+        return self.coil_temperature_c
+
+    @property
+    def timestamp(self) -> float | None:
+        """The Unix time of the motor's last feedback; None if there never was any."""
+        if self.feedback_s is None:
+            return None
+        return time.time() - time.monotonic() + self.feedback_s
+
+    @property
+    def is_enabled(self) -> bool:
+        """True if the motor is known to be enabled."""
+        return self.enabled is True
+
+    @property
+    def is_error(self) -> bool:
+        """True if the motor reports a fault: a status other than disabled and enabled."""
+        return self.error_code not in (None, 0, 1)
+
+    @property
+    def is_moving(self) -> bool:
+        """True if the jaws move by 0.05 rad/s (4 mm/s) or more."""
+        return self.velocity_rad_s is not None and abs(self.velocity_rad_s) >= STILL_RAD_S
+
+
+_WAYS = ("ramp", "press", "settle", "release", "approach")
+"""Phases of the daemon's motions that the SDK calls "move"."""
+
+
+class MoveNames:
+    """The SDK's name of a motion's phase."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+        stage: str
+
+    @property
+    def phase(self) -> str:
+        """The phase, as the SDK names it."""
+        return "move" if self.stage in _WAYS else self.stage
+
+
+class CalibrationNames:
+    """Further names of a `CalibrationData`'s fields."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+        zero_position_rad: float
+        max_position_rad: float
+        travel_range_rad: float
+        rad_to_mm: float
+
+    @property
+    def zero_position(self) -> float:
+        """`zero_position_rad`: the closed limit."""
+        return self.zero_position_rad
+
+    @property
+    def max_position(self) -> float:
+        """`max_position_rad`: the open limit."""
+        return self.max_position_rad
+
+    @property
+    def travel_range(self) -> float:
+        """`travel_range_rad`."""
+        return self.travel_range_rad
+
+    @property
+    def travel_mm(self) -> float:
+        """The stroke in mm."""
+        return self.travel_range_rad * self.rad_to_mm
+
+
+class ConfigNames:
+    """What follows from a `GripperConfig`'s fields, and the SDK's names of some."""
+
+    __slots__ = ()
+
+    if TYPE_CHECKING:
+        channel: str
+        pos_closed_rad: float | None
+        pos_open_rad: float | None
+        rad_to_mm: float | None
+
+    @property
+    def can_channel(self) -> str:
+        """`channel`."""
+        return self.channel
+
+    @property
+    def close_sign(self) -> int | None:
+        """+1 when closing increases radians, -1 otherwise; None until calibrated."""
+        if self.pos_closed_rad is None or self.pos_open_rad is None:
+            return None
+        return 1 if self.pos_closed_rad > self.pos_open_rad else -1
+
+    @property
+    def mount(self) -> str | None:
+        """Return "normal" when closing increases radians, "reverse" otherwise; None until then."""
+        sign = self.close_sign
+        return None if sign is None else "normal" if sign > 0 else "reverse"
+
+    @property
+    def travel_mm(self) -> float | None:
+        """The calibrated stroke in mm; None until calibrated."""
+        if self.pos_closed_rad is None or self.pos_open_rad is None or self.rad_to_mm is None:
+            return None
+        return abs(self.pos_closed_rad - self.pos_open_rad) * self.rad_to_mm
+
+    @property
+    def max_stroke_mm(self) -> float | None:
+        """`travel_mm`."""
+        return self.travel_mm
+
+    @property
+    def nm_to_n(self) -> float:
+        """Squeezing force per torque of the motor, N per N·m: approximate, the vendor's figure."""
+        return 10.0

@@ -1,0 +1,258 @@
+"""The members of the SDK's `LiteGrip` that say in other words what ours can do."""
+
+from __future__ import annotations
+
+import time
+
+from litegrip_client.actions import BlockingGripper
+from litegrip_client.checks import number
+from litegrip_client.errors import CANTimeoutError, ParameterError
+from litegrip_client.sdk.refused import refusal
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: importing typing and dataclasses is slow
+    from typing import NoReturn
+
+    from litegrip_client.calibration import CalibrationData
+    from litegrip_client.results import GripperState, MoveResult
+    from litegrip_client.sdk.names import GripperInfo
+
+_READY_STEP_S = 0.05
+
+
+class SdkGripper(BlockingGripper):
+    """A gripper, with the SDK's further members. They raise what `GripperActions` says.
+
+    What is measured is a number, never None: without a measurement that counts (the bus is down,
+    the motor is silent) `CANTimeoutError` is raised. `get_state` has the old figures then.
+    """
+
+    # What it is
+
+    @property
+    def can_id(self) -> int:
+        """The motor's id on the bus, the daemon's."""
+        return self.config.can_id
+
+    @property
+    def mst_id(self) -> int | None:
+        """The id of the motor's answers; None until the motor has answered."""
+        return self.config.mst_id
+
+    @property
+    def is_enabled(self) -> bool:
+        """True if the motor is known to be enabled."""
+        return self.get_state().is_enabled
+
+    @property
+    def session(self) -> NoReturn:
+        """Raise `CommandError`: the bus is the daemon's."""
+        raise refusal(
+            "session",
+            "the bus is the daemon's, so that many programs can use one gripper",
+            "read_param() reads a register, states() all that the motor reports",
+        )
+
+    def get_info(self) -> GripperInfo:
+        """Return the gripper and its motor."""
+        from litegrip_client.sdk.names import GripperInfo  # noqa: PLC0415 - see above
+
+        info = self.info()
+        motor, registers = info["motor"], info.get("registers", {})
+
+        def whole(name: str) -> int | None:
+            value = registers.get(name)
+            return None if value is None else int(value)
+
+        return GripperInfo(
+            channel=info["channel"],
+            can_id=motor["can_id"],
+            mst_id=motor["master_id"],
+            motor_type=motor["type"],
+            mount=self.mount,
+            calibrated=info["gripper"]["calibrated"] is True,
+            daemon_version=str(info["version"]),
+            hardware_version=whole("hw_ver"),
+            software_version=whole("sw_ver"),
+            serial_number=whole("SN"),
+        )
+
+    # What it measures
+
+    def poll(self, timeout_s: float = 0.0) -> bool:
+        """Return whether the figures are new ones, after at most `timeout_s` seconds.
+
+        Nothing has to be read here: the daemon asks the motor in every period.
+        """
+        ends_s = time.monotonic() + number("timeout_s", timeout_s)
+        while self.get_state().stale:
+            left_s = ends_s - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            time.sleep(min(left_s, _READY_STEP_S))
+        return True
+
+    def wait_for_ready(self, timeout: float = 5.0) -> bool:
+        """Wait until the motor answers without a fault; false if it does not within `timeout` s.
+
+        It need not be enabled yet.
+        """
+        ends_s = time.monotonic() + number("timeout", timeout)
+        while True:
+            state = self.get_state()
+            if not state.stale and not state.is_error:
+                return True
+            left_s = ends_s - time.monotonic()
+            if left_s <= 0.0:
+                return False
+            time.sleep(min(left_s, _READY_STEP_S))
+
+    def get_position(self) -> float:
+        """Return the opening in mm, 0 closed. Raises `CommandError` without a calibration."""
+        state = self._fresh()
+        if state.opening_mm is None:
+            raise ParameterError(
+                "no calibration is loaded, so there is no opening in mm",
+                reason="not_calibrated",
+                data={"hint": "load_calibration(), or get_position_rad()"},
+            )
+        return state.opening_mm
+
+    def get_position_rad(self) -> float:
+        """Return the motor's position in rad."""
+        return float(self._fresh().position_rad or 0.0)
+
+    def get_torque(self) -> float:
+        """Return the motor's torque in N·m."""
+        return float(self._fresh().torque_nm or 0.0)
+
+    def get_force(self) -> float:
+        """Return the force in N, squeezing positive; 10 N for 1 N·m (approximate)."""
+        state = self._fresh()
+        return float(state.torque_nm or 0.0) * 10.0 if state.force_n is None else state.force_n
+
+    def get_temperature(self) -> tuple[float, float]:
+        """Return the temperatures of driver (MOSFET) and coil, in °C."""
+        state = self._fresh()
+        return float(state.temperature_mos or 0.0), float(state.temperature_coil or 0.0)
+
+    def get_error(self) -> int:
+        """Return the motor's status nibble: 0 disabled, 1 enabled, 8 to 14 a fault.
+
+        `describe_error` has it in words.
+        """
+        return int(self._fresh().error_code or 0)
+
+    def is_moving(self) -> bool:
+        """Return True if the jaws move by 0.05 rad/s (4 mm/s) or more."""
+        return self._fresh().is_moving
+
+    def is_grasped(self) -> bool:
+        """Return True if an object is being held by force."""
+        return self._fresh().is_grasped
+
+    def _fresh(self) -> GripperState:
+        state = self.get_state()
+        if state.stale or state.position_rad is None:
+            raise CANTimeoutError(
+                f"the motor has not answered lately (bus: {state.bus}): there is no new figure",
+                reason="motor_silent",
+                data={"hint": "see health(), or litegripctl doctor"},
+            )
+        return state
+
+    # Motions
+
+    def home(self) -> NoReturn:
+        """Raise `CommandError`: the SDK's manual does not say where that is."""
+        raise refusal("home", "nothing says where it would go", "open(), or goto(position_mm)")
+
+    def move_to(
+        self,
+        target_rad: float,
+        kp: float | None = None,
+        kd: float | None = None,
+        tau_feedforward: float = 0.0,
+        duration: float = 1.0,
+    ) -> MoveResult:
+        """Move to a position of the motor, in rad, in `duration` seconds: as `goto_rad` does."""
+        return self.goto_rad(target_rad, kp, kd, tau_feedforward=tau_feedforward, duration=duration)
+
+    def move_at_speed_rad(
+        self,
+        target_rad: float,
+        speed_rad_s: float = 0.5,
+        kp: float | None = None,
+        kd: float | None = None,
+    ) -> MoveResult:
+        """Move to a position of the motor, in rad, at a speed: as `move_at_speed` does."""
+        config = self.config
+        if config.pos_closed_rad is None or config.close_sign is None or config.rad_to_mm is None:
+            return self.goto_rad(target_rad, kp, kd)  # which is rejected with the reason
+        opening_rad = (config.pos_closed_rad - number("target_rad", target_rad)) * config.close_sign
+        speed_mm_s = number("speed_rad_s", speed_rad_s) * config.rad_to_mm
+        return self.move_at_speed(opening_rad * config.rad_to_mm, speed_mm_s, kp, kd)
+
+    def enter_zero_gravity(self, duration: float = 0.0) -> bool:
+        """Let the jaws go: enabled, without torque; true.
+
+        With a `duration` it returns after so many seconds, and the jaws then hold. With 0 it
+        returns at once, and they are loose until `exit_zero_gravity` or any motion.
+        """
+        lasts_s = number("duration", duration)
+        if lasts_s < 0.0:
+            raise ParameterError(
+                f"duration is {lasts_s:g}, it must be 0 s or longer",
+                reason="invalid_params",
+                data={"parameter": "duration"},
+            )
+        self.zero_gravity()
+        if lasts_s > 0.0:
+            try:
+                time.sleep(lasts_s)
+            finally:
+                self.hold()
+        return True
+
+    def exit_zero_gravity(self) -> bool:
+        """Hold the jaws where they are; true."""
+        self.hold()
+        return True
+
+    # Calibration
+
+    def calibrate_guided(  # noqa: PLR0917 - the vendor's, by position
+        self,
+        kp: float | None = None,
+        kd: float | None = None,
+        step_rad: float | None = None,
+        stall_delta: float | None = None,
+        stall_cycles: int | None = None,
+        max_iter: int | None = None,
+        tau_limit: float | None = None,
+    ) -> CalibrationData:
+        """Measure the travel by probing both stops, as `calibrate` does."""
+        return self.calibrate(kp, kd, step_rad, stall_delta, stall_cycles, max_iter, tau_limit)
+
+    def calibrate_manual(
+        self, duration: float = 30.0, settle_time: float = 2.0, sample_interval: float = 0.01
+    ) -> CalibrationData:
+        """Measure the travel while the jaws are moved by hand, and use it; nothing is saved.
+
+        The jaws are loose for `duration` seconds: push them to both stops. The two extremes become
+        the limits, and the mount in use says which is the closed one. Then the jaws hold, and
+        `settle_time` seconds later this returns. The motor must be enabled. `sample_interval` is
+        checked and not used: every period counts.
+
+        Raises `CommandError` when no mount is known, or the jaws were hardly moved.
+        """
+        from litegrip_client.gripper import LiteGrip  # noqa: PLC0415 - which is made of this class
+        from litegrip_client.sdk.by_hand import calibrate_by_hand  # noqa: PLC0415 - seldom needed
+
+        assert isinstance(self, LiteGrip)  # noqa: S101 - only that has states()
+        return calibrate_by_hand(
+            self,
+            number("duration", duration),
+            number("settle_time", settle_time),
+            number("sample_interval", sample_interval),
+        )
