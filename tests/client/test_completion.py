@@ -102,9 +102,13 @@ compadd() {
     print -rl -- $given >>../found
     builtin compadd "$@"
 }
+complete-and-say() { zle complete-word; print -r -- "that was "all }
+zle -N complete-and-say
+bindkey "^I" complete-and-say
 print completion is ready'
 zpty -r -m shell shown '*completion is ready*completion is ready*'
 zpty -w -n shell "$2"$'\\t'
+zpty -r -m shell shown '*that was all*' # what is typed meanwhile may end the completing
 zpty -w -n shell $'\\C-u'"exit"$'\\n'
 while zpty -r shell shown; do :; done
 """
