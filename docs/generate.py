@@ -29,6 +29,7 @@ from docs.protocol_fields import (  # noqa: E402
     state_section,
     teleop_section,
 )
+from docs.sdk_surface import surface_page  # noqa: E402
 from litegrip_client.reasons import OWN_REASONS  # noqa: E402
 from litegripd.app.features import METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
@@ -224,6 +225,7 @@ GENERATED = (
     Generated("litegrip_client/_error_table.py", client_error_table),
     Generated("litegrip_client/actions.py", blocking_client),
     Generated("docs/errors.md", errors_page),
+    Generated("docs/sdk-compat.md", surface_page),
     Generated("docs/protocol.md", protocol_page),
     Generated("docs/configuration.md", configuration_page),
     Generated("etc/litegripd.toml", default_file),

@@ -35,7 +35,10 @@ from litegripd.sim.parameters import SimulatorParameters
 from litegripd.teleop.link import Links
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
-_CLOCKED = ("blocking", "connection", "core.setpoints", "core.trajectories", "exchange", "results")
+_CLOCKED = (
+    *("blocking", "connection", "core.setpoints", "core.trajectories", "exchange", "results"),
+    *("sdk.by_hand", "sdk.gripper"),
+)
 """The client's modules that read a clock, or wait by it."""
 
 

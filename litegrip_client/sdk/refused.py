@@ -21,12 +21,12 @@ def refusal(name: str, why: str, hint: str) -> CommandError:
 class Refused:
     """A class whose objects cannot be made here."""
 
-    _why = _LOOP
-    _hint = ""
+    why = _LOOP
+    hint = ""
 
     def __init__(self, *_arguments: Any, **_keywords: Any) -> None:
         """Raise `CommandError`, reason "unsupported"."""
-        raise refusal(type(self).__name__, self._why, self._hint)
+        raise refusal(type(self).__name__, self.why, self.hint)
 
 
 class RefusedFunction:
@@ -34,12 +34,12 @@ class RefusedFunction:
 
     def __init__(self, name: str, why: str, hint: str) -> None:
         self.__name__ = name
-        self._why = why
-        self._hint = hint
+        self.why = why
+        self.hint = hint
 
     def __call__(self, *_arguments: Any, **_keywords: Any) -> NoReturn:
         """Raise `CommandError`, reason "unsupported"."""
-        raise refusal(self.__name__, self._why, self._hint)
+        raise refusal(self.__name__, self.why, self.hint)
 
 
 class RefusedModule:
@@ -47,14 +47,14 @@ class RefusedModule:
 
     def __init__(self, name: str, why: str, hint: str) -> None:
         self._name = name
-        self._why = why
-        self._hint = hint
+        self.why = why
+        self.hint = hint
 
     def __getattr__(self, attribute: str) -> NoReturn:
         """Raise `CommandError`; `AttributeError` for what Python itself looks for."""
         if attribute.startswith("__"):
             raise AttributeError(attribute)
-        raise refusal(f"{self._name}.{attribute}", self._why, self._hint)
+        raise refusal(f"{self._name}.{attribute}", self.why, self.hint)
 
 
 _OWN_LINK = (
@@ -66,7 +66,7 @@ _OWN_LINK = (
 class TeleopTransport(Refused):
     """A link of the script's own."""
 
-    _hint = f"use {_OWN_LINK}"
+    hint = f"use {_OWN_LINK}"
 
 
 class TeleopSubscription(TeleopTransport):
@@ -76,19 +76,19 @@ class TeleopSubscription(TeleopTransport):
 class UdpTeleopTransport(TeleopTransport):
     """The link over UDP."""
 
-    _hint = 'use teleop_start(mode, link="udp", host=...)'
+    hint = 'use teleop_start(mode, link="udp", host=...)'
 
 
 class ZenohTeleopTransport(TeleopTransport):
     """The link over zenoh."""
 
-    _hint = "use teleop_start(mode, host=...), whose link is zenoh"
+    hint = "use teleop_start(mode, host=...), whose link is zenoh"
 
 
 class InProcTeleopTransport(TeleopTransport):
     """The link inside a process."""
 
-    _hint = "use teleop_start('slave', fake_leader=True), or two simulated grippers over UDP"
+    hint = "use teleop_start('slave', fake_leader=True), or two simulated grippers over UDP"
 
 
 class Listener(TeleopTransport):
@@ -102,25 +102,25 @@ class Connector(TeleopTransport):
 class LatestSlot(Refused):
     """Where the SDK's loop finds the newest frame."""
 
-    _hint = "teleop_status() has the newest frame's figures, states() the jaws'"
+    hint = "teleop_status() has the newest frame's figures, states() the jaws'"
 
 
 class GripperTeleop(Refused):
     """The SDK's teleoperation loop."""
 
-    _hint = "use teleop_start(), teleop_status() and teleop_stop() of LiteGrip"
+    hint = "use teleop_start(), teleop_status() and teleop_stop() of LiteGrip"
 
 
 class TrajectoryRecorder(Refused):
     """The SDK's recording loop."""
 
-    _hint = "use record_start() and record_stop(), or record(), of LiteGrip"
+    hint = "use record_start() and record_stop(), or record(), of LiteGrip"
 
 
 class TrajectoryPlayer(Refused):
     """The SDK's replay loop."""
 
-    _hint = "use play_start() and play_stop(), or play(), of LiteGrip"
+    hint = "use play_start() and play_stop(), or play(), of LiteGrip"
 
 
 can = RefusedModule("can", _BUS, "states() and events() of LiteGrip, or candump, show the bus")

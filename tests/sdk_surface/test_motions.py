@@ -1,0 +1,202 @@
+"""The SDK's motions, by position and by keyword: what the frames then say, and what the jaws do."""
+
+from collections.abc import Callable
+
+import pytest
+
+from litegrip_client import (
+    CommandError,
+    ErrorCode,
+    HardwareError,
+    LiteGrip,
+    ParameterError,
+    StoppedError,
+)
+from tests.drop_in import Daemon, Moment, Site
+from tests.sdk_compat.scenes import MM_RAD
+
+WAYS: dict[str, Callable[[LiteGrip, float], object]] = {
+    "goto": lambda g, _rad: g.goto(30.0, 150.0, 2.0),
+    "goto by keyword": lambda g, _rad: g.goto(position_mm=30.0, kp=150.0, kd=2.0, duration=0.5),
+    "goto_rad": lambda g, rad: g.goto_rad(rad, 150.0, 2.0, 0.0, 0.0, 0.5),
+    "goto_rad by keyword": lambda g, rad: g.goto_rad(position_rad=rad, kp=150.0, kd=2.0),
+    "move_to": lambda g, rad: g.move_to(rad, 150.0, 2.0, 0.0, 0.5),
+    "move_at_speed": lambda g, _rad: g.move_at_speed(30.0, 60.0, 150.0, 2.0),
+    "move_at_speed by keyword": lambda g, _rad: g.move_at_speed(
+        target_mm=30.0, speed_mm_s=60.0, kp=150.0, kd=2.0
+    ),
+    "move_at_speed_rad": lambda g, rad: g.move_at_speed_rad(rad, 60.0 / MM_RAD, 150.0, 2.0),
+}
+
+
+def interrupt() -> None:
+    raise KeyboardInterrupt
+
+
+def at_30_mm(daemon: Daemon) -> float:
+    geometry = daemon.controller.geometry
+    assert geometry is not None
+    return geometry.closed_rad - geometry.close_sign * geometry.to_rad(30.0)
+
+
+def stiffness(moments: list[Moment]) -> set[int]:
+    """Return the stiffness of the commands of a motion, without the hold after it."""
+    commands = [m.command for m in moments if m.command and abs(m.command.velocity_rad_s) > 0.3]
+    assert len(commands) > 50
+    return {round(command.kp_nm_rad) for command in commands}
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_a_move_takes_half_a_second_with_the_gains_that_it_is_given(
+    site: Site, daemon: Daemon, gripper: LiteGrip, way: str
+) -> None:
+    began_s = site.now_s
+    site.when(lambda: daemon.gripper.opening_mm < 30.5, lambda: arrived.append(site.now_s))
+    arrived: list[float] = []
+    with site.recorded(daemon) as moments:
+        assert WAYS[way](gripper, at_30_mm(daemon))
+    assert arrived == [pytest.approx(began_s + 0.5, abs=0.06)]
+    assert stiffness(moments) == {150}
+    assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=0.6)
+
+
+def test_a_move_that_is_too_fast_takes_as_long_as_it_must(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    assert gripper.goto(0.0, duration=0.1)
+    assert daemon.gripper.opening_mm == pytest.approx(0.0, abs=1.0)
+
+
+def test_stop_takes_the_torque_off_at_once_and_latches_nothing(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    daemon.gripper.put_object(width_mm=30.0)
+    assert gripper.grasp(10.0, until="verdict")
+    with site.recorded(daemon) as moments:
+        gripper.stop()
+        site.run(0.1)
+    for moment in moments[1:]:
+        assert moment.command is not None
+        assert (moment.command.kp_nm_rad, moment.command.kd_nm_s_rad) == (0.0, 0.0)
+        assert moment.command.torque_nm == pytest.approx(0.0, abs=0.01)
+    assert gripper.get_state().stop is None
+    daemon.gripper.remove_object()
+    assert gripper.open()
+
+
+def close_and_stop(gripper: LiteGrip) -> None:
+    try:
+        gripper.close()
+    finally:
+        gripper.stop()
+
+
+def test_stop_in_finally_does_not_hide_what_happened(gripper: LiteGrip, site: Site) -> None:
+    site.after(0.3, interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        close_and_stop(gripper)
+    assert gripper.get_state().mode == "relaxed"
+    gripper.disable()
+    gripper.stop()  # a motor without power has no torque
+
+
+def test_stop_ends_a_motion_of_the_same_script(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    """It is another thread's in life; here one for which nobody waits."""
+    params = {"opening_mm": 5.0, "speed_mm_s": 20.0, "wait": False}
+    job = gripper._session.connection.call("motion.move", params)["job"]
+    site.run(0.3)
+    assert gripper.get_state().mode == "moving"
+    gripper.stop()
+    assert gripper.get_state().mode == "relaxed"
+    ended = next(one for one in gripper.jobs() if one["job"] == job)
+    assert (ended["state"], ended["error"]["data"]["reason"]) == ("cancelled", "replaced")
+
+
+def test_stop_of_a_script_that_does_not_move_the_gripper_stops_it_for_all(
+    site: Site, daemon: Daemon, gripper: LiteGrip, caplog: pytest.LogCaptureFixture
+) -> None:
+    with LiteGrip("can0") as other:
+        other.stop()
+        assert "stopped for every client" in caplog.text
+        assert gripper.get_state().stop is not None
+        with pytest.raises(StoppedError):
+            gripper.open()
+        site.run(0.05)
+        command = daemon.command_now()
+        assert command is not None
+        assert command.kp_nm_rad == 0.0
+        other.clear_stop()
+    assert gripper.open()
+
+
+def test_a_motion_of_this_script_ends_when_another_program_stops(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    other = daemon.client()
+    site.after(0.3, lambda: other.result("stop", level="hold", why="a visitor"))
+    with pytest.raises(StoppedError, match="a visitor"):
+        gripper.move_at_speed(10.0)
+
+
+def test_a_force_is_held_for_its_duration_and_after_it(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    daemon.gripper.put_object(width_mm=58.0)
+    began_s = site.now_s
+    assert gripper.set_force(8.0, 1.5) is True
+    assert site.now_s - began_s == pytest.approx(1.5, abs=0.05)
+    assert daemon.closing_torque_nm == pytest.approx(0.8, abs=0.1)
+    began_s = site.now_s
+    assert gripper.set_force(force_n=5.0) is True
+    assert site.now_s - began_s == pytest.approx(0.3, abs=0.05)
+    site.run(1.0)
+    assert daemon.closing_torque_nm == pytest.approx(0.5, abs=0.1)
+
+
+def test_a_frame_is_a_set_point_with_its_gains(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    goal_rad = at_30_mm(daemon)
+    with site.recorded(daemon) as moments:
+        for _ in range(150):
+            assert gripper.send_mit_frame(goal_rad, 40.0, 1.0) is True
+            site.run(0.01)
+    assert daemon.gripper.opening_mm == pytest.approx(30.0, abs=0.6)
+    assert max(m.command.kp_nm_rad for m in moments if m.command) <= 100.0
+    moving = [m.command for m in moments if m.command and abs(m.command.velocity_rad_s) > 0.3]
+    assert max(command.kp_nm_rad for command in moving) <= 40.1
+    with pytest.raises(CommandError, match="tau asks for a torque"):
+        gripper.send_mit_frame(q=goal_rad, kp=40.0, kd=1.0, dq=0.0, tau=1.0)
+
+
+def test_zero_gravity_for_a_while(site: Site, daemon: Daemon, gripper: LiteGrip) -> None:
+    began_s = site.now_s
+    site.after(1.0, lambda: loose.append(daemon.command_now()))
+    loose: list[object] = []
+    assert gripper.enter_zero_gravity(duration=3.0) is True
+    assert site.now_s - began_s == pytest.approx(3.0, abs=0.05)
+    assert [getattr(one, "kp_nm_rad", None) for one in loose] == [0.0]
+    assert gripper.get_state().mode == "holding"
+    assert gripper.enter_zero_gravity() is True
+    assert gripper.get_state().mode == "relaxed"
+    assert gripper.exit_zero_gravity() is True
+    assert gripper.get_state().mode == "holding"
+    with pytest.raises(ParameterError, match="duration is -1"):
+        gripper.enter_zero_gravity(-1.0)
+
+
+def test_a_cleared_fault_leaves_the_motor_enabled(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    assert gripper.clear_fault() is True  # an enabled motor has none
+    daemon.gripper.latch_fault(0xE)
+    site.run(0.1)
+    with pytest.raises(HardwareError, match="overload") as caught:
+        gripper.open()
+    assert caught.value.error_code == ErrorCode.OVERLOAD
+    assert gripper.get_state().is_error
+    assert gripper.clear_fault() is True
+    assert gripper.is_enabled
+    assert gripper.open()
