@@ -625,7 +625,7 @@ class GripperActions:
         `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
         `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
         make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
-        and `round_trip_ms`.
+        and `round_trip_ms`. A `torque_nm` that is not known is NaN.
         """
         return complete(self._core.teleop_status())
 
@@ -645,9 +645,11 @@ class GripperActions:
         whom it runs as); else ~/.litegrip/<channel>_calibration.json and
         ~/.litegrip/litegrip_calibration.json of this program's user; else, for can0, the
         factory's. While any client's motion runs, only the calibration already in use is accepted.
+        Gains that a file leaves out are this program's last ones, else the daemon's own.
 
         Raises `CommandError` when a named calibration cannot be used; never takes another file.
-        The daemon logs the closing direction; `mount` returns it, too.
+        The daemon logs the closing direction, and a `can_id` that is another motor's; `mount`
+        returns the direction, too. Before the first `connect` it connects.
         """
         return complete(self._core.load_calibration(path, template))
 
@@ -865,5 +867,8 @@ class BlockingGripper(GripperActions):
 
     @property
     def mount(self) -> str | None:
-        """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated."""
+        """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated.
+
+        Before the first `connect` it connects.
+        """
         return complete(self._core.mount())

@@ -6,6 +6,8 @@ generated from this file: its docstrings are written for both.
 
 from __future__ import annotations
 
+import math
+
 from litegrip_client.checks import given_numbers, integer, number
 from litegrip_client.core.motion import Motion
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
@@ -629,9 +631,12 @@ class GripperActions:
         `openness`, `position_mm`, `force_n`, `dq_cmd`, `loop_hz`, `rejected`, `send_failed`,
         `fault`, `torque_nm`, `over_torque`, `torque_trips`, `matching` and more: whether its limits
         make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
-        and `round_trip_ms`.
+        and `round_trip_ms`. A `torque_nm` that is not known is NaN.
         """
-        return await self._session.wire.call("teleop.status")
+        status = await self._session.wire.call("teleop.status")
+        if status.get("torque_nm", 0.0) is None:
+            status["torque_nm"] = math.nan
+        return status
 
     # The calibration: which way closing is, and how far it is. There is one, the daemon's, for all
     # its clients. Files are the client's, where a path is given or LITEGRIP_CALIB names one.
@@ -654,12 +659,15 @@ class GripperActions:
         whom it runs as); else ~/.litegrip/<channel>_calibration.json and
         ~/.litegrip/litegrip_calibration.json of this program's user; else, for can0, the
         factory's. While any client's motion runs, only the calibration already in use is accepted.
+        Gains that a file leaves out are this program's last ones, else the daemon's own.
 
         Raises `CommandError` when a named calibration cannot be used; never takes another file.
-        The daemon logs the closing direction; `mount` returns it, too.
+        The daemon logs the closing direction, and a `can_id` that is another motor's; `mount`
+        returns the direction, too. Before the first `connect` it connects.
         """
         from litegrip_client.core import calibrations  # noqa: PLC0415 - see above
 
+        await self._session.open_first()
         return await calibrations.load(self._session, self._command, path, template)
 
     async def use_calibration(self, data: CalibrationData) -> bool:

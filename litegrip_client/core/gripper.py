@@ -31,6 +31,7 @@ class Gripper(GripperActions):
     ) -> None:
         """Raise `CommandError` for what cannot be a mount or a `MotionConfig`."""
         super().__init__(session, motion_config)
+        session.connects_first(self.connect)
         self._template: str | None = None
         if mount is not None:
             from litegrip_client.calibration_files import check_template  # noqa: PLC0415 - see above
@@ -203,5 +204,9 @@ class Gripper(GripperActions):
         return jobs
 
     async def mount(self) -> str | None:
-        """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated."""
+        """Return which way the motor is mounted, "normal" or "reverse"; None until calibrated.
+
+        Before the first `connect` it connects.
+        """
+        await self._session.open_first()
         return (await self.get_state()).mount

@@ -62,6 +62,7 @@ class DaemonSession:
         self._leases = 0
         self._grant: int | None = None
         self._wire: Wire | None = None
+        self._connect_first: Callable[[], Awaitable[object]] | None = None
 
     async def _connect(self) -> Wire:
         """Connect to the daemon; raises `ConnectError`."""
@@ -113,6 +114,16 @@ class DaemonSession:
 
     # Connecting
 
+    def connects_first(self, connect: Callable[[], Awaitable[object]]) -> None:
+        """Use `connect` in `open_first`."""
+        self._connect_first = connect
+
+    async def open_first(self) -> None:
+        """Connect, if nobody has yet: the SDK's calls on calibrations work before `connect`."""
+        connect = self._connect_first
+        if connect is not None and self._wire is None:
+            await connect()
+
     async def open(self, begin: Callable[[Wire], Awaitable[None]]) -> None:
         """Connect, unless that is done; others see the connection when `begin` is through with it.
 
@@ -139,6 +150,7 @@ class DaemonSession:
             await wire.close()
             return
         self._wire = wire
+        self._connect_first = None
         self.enabled_here = self.keeps_lease = False
         self._leases, self._grant = 0, None
         if old is not None:

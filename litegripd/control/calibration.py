@@ -19,11 +19,17 @@ from litegripd.model.results import ZeroOutcome, ZeroResult
 
 
 class CalibrationInUse:
-    """Knows the travel and the gains of the hold; `file` is None for a calibration in no file."""
+    """Knows the travel and the gains of the hold; `file` is None for a calibration in no file.
+
+    Gains that a calibration leaves out are those that the same client has loaded before, else the
+    daemon's own: one program's gains do not stay for the next one.
+    """
 
     calibration: Carried[Calibration | None] = None
     file: Carried[str | None] = None
     gains: Carried[Gains] = DEFAULT_GAINS
+    _own_gains: Carried[Gains] = DEFAULT_GAINS
+    _by: Carried[int | None] = None
     problem: Carried[Refusal] = NOT_CALIBRATED
     _zero: Carried[ZeroView] = ZeroView()
 
@@ -43,18 +49,28 @@ class CalibrationInUse:
         self.problem = CALIBRATION_COMING
 
     def use(
-        self, calibration: Calibration | None, problem: Refusal | None, file: str | None
+        self,
+        calibration: Calibration | None,
+        problem: Refusal | None,
+        file: str | None,
+        by: int | None = None,
     ) -> None:
-        """Use a calibration and its file, or the reason why there is none."""
+        """Use a calibration and its file, or the reason why there is none.
+
+        `by` is the client that has loaded it, None for the daemon itself.
+        """
         self.calibration, self.file = calibration, file
         self.problem = problem or NOT_CALIBRATED
-        before, self.gains = self.gains, DEFAULT_GAINS
+        before = self.gains if by == self._by else self._own_gains
+        self.gains, self._by = DEFAULT_GAINS, by
         if calibration is None:
             return
         gains = gains_of(calibration, before)
         if damping_conflict(gains.kp_nm_rad, gains.kd_nm_s_rad) is not None:
             gains = gains_of(calibration, DEFAULT_GAINS)  # one was given; take the default other
         self.gains = gains
+        if by is None:
+            self._own_gains = gains
 
     def note_saved(self, calibration: Calibration, channel: str, file: str, saved_s: float) -> None:
         """Note that `calibration`, if still in use, is now in the file of `channel`."""

@@ -183,11 +183,15 @@ class Controller:
         calibration: Calibration | None,
         problem: Refusal | None = None,
         file: str | None = None,
+        by: int | None = None,
     ) -> None:
-        """Use a calibration and its file, or the reason why there is none."""
-        self.calibrated.use(calibration, problem, file)
+        """Use a calibration and its file, or the reason why there is none.
+
+        `by` is the client that has loaded it, None for the daemon itself.
+        """
+        self.calibrated.use(calibration, problem, file, by)
         if calibration is not None:
-            self.events.append(events.calibrated(calibration, file))
+            self.events.append(events.calibrated(calibration, file, self.gripper_id.can_id))
 
     def note_bus(self, bus: BusCondition) -> None:
         """Take the state of the bus; report each change of it once, whatever its errors say.
@@ -553,7 +557,9 @@ class Controller:
         if step.task is not None:
             self.tasks.append(step.task)
         if step.adopted is not None:
-            self.use_calibration(step.adopted.calibration, file=step.adopted.file)
+            running = self.jobs.running
+            by = None if running is None else running.owner.client
+            self.use_calibration(step.adopted.calibration, file=step.adopted.file, by=by)
         if step.outcome is not None:
             self.end(step.outcome)
         return step.command, step.request
@@ -603,7 +609,9 @@ class Controller:
         if useless is not None:
             content = content_of(useless, self.gripper_id, self.gains, self.motor)
             self.tasks.append(save_task(self.gripper_id, content, self._saved))
-            self.events.append(events.calibrated(useless, self.calibrated.file))
+            self.events.append(
+                events.calibrated(useless, self.calibrated.file, self.gripper_id.can_id)
+            )
             if self.action is not None and self.action.needs_power:
                 self.end(ZERO_MOVED)  # its travel is no longer known
 

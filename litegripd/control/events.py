@@ -54,14 +54,18 @@ def heat_changed(change: HeatChange) -> Event:
     return Event("heat", change.why, {**data, "coil_c": change.coil_c})
 
 
-def calibrated(calibration: Calibration, file: str | None) -> Event:
-    """Report the calibration in use, and which way closing runs by it."""
+def calibrated(calibration: Calibration, file: str | None, can_id: int) -> Event:
+    """Report the calibration in use, which way closing runs by it, and if it is another motor's."""
     geometry = calibration.geometry
     turning = "increasing" if geometry.close_sign > 0 else "decreasing"
     usable = "" if calibration.calibrated else "; NOT calibrated: motions are refused"
+    measured_id = calibration.content.get("can_id")
+    other = ""
+    if isinstance(measured_id, int) and measured_id != can_id:
+        other = f"; it was measured with motor {measured_id:#04x}, and this one is {can_id:#04x}"
     text = (
         f"calibration {file or 'given by a client'}: mount {geometry.mount}, closing by {turning}"
-        f" radians, {geometry.travel_mm:.1f} mm of travel{usable}"
+        f" radians, {geometry.travel_mm:.1f} mm of travel{usable}{other}"
     )
     return Event("calibration", text, {"mount": geometry.mount, "file": file})
 

@@ -406,11 +406,11 @@ class CalibrationRequests:
         """Return why no other calibration may be loaded now, or None."""
         return busy_refusal(self._controller.jobs.running)
 
-    def load(self, calibration: Calibration, file: str | None) -> Refusal | None:
-        """Use another calibration."""
+    def load(self, calibration: Calibration, file: str | None, owner: Owner) -> Refusal | None:
+        """Use another calibration, which `owner` has loaded."""
         refusal = self.refusal_to_load()
         if refusal is None:
-            self._controller.use_calibration(calibration, file=file)
+            self._controller.use_calibration(calibration, file=file, by=owner.client)
         return refusal
 
     def save(self, on_saved: OnSaved, uid: int | None = None) -> Refusal | None:

@@ -22,7 +22,7 @@ from litegripd.model.plain import TYPE_KEY, PlainError, memory, plain_of, restor
 from litegripd.motor.motor import Motor
 from litegripd.rpc.service import RpcService
 
-FORMAT = 5
+FORMAT = 6
 """The number of the format of what is handed over. A successor rejects any other."""
 
 SETTLED = (MotorPhase.ENABLED, MotorPhase.DISABLED, MotorPhase.FAULT)

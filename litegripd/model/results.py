@@ -66,6 +66,7 @@ class EnableResult:
 
     ok: bool
     tries: int
+    reason: str | None = None
     message: str | None = None
 
 

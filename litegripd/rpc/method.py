@@ -59,6 +59,8 @@ class Call(NamedTuple):
 
     def gains(self, base: Gains) -> Gains:
         """Return `base` with the stiffness and damping that the caller wants; see `gain_params`."""
+        if not ("kp" in self.params or "kd" in self.params):
+            return base
         kp = self.params.get("kp", base.kp_nm_rad)
         kd = self.params.get("kd", base.kd_nm_s_rad)
         refusal = conflict_refusal(damping_conflict(kp, kd))

@@ -112,6 +112,8 @@ _EARLY_PERIODS = 0.5
 time of its measurement, so this shifts nothing."""
 
 _ROUNDING_PERIODS = 0.1
+_ONLY_PERIODS = 2.5
+"""How old an only sample may be: one period for the answer, one for the tick after it."""
 
 
 @dataclass(slots=True)
@@ -192,6 +194,11 @@ class Capture:
             self.fail("another calibration was taken")
         else:
             self._watch(now_s, motor.feedback, grip, jobs)
+
+    def take_one(self, now_s: float, feedback: Feedback, grip: Grip | None, jobs: JobBook) -> None:
+        """Take the newest measurement of a recording that has none yet, unless it is an old one."""
+        if self.samples == 0 and now_s - feedback.at_s <= _ONLY_PERIODS * self.period_s:
+            self._take(feedback, grip, jobs)
 
     def _watch(
         self, now_s: float, feedback: Feedback | None, grip: Grip | None, jobs: JobBook

@@ -187,6 +187,9 @@ class Trajectories:
             text = "no recording is under way: begin one (trajectory.record_start)"
             return Refusal("recording_failed", text)
         self._note_job(capture)
+        feedback = controller.motor.feedback
+        if feedback is not None and not capture.is_over:
+            capture.take_one(controller.now_s, feedback, controller.grip, controller.jobs)
         capture.finish()
         if capture.job is not None and capture.job is controller.jobs.running:
             controller.end(result_of(capture, "stopped"))

@@ -206,8 +206,20 @@ def test_others_drive_while_it_watches() -> None:
     assert world.state.mode == "holding"
 
 
-def test_an_empty_one_must_be_wanted() -> None:
+def test_one_that_is_ended_at_once_has_the_present_measurement() -> None:
     world, client = recording()
+    assert client.result("trajectory.record_stop")["samples"] == 1
+    assert world.controller.jobs.running is None
+
+
+def test_an_empty_one_must_be_wanted() -> None:
+    """The motor's answers are lost: nothing is measured that is new enough."""
+    world = World()
+    client = world.enabled()
+    world.lose_from_motor = lambda _frame: True
+    world.run(2 * PERIOD_S)
+    client.result("trajectory.record_start", zero_gravity=False)
+    world.tick()
     assert client.refusal("trajectory.record_stop") == "recording_failed"
     assert world.controller.jobs.running is None
     assert client.result("trajectory.record_stop", allow_empty=True)["samples"] == 0

@@ -7,6 +7,8 @@ from litegrip_client import (
     CommandError,
     LiteGrip,
     Trajectory,
+    TrajectoryEmptyError,
+    TrajectoryNotActiveError,
 )
 from tests.drop_in import Daemon, Site
 from tests.sdk_compat.scenes import jaws_are_loose
@@ -47,12 +49,24 @@ def test_record_stop_returns_what_was_captured(site: Site, gripper: LiteGrip) ->
         gripper.record_stop()
 
 
-def test_a_recording_without_samples_raises_unless_that_is_allowed(gripper: LiteGrip) -> None:
+def test_a_recording_that_is_ended_at_once_has_one_sample(gripper: LiteGrip) -> None:
     gripper.record_start()
+    assert len(gripper.record_stop()) == 1
+    with pytest.raises(TrajectoryNotActiveError, match="no recording is under way"):
+        gripper.record_stop()
+
+
+def test_a_recording_without_samples_raises_unless_that_is_allowed(
+    site: Site, daemon: Daemon, gripper: LiteGrip
+) -> None:
+    daemon.lose_from_motor = lambda _frame: True
+    site.run(0.01)
+    gripper.record_start(zero_gravity=False)
+    site.tick()
     with pytest.raises(CommandError, match="no samples") as caught:
         gripper.record_stop()
+    assert isinstance(caught.value, TrajectoryEmptyError)
     assert caught.value.reason == "recording_failed"
-    gripper.record_start()
     empty = gripper.record_stop(allow_empty=True)
     assert (len(empty), empty.duration_s) == (0, 0.0)
 

@@ -44,7 +44,8 @@ class Enable(PlainAction):
         if failure is not None and failure.reason != "not_confirmed":
             return Step(outcome=failure)
         why = "the motor was not enabled" if failure is None else failure.message
-        return Step(outcome=EnableResult(ok=False, tries=motor.enable_tries, message=why))
+        tries, reason = motor.enable_tries, "not_confirmed"
+        return Step(outcome=EnableResult(ok=False, tries=tries, reason=reason, message=why))
 
 
 class Disable(PlainAction):

@@ -11,7 +11,7 @@ from litegripd.control.requests import CalibrationRequests
 from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
-from litegripd.model.jobs import HelperTask, TaskResult
+from litegripd.model.jobs import HelperTask, Owner, TaskResult
 from litegripd.model.motion_config import fast_conflict, ranges_of
 from litegripd.model.motor import RegisterReply
 from litegripd.model.results import SetZeroResult, ZeroResult
@@ -200,13 +200,16 @@ class SettingsMethods:
             }
             authority = self._authority(call)
             return self._task(
-                call, "calibration.load", wanted, lambda value: self._adopt_found(value, authority)
+                call,
+                "calibration.load",
+                wanted,
+                lambda value: self._adopt_found(value, authority, call.owner),
             )
         try:
             calibration = read_content(params["content"])
         except CalibrationError as error:
             return Refusal("calibration_unreadable", f"the content cannot be used: {error}")
-        refusal = self._calibrations.load(calibration, None)
+        refusal = self._calibrations.load(calibration, None, call.owner)
         return refusal or self._loaded(loaded=True, factory=False, skipped=[])
 
     def _loaded(self, *, loaded: bool, factory: bool, skipped: list[str]) -> CalibrationLoaded:
@@ -234,7 +237,9 @@ class SettingsMethods:
 
         return refusal
 
-    def _adopt_found(self, value: Any, authority: Authority) -> CalibrationLoaded | Refusal:
+    def _adopt_found(
+        self, value: Any, authority: Authority, owner: Owner
+    ) -> CalibrationLoaded | Refusal:
         """Take what the helper found, unless a motion has begun or somebody else decides now."""
         refusal = authority()
         if refusal is not None:
@@ -243,7 +248,7 @@ class SettingsMethods:
         if value["calibration"] is None:
             return self._loaded(loaded=False, factory=False, skipped=skipped)
         calibration = from_plain(value["calibration"])
-        refusal = self._calibrations.load(calibration, value["path"])
+        refusal = self._calibrations.load(calibration, value["path"], owner)
         return refusal or self._loaded(loaded=True, factory=value["factory"], skipped=skipped)
 
     @Method(
