@@ -20,6 +20,14 @@ from typing import Any
 import litegrip_client
 
 NAME = "litegrip"
+_MODULES = {
+    f"{NAME}.{module}"
+    for module in (
+        *("actions", "calibration", "config", "errors", "exceptions", "gripper", "motion"),
+        *("teleop", "trajectory", "types", "units"),
+    )
+}
+"""Modules of the package that a script may import from; each has all names."""
 _USAGE = "usage: python -m litegrip_client.as_sdk SCRIPT [ARGUMENT ...]"
 
 
@@ -42,7 +50,7 @@ class _Finder(importlib.abc.MetaPathFinder, importlib.abc.Loader):
     def find_spec(
         self, fullname: str, _path: Sequence[str] | None = None, _target: ModuleType | None = None
     ) -> importlib.machinery.ModuleSpec | None:
-        if fullname != NAME and not fullname.startswith(f"{NAME}."):
+        if fullname != NAME and fullname not in _MODULES:
             return None
         return importlib.machinery.ModuleSpec(fullname, self, is_package=True)
 

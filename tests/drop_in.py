@@ -7,6 +7,7 @@ No threads, no sockets: the same script gives the same result every time.
 
 import json
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -274,7 +275,7 @@ class Site:
 def a_site(home: Path, environment: Mapping[str, str] | None = None) -> Iterator[Site]:
     """Give a machine of its own to the client: its daemons, its clock, and its user's `home`."""
     site = Site()
-    clock = SimpleNamespace(monotonic=lambda: site.now_s, sleep=site.run)
+    clock = SimpleNamespace(monotonic=lambda: site.now_s, sleep=site.run, time=time.time)
     with pytest.MonkeyPatch.context() as patch:
         for name in (
             "LITEGRIPD_SOCKET",

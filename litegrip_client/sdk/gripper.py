@@ -17,7 +17,7 @@ if TYPE_CHECKING:  # see the package: importing typing and dataclasses is slow
     from litegrip_client.results import GripperState, MoveResult
     from litegrip_client.sdk.names import GripperInfo
 
-_READY_STEP_S = 0.05
+_STEP_S = 0.005
 
 
 class SdkGripper(BlockingGripper):
@@ -26,6 +26,8 @@ class SdkGripper(BlockingGripper):
     What is measured is a number, never None: without a measurement that counts (the bus is down,
     the motor is silent) `CANTimeoutError` is raised. `get_state` has the old figures then.
     """
+
+    _polled_s: float | None = None
 
     # What it is
 
@@ -80,17 +82,20 @@ class SdkGripper(BlockingGripper):
     # What it measures
 
     def poll(self, timeout_s: float = 0.0) -> bool:
-        """Return whether the figures are new ones, after at most `timeout_s` seconds.
+        """Return whether there are figures that no call of this method has seen before.
 
-        Nothing has to be read here: the daemon asks the motor in every period.
+        Waits for them for at most `timeout_s` seconds. Nothing has to be read here: the daemon asks
+        the motor in every period (5 ms).
         """
         ends_s = time.monotonic() + number("timeout_s", timeout_s)
-        while self.get_state().stale:
-            left_s = ends_s - time.monotonic()
-            if left_s <= 0.0:
+        while True:
+            state = self.get_state()
+            if not state.stale and state.feedback_s != self._polled_s:
+                self._polled_s = state.feedback_s
+                return True
+            if time.monotonic() >= ends_s:
                 return False
-            time.sleep(min(left_s, _READY_STEP_S))
-        return True
+            time.sleep(_STEP_S)
 
     def wait_for_ready(self, timeout: float = 5.0) -> bool:
         """Wait until the motor answers without a fault; false if it does not within `timeout` s.
@@ -102,10 +107,9 @@ class SdkGripper(BlockingGripper):
             state = self.get_state()
             if not state.stale and not state.is_error:
                 return True
-            left_s = ends_s - time.monotonic()
-            if left_s <= 0.0:
+            if time.monotonic() >= ends_s:
                 return False
-            time.sleep(min(left_s, _READY_STEP_S))
+            time.sleep(_STEP_S)
 
     def get_position(self) -> float:
         """Return the opening in mm, 0 closed. Raises `CommandError` without a calibration."""

@@ -185,6 +185,28 @@ def test_a_follower_with_a_host_listens_to_nobody_else(links: TeleopLinks) -> No
         assert until(link, lambda: link.status.dropped == 1) == []
 
 
+def test_a_follower_listens_at_the_address_that_it_is_given(links: TeleopLinks) -> None:
+    port = free_port(socket.SOCK_DGRAM)
+    link = links.open(LinkOptions("slave", "udp", port=port, bind="127.0.0.3"))
+    until(link, lambda: link.status.state == "open")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
+        other.bind(("127.0.0.1", port))  # that address is still free
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sending:
+        sending.sendto(FRAME, ("127.0.0.3", port))
+        arrived: list[Arrival] = []
+        ends_s = time.monotonic() + DEADLINE_S
+        while not arrived:
+            assert time.monotonic() < ends_s
+            arrived += link.receive(time.monotonic())
+    assert arrived[0].payload == FRAME
+
+
+def test_an_address_of_another_machine_is_none_to_listen_at(links: TeleopLinks) -> None:
+    link = links.open(LinkOptions("slave", "udp", bind="192.0.2.1"))
+    until(link, lambda: link.status.state == "failed")
+    assert "assign requested address" in str(link.status.error)
+
+
 def in_use(port: int) -> str:
     return (
         f"port {port} is in use, by another program or by the daemon of another channel (one that"
