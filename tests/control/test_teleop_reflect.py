@@ -173,6 +173,9 @@ def test_it_ends_with_teleoperation() -> None:
     [
         ({**MASTER, "reflect": True}, "reflect"),
         ({**SLAVE, "reflect_n": 3.0}, "reflect_n"),
+        ({**SLAVE, "bind": "127.0.0.1"}, "bind"),
+        ({**MASTER, "bind": "127.0.0.1"}, "bind"),
+        ({"mode": "slave", "link": "udp", "bind": "127.0.0.1/8"}, "bind"),
         ({**SLAVE, "reflect_gain": 0.5}, "reflect_gain"),
         ({**MASTER, "reflect_gain": 0.5}, "reflect_gain"),
         ({**MASTER, "reflect_gain": 0.5, "reflect_n": 0}, "reflect_gain"),
