@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.crowd_audit import Audit, Sample
-from litegripd.rpc.events import EVENT_KINDS
+from litegripd.rpc.subscriptions import EVENT_KINDS
 
 FIELDS = ("seq", "monotonic_s", "mode", "job", "command_rad", "command_torque_nm")
 SAMPLES_IN_A_BATCH = 20

@@ -19,11 +19,11 @@ from litegripd.model.bus import CanFrame
 from litegripd.model.calibration import Calibration
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
-from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import EnableMotor, MotorPhase, MotorView
 from litegripd.model.motor_types import DM4310
 from litegripd.model.results import GraspOutcome, GraspResult
+from litegripd.model.state import Job, Owner
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 

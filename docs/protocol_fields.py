@@ -13,9 +13,8 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from litegripd.app.features import METHODS
 from litegripd.model import results
-from litegripd.model.jobs import JobKind, JobState
 from litegripd.model.results import Progress, ReplayProgress
-from litegripd.model.state import GripperState
+from litegripd.model.state import GripperState, JobKind, JobState
 from litegripd.model.teleop import TeleopStatus
 from litegripd.rpc.method import Method
 from litegripd.rpc.openrpc import FORMS, NOTIFICATIONS, result_schema

@@ -58,7 +58,12 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from litegrip_client import aio as aio
     from litegrip_client.calibration import CalibrationData, GripperConfig
-    from litegrip_client.calibration_files import CALIB_TEMPLATES, list_templates
+    from litegrip_client.calibration_files import (
+        CALIB_TEMPLATES,
+        DEFAULT_CALIB,
+        default_calib_path,
+        list_templates,
+    )
     from litegrip_client.conversion import UnitConversion
     from litegrip_client.feeds import Event
     from litegrip_client.motion_config import MotionConfig
@@ -73,7 +78,6 @@ if TYPE_CHECKING:
         SetZeroResult,
     )
     from litegrip_client.sdk.names import (
-        DEFAULT_CALIB,
         Control_Mode,
         DefaultParams,
         DM_Motor_Type,
@@ -82,7 +86,6 @@ if TYPE_CHECKING:
         GripperMode,
         GripperParams,
         GripperStatus,
-        default_calib_path,
         describe_error,
     )
     from litegrip_client.sdk.refused import (
@@ -240,7 +243,6 @@ _LATER = {
     **dict.fromkeys(
         (
             "Control_Mode",
-            "DEFAULT_CALIB",
             "DM_Motor_Type",
             "DefaultParams",
             "ErrorCode",
@@ -248,7 +250,6 @@ _LATER = {
             "GripperMode",
             "GripperParams",
             "GripperStatus",
-            "default_calib_path",
             "describe_error",
         ),
         "sdk.names",
@@ -278,6 +279,8 @@ _LATER = {
         "sdk.trajectories",
     ),
     "CALIB_TEMPLATES": "calibration_files",
+    "DEFAULT_CALIB": "calibration_files",
+    "default_calib_path": "calibration_files",
     "CalibrationData": "calibration",
     "EnableResult": "results",
     "Event": "feeds",

@@ -27,6 +27,19 @@ CALIB_TEMPLATES: dict[str, str] = {
 """Name of a mount: the path of its template. They are nominal: direction and geometry only."""
 
 
+DEFAULT_CALIB = CALIB_TEMPLATES["normal"]
+"""The nominal calibration: that of a normal mount, as the SDK's factory file is."""
+
+
+def default_calib_path(channel: str = "can0") -> str:
+    """Return the file of this user's in which the SDK keeps a channel's calibration.
+
+    The daemon has a file of its own: `load_calibration()` finds both, and `save_calibration()`
+    without a path writes the daemon's.
+    """
+    return str(Path(os.path.expanduser("~/.litegrip")) / f"{channel}_calibration.json")  # noqa: PTH111 - no error without a home
+
+
 def list_templates() -> list[str]:
     """Return the names of the mounts, in the order in which to offer them."""
     return list(CALIB_TEMPLATES)

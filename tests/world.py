@@ -24,11 +24,10 @@ from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
-from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase, Ranges
 from litegripd.model.motor_types import DM4310, MotorType
-from litegripd.model.state import GripperState
+from litegripd.model.state import GripperState, HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.recorder.causes import Dumps
 from litegripd.recorder.reader import Recording, read

@@ -2,24 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from enum import Enum, IntEnum
-from pathlib import Path
-
-from litegrip_client.calibration_files import CALIB_TEMPLATES
-
-DEFAULT_CALIB = CALIB_TEMPLATES["normal"]
-"""The nominal calibration: that of a normal mount, as the SDK's factory file is."""
-
-
-def default_calib_path(channel: str = "can0") -> str:
-    """Return the file of this user's in which the SDK keeps a channel's calibration.
-
-    The daemon has a file of its own: `load_calibration()` finds both, and `save_calibration()`
-    without a path writes the daemon's.
-    """
-    return str(Path(os.path.expanduser("~/.litegrip")) / f"{channel}_calibration.json")  # noqa: PTH111 - no error without a home
 
 
 class ErrorCode(IntEnum):

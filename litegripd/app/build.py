@@ -30,8 +30,8 @@ from litegripd.io.shared_memory import SharedMemory
 from litegripd.io.sockets import Places, occupy, runtime_directory
 from litegripd.model.calibration import from_plain
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfigError
+from litegripd.model.state import HelperTask, TaskResult
 from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
 from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
 from litegripd.rpc.service import RpcService

@@ -20,9 +20,9 @@ from litegripd.handover import state as handover
 from litegripd.handover.link import Link, Packet, read_document
 from litegripd.io.can.bus import DIRECT_INTERFACES
 from litegripd.io.sockets import take_over
-from litegripd.model.jobs import Stop
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.plain import PlainError, value_of
+from litegripd.model.state import Stop
 from litegripd.rpc.sessions import Peer
 
 _log = logging.getLogger(__name__)

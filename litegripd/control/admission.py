@@ -6,9 +6,9 @@ from typing import Literal
 
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
+from litegripd.model.state import Job, JobKind
 
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0
 """No jaw can be further outside the calibrated travel. The motor loses its count of turns in a

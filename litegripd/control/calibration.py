@@ -11,11 +11,11 @@ from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, 
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
-from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import damping_conflict
 from litegripd.model.motor import MotorView, ZeroView
 from litegripd.model.plain import Carried
 from litegripd.model.results import ZeroOutcome, ZeroResult
+from litegripd.model.state import HelperTask, TaskResult
 
 
 class CalibrationInUse:

@@ -20,21 +20,27 @@ from litegripd.control.admission import (
     motor_refusal,
     stopped_under_way,
 )
+from litegripd.control.authority import (
+    Grant,
+    Lease,
+    LeaseOptions,
+    Loss,
+    LossCause,
+    OnAnswer,
+    SecondMaster,
+    StopLatch,
+)
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.gains import Gains
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.jobs import JobBook, RegisterReads, Start
-from litegripd.control.lease import Grant, Lease, LeaseOptions, Loss, LossCause, OnAnswer
 from litegripd.control.limiter import Output, bounds_of
 from litegripd.control.motions.base import Action
-from litegripd.control.second_master import SecondMaster
-from litegripd.control.stop import StopLatch
 from litegripd.model.bus import NOT_OPENED, BusCondition
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
 from litegripd.model.gripper_id import GripperId
-from litegripd.model.jobs import HelperTask, Job, JobKind, OnLost, Owner, StopLevel, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,
@@ -48,7 +54,16 @@ from litegripd.model.motor import (
 )
 from litegripd.model.plain import Carried
 from litegripd.model.results import Progress, Result
-from litegripd.model.state import Event
+from litegripd.model.state import (
+    Event,
+    HelperTask,
+    Job,
+    JobKind,
+    OnLost,
+    Owner,
+    StopLevel,
+    TaskResult,
+)
 
 _SAFE_JOBS = ("disable", "clear_fault")
 """The jobs that continue while another program commands the motor: they energise nothing."""

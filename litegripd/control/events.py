@@ -4,15 +4,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import fields
 
+from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.heat import HeatChange
-from litegripd.control.lease import Grant, Loss, LossCause
 from litegripd.model.bus import BusCondition, remedy
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Job, OnLost, Owner, StopLevel
 from litegripd.model.motor import MotorIdentity, MotorPhase, MotorView
 from litegripd.model.results import GraspResult, ReplayResult, Result
-from litegripd.model.state import Event
+from litegripd.model.state import Event, Job, OnLost, Owner, StopLevel
 
 _ON_LOST_TEXT = {"hold": "keep their hold", "relax": "go slack", "disable": "are disabled"}
 

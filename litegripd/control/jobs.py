@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Job, JobKind, JobState, Owner
 from litegripd.model.motor import RegisterReply, RegisterRequest
 from litegripd.model.plain import Carried
 from litegripd.model.results import Result
+from litegripd.model.state import Job, JobKind, JobState, Owner
 
 KEPT_JOBS = 64
 

@@ -34,7 +34,6 @@ from litegripd.control.motions.stream import SetPoint, Stream
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry, Mount
-from litegripd.model.jobs import Job, Owner, TaskResult
 from litegripd.model.motion_config import (
     MotionConfig,
     damping_conflict,
@@ -44,6 +43,7 @@ from litegripd.model.motion_config import (
 )
 from litegripd.model.motor import EnableMotor, Feedback, MotorPhase
 from litegripd.model.results import ForceResult, HoldResult, MoveResult, SlackResult
+from litegripd.model.state import Job, Owner, TaskResult
 
 SMALLEST_MOVE_RAD = 1e-4
 

@@ -5,9 +5,8 @@ from typing import Literal
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Slack
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import Job
 from litegripd.model.motor import Feedback, MotorPhase, MotorView, Status, status_name
-from litegripd.model.state import GripperState, JobSummary, Mode, StopSummary
+from litegripd.model.state import GripperState, Job, JobSummary, Mode, StopSummary
 
 STALE_AFTER_PERIODS = 4.0
 STALE_AFTER_POLL_S = 0.15

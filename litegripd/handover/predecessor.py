@@ -27,9 +27,9 @@ from litegripd.io.server import Server
 from litegripd.io.sockets import Places
 from litegripd.io.stop_socket import StopListener
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Stop
 from litegripd.model.plain import PlainError, plain_of
 from litegripd.model.results import Restarted
+from litegripd.model.state import Stop
 from litegripd.rpc.service import RpcService
 
 _log = logging.getLogger(__name__)

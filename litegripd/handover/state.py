@@ -15,10 +15,10 @@ from typing import Any, Protocol
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, GripSettings, Hold, Idle, Slack
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Job
 from litegripd.model.motor import MotorPhase
 from litegripd.model.motor_types import MotorType
 from litegripd.model.plain import TYPE_KEY, PlainError, memory, plain_of, restore, value_of
+from litegripd.model.state import Job
 from litegripd.motor.motor import Motor
 from litegripd.rpc.service import RpcService
 

@@ -13,8 +13,13 @@ from typing import Protocol
 
 from litegripd.io.loop import Reactor
 from litegripd.model.errors import Refusal
-from litegripd.rpc.jsonrpc import MAX_LINE_BYTES, error_line
-from litegripd.rpc.line_kinds import is_set_point, newest_set_point, stops_in
+from litegripd.rpc.jsonrpc import (
+    MAX_LINE_BYTES,
+    error_line,
+    is_set_point,
+    newest_set_point,
+    stops_in,
+)
 from litegripd.rpc.sessions import Session
 
 _log = logging.getLogger(__name__)

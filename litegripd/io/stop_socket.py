@@ -13,9 +13,8 @@ from typing import TypeAlias
 from litegripd.io.loop import Urgent
 from litegripd.io.sockets import LISTEN_BACKLOG, peer_of
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Owner, StopLevel
-from litegripd.rpc.jsonrpc import encode, error_line, result_line
-from litegripd.rpc.line_kinds import stop_in
+from litegripd.model.state import Owner, StopLevel
+from litegripd.rpc.jsonrpc import encode, error_line, result_line, stop_in
 
 _log = logging.getLogger(__name__)
 

@@ -11,8 +11,8 @@ from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MitCommand, Ranges
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
+from litegripd.motor.codec import status_request
 from litegripd.motor.phases import Event, Phase
-from litegripd.motor.registers import status_request
 
 USUAL_PERIOD_S = 0.005
 """The usual period of ticks. What is counted in ticks or frames lasts as long at any other one."""

@@ -20,7 +20,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.motor import MotorIdentity, Ranges
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 from litegripd.model.plain import Carried
-from litegripd.motor.registers import (
+from litegripd.motor.codec import (
     ANSWER_WITHIN_S,
     CAN_ID,
     CONTROL_MODE,

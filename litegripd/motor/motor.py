@@ -27,20 +27,7 @@ from litegripd.model.motor import (
 from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
-from litegripd.motor.enabling import Arming, FaultClearing
-from litegripd.motor.exchange import (
-    DISABLE_GIVES_UP_S,
-    USUAL_PERIOD_S,
-    MotorCounters,
-    Silence,
-    Standstill,
-    Traffic,
-)
-from litegripd.motor.faults import SILENT, STILL_ENABLED, fault_refusal
-from litegripd.motor.identity import STILL_READ, Identification
-from litegripd.motor.phases import ARMING_PHASES, FAULTY, PUBLIC, TRANSITIONS, Event, Phase
-from litegripd.motor.plausibility import Plausibility, StatusJudge
-from litegripd.motor.registers import (
+from litegripd.motor.codec import (
     MASTER_ID,
     PMAX,
     READABLE,
@@ -51,7 +38,28 @@ from litegripd.motor.registers import (
     parse_answer,
     parse_write_request,
 )
-from litegripd.motor.zeroing import NOT_DISABLED, UNDER_WAY, Zeroing
+from litegripd.motor.exchange import (
+    DISABLE_GIVES_UP_S,
+    USUAL_PERIOD_S,
+    MotorCounters,
+    Silence,
+    Standstill,
+    Traffic,
+)
+from litegripd.motor.identity import STILL_READ, Identification
+from litegripd.motor.phases import (
+    ARMING_PHASES,
+    FAULTY,
+    PUBLIC,
+    SILENT,
+    STILL_ENABLED,
+    TRANSITIONS,
+    Event,
+    Phase,
+    fault_refusal,
+)
+from litegripd.motor.plausibility import Plausibility, StatusJudge
+from litegripd.motor.procedures import NOT_DISABLED, UNDER_WAY, Arming, FaultClearing, Zeroing
 
 _JUDGED = frozenset({*ARMING_PHASES, Phase.ENABLED, Phase.LOST})
 """The phases in which the daemon holds the position, or is about to. In the others every report

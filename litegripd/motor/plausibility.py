@@ -16,7 +16,7 @@ from litegripd.model.motor import Feedback, Status
 from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 from litegripd.motor.exchange import USUAL_PERIOD_S
-from litegripd.motor.faults import implausible_refusal
+from litegripd.motor.phases import implausible_refusal
 
 CERTAIN_AFTER = 3
 """This many answers in a row other than "enabled" are believed, even if they differ."""

@@ -9,9 +9,8 @@ from typing import Literal, TypeAlias
 
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motor import MotorPhase
-from litegripd.model.state import Event
+from litegripd.model.state import Event, HelperTask, TaskResult
 from litegripd.recorder.recorder import KEPT_S
 
 Cause: TypeAlias = Literal[

@@ -2,7 +2,7 @@
 
 from litegripd.model.calibration import Dumped
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import TaskResult
+from litegripd.model.state import TaskResult
 from litegripd.recorder.causes import Dumps
 from litegripd.rpc.method import Answer, Call, Deferred, Method
 from litegripd.rpc.schema import Param

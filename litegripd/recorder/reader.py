@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from litegripd.recorder import recorder
-from litegripd.recorder.ring import records
+from litegripd.recorder.recorder import records
 
 
 class Tick(NamedTuple):

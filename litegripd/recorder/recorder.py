@@ -1,24 +1,61 @@
-"""The flight recorder: each tick and each event of the last minute, in a memory of fixed size.
-
-It only writes. `reader` reads the memory, mostly in another process; writer and reader must be of
-the same version. `causes` decides when a dump is made.
-"""
+"""The flight recorder: a ring of the last ticks, and when it is dumped."""
 
 import json
 import struct
 from collections.abc import Mapping, Sequence
 from typing import get_args
+from zlib import crc32
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Slack
 from litegripd.model.bus import CanFrame
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import JobKind, Owner
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase
-from litegripd.model.state import Event
+from litegripd.model.state import Event, JobKind, Owner
 from litegripd.motor.motor import Motor
 from litegripd.motor.phases import Phase
-from litegripd.recorder.ring import OVERHEAD_BYTES, Ring
+
+_NUMBER = struct.Struct("<Q")
+_CHECKSUM = struct.Struct("<I")
+OVERHEAD_BYTES = _CHECKSUM.size
+
+
+class Ring:
+    """Writes records of `record_bytes` into `memory`; each replaces the oldest.
+
+    A record begins with its number, 8 bytes, little-endian: `next_number` when it is written.
+    """
+
+    def __init__(self, memory: memoryview, record_bytes: int) -> None:
+        self.next_number = 1
+        self._memory = memory
+        self._slot_bytes = record_bytes + OVERHEAD_BYTES
+        self._end = len(memory) // self._slot_bytes * self._slot_bytes
+        self._offset = 0
+
+    def put(self, record: bytes) -> None:
+        """Write a record; raises `ValueError` for one of another length, before it writes."""
+        begin = self._offset
+        end = begin + self._slot_bytes
+        self._memory[begin:end] = record + _CHECKSUM.pack(crc32(record))
+        self._offset = end if end < self._end else 0
+        self.next_number += 1
+
+
+def records(memory: bytes | memoryview, record_bytes: int) -> list[bytes]:
+    """Return the complete records in a ring's memory, the oldest first.
+
+    Records that are torn, or being written, and empty slots are left out.
+    """
+    slot_bytes = record_bytes + OVERHEAD_BYTES
+    found: list[tuple[int, bytes]] = []
+    for begin in range(0, len(memory) // slot_bytes * slot_bytes, slot_bytes):
+        record = bytes(memory[begin : begin + record_bytes])
+        (checksum,) = _CHECKSUM.unpack_from(memory, begin + record_bytes)
+        if crc32(record) == checksum:
+            found.append((*_NUMBER.unpack_from(record), record))
+    return [record for _number, record in sorted(found)]
+
 
 KEPT_S = 60.0
 EVENTS = 1024

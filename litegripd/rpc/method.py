@@ -7,7 +7,6 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar
 from litegripd.control.admission import conflict_refusal
 from litegripd.control.gains import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Job, Owner
 from litegripd.model.motion_config import (
     MotionConfig,
     MotionConfigError,
@@ -15,6 +14,7 @@ from litegripd.model.motion_config import (
     ranges_of,
 )
 from litegripd.model.motor_types import DM4310, MotorType
+from litegripd.model.state import Job, Owner
 from litegripd.rpc.reports import JobNumber
 from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Role, Session

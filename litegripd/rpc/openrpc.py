@@ -4,12 +4,11 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, NewType, TypedDict, get_args
 
-from litegripd.control.lease import LossData
+from litegripd.control.authority import LossData
 from litegripd.model.errors import ERROR_TABLE
-from litegripd.model.jobs import Job
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.results import Progress, ReplayProgress, Result
-from litegripd.model.state import GripperState, JobSummary
+from litegripd.model.state import GripperState, Job, JobSummary
 from litegripd.motor.exchange import MotorCounters
 from litegripd.rpc.facts import ForeignActive, MotionFields, MotorFigures
 from litegripd.rpc.jsonrpc import ErrorObject

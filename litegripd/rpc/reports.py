@@ -11,9 +11,8 @@ from litegripd.control.controller import Controller
 from litegripd.control.jobs import KEPT_JOBS
 from litegripd.control.snapshot import snapshot
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Job, JobKind, Owner
 from litegripd.model.results import Progress, Result
-from litegripd.model.state import EventKind, GripperState, JobSummary
+from litegripd.model.state import EventKind, GripperState, Job, JobKind, JobSummary, Owner
 from litegripd.rpc.jsonrpc import (
     ErrorObject,
     RequestId,

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
-from litegripd.model.jobs import Owner
+from litegripd.model.state import Owner
 from litegripd.rpc.jsonrpc import encode
 
 

@@ -19,9 +19,9 @@ from litegripd.control.holds import Grip, Slack
 from litegripd.control.jobs import JobBook
 from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import Job, JobKind
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.model.results import Progress, RecordOutcome, RecordResult
+from litegripd.model.state import Job, JobKind
 from litegripd.trajectories.values import PIECE_BYTES
 
 _METHODS: Mapping[JobKind, str] = {

@@ -12,7 +12,7 @@ from litegrip_client.protocol.lgt import MAX_BYTES, Header
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
-from litegripd.model.jobs import HelperTask, TaskResult
+from litegripd.model.state import HelperTask, TaskResult
 from litegripd.rpc.method import (
     Answer,
     Call,

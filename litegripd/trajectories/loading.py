@@ -7,7 +7,7 @@ from typing import Any
 from litegrip_client.protocol.grips import TaughtGrip
 from litegrip_client.protocol.lgt import SAMPLE
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import HelperTask, TaskResult
+from litegripd.model.state import HelperTask, TaskResult
 from litegripd.trajectories.values import PIECE_BYTES, Path
 
 LOAD_WITHIN_S = 10.0

@@ -23,8 +23,8 @@ from litegripd.control.controller import Controller
 from litegripd.control.gains import Gains
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import HelperTask, Job, Owner, TaskResult
 from litegripd.model.motion_config import MotionConfig, slow_conflict
+from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
 from litegripd.trajectories.loading import outcome_of
 from litegripd.trajectories.replay import Replay, ReplayRequest

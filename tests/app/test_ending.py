@@ -9,7 +9,7 @@ from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MitCommand, MotorPhase, Status
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
-from litegripd.motor.registers import TIMEOUT, write_request
+from litegripd.motor.codec import TIMEOUT, write_request
 from tests.world import CAN_ID, World
 
 

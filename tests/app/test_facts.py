@@ -9,7 +9,7 @@ import pytest
 from litegripd.app.build import motor_figures
 from litegripd.app.config import Config
 from litegripd.app.status import DaemonFacts
-from litegripd.control.second_master import QUIET_AFTER_S
+from litegripd.control.authority import QUIET_AFTER_S
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import DATA
 from litegripd.io.loop import RecentLateness

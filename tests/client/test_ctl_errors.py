@@ -9,7 +9,7 @@ import pytest
 
 from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE, ErrorKind
-from litegripd.motor.faults import implausible_refusal
+from litegripd.motor.phases import implausible_refusal
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread
 

@@ -11,7 +11,6 @@ from typing import Any, TypeAlias
 from litegripd.app.features import build_service
 from litegripd.control.controller import Controller
 from litegripd.model.calibration import CalibrationError, read_content
-from litegripd.model.jobs import HelperTask, TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     DisableMotor,
@@ -25,6 +24,7 @@ from litegripd.model.motor import (
     SetZero,
     ZeroView,
 )
+from litegripd.model.state import HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.rpc.sessions import Peer, Session
 from tests.control.limits import LimitWatch

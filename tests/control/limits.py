@@ -12,8 +12,8 @@ from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import JobState
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, Ranges
+from litegripd.model.state import JobState
 
 PEAK_NM, RATED_NM, PEAK_NM_S = 7.0, 3.0, 2.0
 TINY = 1e-9

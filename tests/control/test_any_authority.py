@@ -5,8 +5,8 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
-from litegripd.model.jobs import Job
 from litegripd.model.motor import MotorPhase
+from litegripd.model.state import Job
 from litegripd.sim.parameters import SimulatorParameters
 from tests.properties import examples
 from tests.world import CAN_ID, Client, World

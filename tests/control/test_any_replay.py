@@ -16,11 +16,11 @@ from litegripd.control.limiter import torque_bound_nm
 from litegripd.control.motions.grasp import BUDGET_NM
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import TaskResult
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
 from litegripd.model.motor_types import DM4310, FASTEST_MM_S
 from litegripd.model.results import ReplayResult, Result
+from litegripd.model.state import TaskResult
 from litegripd.trajectories.replay import Replay, ReplayRequest
 from litegripd.trajectories.store import TrajectoryStore
 from tests.trajectories import Point, lgt, pieces, sampled, swing

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import pytest
 
-from litegripd.control.second_master import QUIET_AFTER_S
+from litegripd.control.authority import QUIET_AFTER_S
 from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase
 from litegripd.motor import codec

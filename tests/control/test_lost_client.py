@@ -2,8 +2,8 @@
 
 import pytest
 
-from litegripd.model.jobs import JobState
 from litegripd.model.motor import MotorPhase, Status
+from litegripd.model.state import JobState
 from litegripd.motor import codec
 from tests.control.states import (
     LEVELS,

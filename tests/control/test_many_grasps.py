@@ -13,9 +13,9 @@ import pytest
 from bench.rig import PERIOD_S, Rig, ours
 from litegripd.control.gains import Gains
 from litegripd.control.motions.grasp import GraspRequest
-from litegripd.model.jobs import Job
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.results import GraspResult
+from litegripd.model.state import Job
 from litegripd.sim.plant import GrippedObject
 
 MOUNTS = ("normal", "reverse")

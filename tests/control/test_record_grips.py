@@ -11,9 +11,9 @@ from litegripd.control.holds import Grip, GripSettings
 from litegripd.control.jobs import JobBook
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.jobs import Owner
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor_types import DM4310, DM4340
+from litegripd.model.state import Owner
 from litegripd.trajectories.capture import GripNotes
 from tests.control.grips import beside, both, gripper, grips, picked
 from tests.trajectories import fetched, points_of, send

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.recorder.ring import OVERHEAD_BYTES, Ring, records
+from litegripd.recorder.recorder import OVERHEAD_BYTES, Ring, records
 
 RECORD = struct.Struct("<Q24s")
 SLOT_BYTES = RECORD.size + OVERHEAD_BYTES

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from litegripd.control.second_master import QUIET_AFTER_S, REPORT_EVERY_S, SecondMaster
+from litegripd.control.authority import QUIET_AFTER_S, REPORT_EVERY_S, SecondMaster
 from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase
 from tests.world import CAN_ID, Client, World

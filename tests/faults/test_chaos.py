@@ -62,7 +62,7 @@ def test_the_same_seed_does_the_same() -> None:
 def test_a_run_in_which_something_does_not_hold_names_its_seed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("litegripd.motor.enabling.Arming.has_stored_zero", False)
+    monkeypatch.setattr("litegripd.motor.procedures.Arming.has_stored_zero", False)
     with pytest.raises(DefeatError, match=r"^seed 7, after .*motor\.enable fails"):
         run(7, 1.0)
 

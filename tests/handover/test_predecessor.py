@@ -28,9 +28,9 @@ from litegripd.io.helper.helper import Helper, HelperResult
 from litegripd.io.sockets import Places, occupy
 from litegripd.model.bus import UP, BusCondition
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Owner, Stop
 from litegripd.model.plain import value_of
 from litegripd.model.results import Restarted
+from litegripd.model.state import Owner, Stop
 from tests.world import PERIOD_S, World
 
 DEADLINE_S = 20.0

@@ -9,7 +9,7 @@ import pytest
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.direct import DirectBus
 from litegripd.model.bus import CanFrame
-from litegripd.motor.registers import status_request
+from litegripd.motor.codec import status_request
 
 FRAME = CanFrame(0x08, bytes(range(8)))
 MESSAGE = can.Message(arbitration_id=0x18, data=bytes(8), is_extended_id=False)

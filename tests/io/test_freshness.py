@@ -9,8 +9,7 @@ from itertools import pairwise
 import pytest
 
 from litegripd.io.connection import Connection
-from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
-from litegripd.rpc.line_kinds import is_set_point, newest_set_point, stops_in
+from litegripd.rpc.jsonrpc import MAX_LINE_BYTES, is_set_point, newest_set_point, stops_in
 from litegripd.rpc.sessions import Session
 from tests.io.loop import Loop, line
 

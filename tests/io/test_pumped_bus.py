@@ -21,7 +21,7 @@ from litegripd.io.can.pumped import (
     unpack_order,
 )
 from litegripd.model.bus import CanFrame
-from litegripd.motor.registers import status_request
+from litegripd.motor.codec import status_request
 from tests.sim.simulator_process import SimulatorProcess, simulator
 
 PERIOD_S = 0.005

@@ -21,8 +21,8 @@ from litegripd.io.stop_socket import (
     MAX_STOP_LINE_BYTES,
     StopListener,
 )
-from litegripd.model.jobs import STOP_LEVELS, Owner, StopLevel
-from litegripd.rpc.line_kinds import StopLine, stop_in
+from litegripd.model.state import STOP_LEVELS, Owner, StopLevel
+from litegripd.rpc.jsonrpc import StopLine, stop_in
 
 GENEROUS_S = 100.0  # as a period: a tenth of it serves everything that is there
 Stopped = tuple[StopLevel, Owner, str | None]

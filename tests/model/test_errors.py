@@ -4,7 +4,7 @@ import pytest
 
 from litegripd.model.errors import ERROR_TABLE, ERRORS, Refusal
 from litegripd.model.motor import Feedback, Status, is_fault, status_name
-from litegripd.motor.faults import REMEDIES, fault_refusal
+from litegripd.motor.phases import REMEDIES, fault_refusal
 
 
 def test_reasons_and_codes_are_unique() -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from litegripd.model.bus import CanFrame
 from litegripd.model.motor import MotorPhase, Status
-from litegripd.motor.registers import (
+from litegripd.motor.codec import (
     CONTROL_MODE,
     MASTER_ID,
     PMAX,

@@ -16,8 +16,8 @@ from litegripd.model.motor import (
     RegisterReply,
     RegisterRequest,
 )
+from litegripd.motor.codec import READ_TRIES, REGISTERS, Answer, RegisterReader
 from litegripd.motor.phases import Phase
-from litegripd.motor.registers import READ_TRIES, REGISTERS, Answer, RegisterReader
 from tests.motor.bench import (
     CAN_ID,
     MASTER_ID,

@@ -8,7 +8,7 @@ import pytest
 from litegripd.model.bus import CanFrame
 from litegripd.model.motor import EnableMotor, MotorIdentity, MotorInput, MotorPhase, Ranges
 from litegripd.model.motor_types import DM4310
-from litegripd.motor import registers as reg
+from litegripd.motor import codec as reg
 from litegripd.motor.identity import LONGEST_WATCHDOG_S, RegisterScan, unsuitable, warnings
 from litegripd.motor.motor import Motor
 from litegripd.sim.parameters import SimulatorParameters

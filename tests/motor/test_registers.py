@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from litegripd.model.bus import CanFrame
 from litegripd.model.motor_types import DM4310
-from litegripd.motor import registers as reg
+from litegripd.motor import codec as reg
 from litegripd.motor.codec import decode_feedback
 from tests.motor.helpers import answer, world_with
 from tests.world import World

@@ -15,7 +15,7 @@ from litegripd.model.motor import (
     SetZero,
     ZeroView,
 )
-from litegripd.motor.zeroing import RETRY_S, ZERO_TRIES, ZERO_WITHIN_RAD
+from litegripd.motor.procedures import ZERO_RETRY_S, ZERO_TRIES, ZERO_WITHIN_RAD
 from tests.motor.bench import (
     CAN_ID,
     MASTER_ID,
@@ -102,7 +102,9 @@ def test_a_lost_frame_is_seen_by_the_position_and_sent_again(lost: int) -> None:
     assert zero.shift_rad == pytest.approx(before_rad, abs=2 * CODE_RAD)
     times = bench.times_of(is_zero)
     assert len(times) == lost + 1
-    assert all(RETRY_S - 1e-6 < b - a < RETRY_S + 2 * PERIOD_S for a, b in pairwise(times))
+    assert all(
+        ZERO_RETRY_S - 1e-6 < b - a < ZERO_RETRY_S + 2 * PERIOD_S for a, b in pairwise(times)
+    )
 
 
 def test_a_motor_that_never_takes_it_has_certainly_kept_its_zero() -> None:

@@ -14,7 +14,7 @@ from litegripd.model.motor import (
     RegisterRequest,
 )
 from litegripd.motor import codec
-from litegripd.motor.registers import READ_WITHIN_S
+from litegripd.motor.codec import READ_WITHIN_S
 from tests.motor.bench import (
     MASTER_ID,
     PERIOD_S,

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from litegripd.rpc.events import EVENTS_PER_TICK
+from litegripd.rpc.subscriptions import EVENTS_PER_TICK
 from tests.rpc.raw import Raw, answered, request
 from tests.world import World
 

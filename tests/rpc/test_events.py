@@ -5,9 +5,8 @@ from typing import Any, get_args
 import pytest
 
 from litegripd.model.state import Event, EventKind
-from litegripd.rpc.events import EVENT_KINDS, KEPT_EVENTS
 from litegripd.rpc.jsonrpc import encode
-from litegripd.rpc.subscriptions import MAX_PER_SESSION
+from litegripd.rpc.subscriptions import EVENT_KINDS, KEPT_EVENTS, MAX_PER_SESSION
 from tests.rpc.raw import Raw, request
 from tests.world import PERIOD_S, Client, World
 
@@ -268,7 +267,7 @@ def test_an_event_is_encoded_once_for_all_who_want_it(monkeypatch: pytest.Monkey
         encoded.append(value)
         return encode(value)
 
-    monkeypatch.setattr("litegripd.rpc.events.encode", counted)
+    monkeypatch.setattr("litegripd.rpc.subscriptions.encode", counted)
     actor.result("stop")
     world.tick()
     actor.refusal("motion.open")

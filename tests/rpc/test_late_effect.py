@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from litegripd.app.build import load_at_start
-from litegripd.model.jobs import HelperTask, TaskResult
+from litegripd.model.state import HelperTask, TaskResult
 from tests.world import Client, World
 
 Meanwhile = Callable[[World, Client], None]

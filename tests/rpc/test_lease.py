@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.jobs import JobState
+from litegripd.model.state import JobState
 from litegripd.rpc.sessions import Role
 from tests.world import Client, World
 

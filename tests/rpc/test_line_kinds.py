@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.rpc.line_kinds import asked_stop, stops_in
+from litegripd.rpc.jsonrpc import asked_stop, stops_in
 from tests.rpc.raw import Raw
 from tests.world import World
 

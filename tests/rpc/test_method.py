@@ -7,7 +7,7 @@ import pytest
 from litegripd.app.features import BY_NAME, GROUPS, METHODS
 from litegripd.rpc.method import Call, Method, functions_of, methods_of
 from litegripd.rpc.methods.lease import Tokens
-from litegripd.rpc.requests import Requests
+from litegripd.rpc.service import Requests
 from tests.world import World
 
 

@@ -7,9 +7,9 @@ from litegripd.control.holds import Idle
 from litegripd.control.limiter import Bounds
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import HelperTask
 from litegripd.model.motor import Feedback, MitCommand, MotorRequest, MotorView
 from litegripd.model.results import Progress, Result
+from litegripd.model.state import HelperTask
 
 
 @dataclass(frozen=True, slots=True)

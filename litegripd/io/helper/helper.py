@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from litegripd.io.helper.child import MAX_PACKET_BYTES, Child, Start, start_here
-from litegripd.model.jobs import TaskResult
+from litegripd.model.state import TaskResult
 
 MOST_PER_UID = 8
 """So many requests of a user may wait for their answers; one more is refused."""

@@ -5,11 +5,11 @@ from dataclasses import replace
 from hmac import compare_digest
 from typing import Any, TypedDict
 
+from litegripd.control.authority import Grant, LeaseOptions
 from litegripd.control.controller import Controller
-from litegripd.control.lease import Grant, LeaseOptions
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import OnLost
 from litegripd.model.plain import Carried
+from litegripd.model.state import OnLost
 from litegripd.rpc.method import LEASE, Answer, Call, Deferred, Method
 from litegripd.rpc.reports import OwnerView, Reporter, StateView
 from litegripd.rpc.schema import Param

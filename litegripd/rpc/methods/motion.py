@@ -10,7 +10,6 @@ from litegripd.control.motions.grasp import GraspRequest
 from litegripd.control.motions.move import Direction
 from litegripd.control.requests import MotionRequests, Pace
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import STOP_LEVELS, Job, StopLevel
 from litegripd.model.motion_config import MotionConfig, ranges_of
 from litegripd.model.results import (
     ClearFaultResult,
@@ -22,6 +21,7 @@ from litegripd.model.results import (
     MoveResult,
     SlackResult,
 )
+from litegripd.model.state import STOP_LEVELS, Job, StopLevel
 from litegripd.rpc.method import (
     CONFIG,
     DETACH,

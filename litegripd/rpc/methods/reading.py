@@ -7,15 +7,19 @@ from typing import Any, TypedDict
 
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import Job
-from litegripd.model.state import GripperState
-from litegripd.rpc.events import EVENT_KINDS, UNASKED_KINDS
+from litegripd.model.state import GripperState, Job
 from litegripd.rpc.facts import Facts, Figures, Hello, Info, Judged
 from litegripd.rpc.method import JOB, Answer, Call, Later, Method, Refused, accepted
 from litegripd.rpc.reports import NumberedEvent, Reporter, StateView
 from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Clients, Role
-from litegripd.rpc.subscriptions import MAX_BATCH, SubscriptionNumber, Subscriptions
+from litegripd.rpc.subscriptions import (
+    EVENT_KINDS,
+    MAX_BATCH,
+    UNASKED_KINDS,
+    SubscriptionNumber,
+    Subscriptions,
+)
 
 DEFAULT_SAMPLE_HZ = 20.0
 

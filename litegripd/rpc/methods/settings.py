@@ -11,11 +11,11 @@ from litegripd.control.requests import CalibrationRequests
 from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
-from litegripd.model.jobs import HelperTask, Owner, TaskResult
 from litegripd.model.motion_config import fast_conflict, ranges_of
 from litegripd.model.motor import RegisterReply
 from litegripd.model.results import SetZeroResult, ZeroResult
-from litegripd.motor.registers import REGISTERS, Register
+from litegripd.model.state import HelperTask, Owner, TaskResult
+from litegripd.motor.codec import REGISTERS, Register
 from litegripd.rpc.facts import MotionFields
 from litegripd.rpc.method import (
     AT_ONCE,

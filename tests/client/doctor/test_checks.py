@@ -18,7 +18,7 @@ from litegrip_client.doctor.gripper_checks import (
 from litegrip_client.doctor.link_checks import BITRATE
 from litegripd.control import admission
 from litegripd.model.motor_types import MOTOR_TYPES
-from litegripd.motor import identity, registers
+from litegripd.motor import codec, identity
 from tests.client.doctor.case import Case
 from tests.client.doctor.daemon_cases import DAEMON_CASES
 from tests.client.doctor.gripper_cases import GRIPPER_CASES
@@ -75,7 +75,7 @@ def test_what_is_expected_of_the_motor_is_what_the_daemon_expects() -> None:
         for name, of in ranges.items()
     } == MODEL_RANGES
     assert (TIMEOUT_UNIT_S, LONGEST_WATCHDOG_S) == (
-        registers.TIMEOUT_UNIT_S,
+        codec.TIMEOUT_UNIT_S,
         identity.LONGEST_WATCHDOG_S,
     )
     assert IMPLAUSIBLE_OUTSIDE_RAD == admission.IMPLAUSIBLE_OUTSIDE_RAD

@@ -1,8 +1,4 @@
-"""Who may move the gripper: one lease, granted in the order of requests, lost in several ways.
-
-It knows no motion: the controller ends what ran under a lost lease. Times are arguments; a callback
-answers waiting requests.
-"""
+"""Authority: the software stop, the lease, and other senders on the bus."""
 
 from collections import deque
 from collections.abc import Callable, Mapping
@@ -10,8 +6,184 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, TypedDict
 
 from litegripd.model.errors import Refusal
-from litegripd.model.jobs import OnLost, Owner
+from litegripd.model.motor import RegisterWrite
 from litegripd.model.plain import Carried
+from litegripd.model.state import STOP_LEVELS, Event, OnLost, Owner, Stop, StopLevel
+
+
+class StopLatch:
+    """Keeps the latched stop and counts the stops in `generation`.
+
+    A request names the generation that its sender knew. One from before the latest stop never runs
+    and clears nothing, even if it lay unread in the kernel when the stop came. `repeats` counts the
+    stops since the latched one that did not raise the level. `on_stop` is called with the time of
+    each stop: all that has come by then came before it. `stopped_by` are the users (uid, None for
+    the daemon itself) who have stopped since the present level was latched.
+    """
+
+    latched: Carried[Stop | None] = None
+    generation: Carried[int] = 0
+    repeats: Carried[int] = 0
+    stopped_by: Carried[tuple[int | None, ...]] = ()
+    _latest_s: Carried[float] = float("-inf")
+    NOT_CARRIED = ("on_stop", "_latest_client", "_latest_of_others_s")  # connections end
+
+    def __init__(self) -> None:
+        self.on_stop: Callable[[float], None] = lambda _now_s: None
+        self._latest_client: int | None = None
+        self._latest_of_others_s = float("-inf")
+
+    def raise_to(self, level: StopLevel, by: Owner | None, why: str | None, now_s: float) -> Stop:
+        """Latch a stop; one that is no stronger than the latched one changes only the counts."""
+        self.generation += 1
+        client = None if by is None else by.client
+        if client != self._latest_client:
+            self._latest_client, self._latest_of_others_s = client, self._latest_s
+        self._latest_s = now_s
+        latched, uid = self.latched, None if by is None else by.uid
+        if latched is None or STOP_LEVELS.index(level) > STOP_LEVELS.index(latched.level):
+            latched = Stop(level, by, now_s, why)
+            self.latched, self.stopped_by = latched, (uid,)
+        else:
+            self.repeats += 1
+            if uid not in self.stopped_by:
+                self.stopped_by += (uid,)
+        self.on_stop(now_s)  # called after the latch, in case it fails
+        return latched
+
+    def may_be_cleared_by(self, uid: int, *, alone: bool) -> bool:
+        """Return True if a user has stopped, and may clear it; `alone`: only if nobody else has."""
+        return self.stopped_by == (uid,) if alone else uid in self.stopped_by
+
+    def clear(self) -> int:
+        """Allow requests for motions again; return the number of repeats."""
+        repeats, self.repeats = self.repeats, 0
+        self.latched, self.stopped_by = None, ()
+        return repeats
+
+    def refusal(self) -> Refusal | None:
+        """Return why nothing may move, or None."""
+        stop = self.latched
+        if stop is None:
+            return None
+        why = "" if stop.why is None else f": {stop.why}"
+        return Refusal(
+            "stopped",
+            f"a stop ({stop.level}) by {_stopper(stop)} is latched{why}; clear it with stop.clear"
+            " first",
+            {"level": stop.level, "hint": "stop.clear"},
+        )
+
+    def clearing_refusal(self, lease_held: Refusal) -> Refusal:
+        """Return who may clear the stop, for a client that may not: another one has the lease."""
+        owner = lease_held.data.get("owner")
+        holder = f"{owner['program']} (pid {owner['pid']})" if isinstance(owner, dict) else "nobody"
+        uids = [uid for uid in self.stopped_by if uid is not None]
+        whose = "" if self.latched is None else f", by {_stopper(self.latched)}"
+        users = "".join(f", uid {uid}, who stopped it" for uid in uids)
+        return Refusal(
+            lease_held.reason,
+            f"the stop{whose} may be cleared by {holder}, who has the lease{users}, or an admin",
+            {**lease_held.data, "may_clear_uids": uids},
+        )
+
+    def refusal_of_sent(
+        self, generation: int | None, sent_s: float | None, received_s: float, client: int
+    ) -> Refusal | None:
+        """Return a refusal if a request is older than the latest stop, by any of its marks.
+
+        `received_s` is when the daemon received it. What a client sent after its own stop is newer
+        than that stop, even if both were received at once.
+        """
+        is_own = client == self._latest_client
+        stopped_s = self._latest_of_others_s if is_own else self._latest_s
+        if generation is not None and generation < self.generation:
+            how = f"knew of {generation} stops, there have been {self.generation}"
+        elif sent_s is not None and sent_s < self._latest_s:
+            how = f"was sent {self._latest_s - sent_s:.3f} s before the latest stop"
+        elif received_s < stopped_s:
+            how = f"came {stopped_s - received_s:.3f} s before the latest stop"
+        else:
+            return None
+        return Refusal(
+            "sent_before_stop",
+            f"the request {how}: a stop has come since, so it is not carried out; look at the"
+            " state and, when it is safe, send it again",
+            {"stop_generation": self.generation},
+        )
+
+
+def _stopper(stop: Stop) -> str:
+    return "the daemon" if stop.by is None else f"{stop.by.program} (pid {stop.by.pid})"
+
+
+QUIET_AFTER_S = 2.0
+"""Without a frame for this time, the other program counts as gone."""
+
+REPORT_EVERY_S = 10.0
+
+
+class SecondMaster:
+    """Counts the frames of others, and knows when the last one came."""
+
+    is_active: Carried[bool] = False
+    _seen_s: Carried[float] = 0.0
+    _told_s: Carried[float] = 0.0
+    NOT_CARRIED = ("is_tolerated", "count", "_write", "_known_write")  # the motor counts from 0
+
+    def __init__(self, *, is_tolerated: bool = False) -> None:
+        self.is_tolerated = is_tolerated
+        self.count = 0
+        self._write: RegisterWrite | None = None
+        """The latest write while another program is active."""
+        self._known_write: RegisterWrite | None = None
+
+    def step(self, now_s: float, count: int, write: RegisterWrite | None = None) -> Event | None:
+        """Take the number of frames so far, and the latest of them that wrote registers.
+
+        Return an event to report: a begin, another write, a reminder, or the end.
+        """
+        is_other = write is not None and write is not self._known_write
+        is_new = is_other and write != self._write
+        if is_other:
+            self._write = self._known_write = write
+        if count != self.count:
+            self.count, self._seen_s = count, now_s
+            if self.is_active and not is_new and now_s - self._told_s < REPORT_EVERY_S:
+                return None
+            self.is_active, self._told_s = True, now_s
+            return Event("second_master", self._text(), {**self._data(), "active": True})
+        if self.is_active and now_s - self._seen_s >= QUIET_AFTER_S:
+            self.is_active, self._write = False, None
+            text = f"the other sender is quiet again, after {count} frames"
+            return Event("second_master", text, {"frames": count, "active": False})
+        return None
+
+    def refusal(self) -> Refusal | None:
+        """Return why no motion may run, or None."""
+        if self.is_tolerated or not self.is_active:
+            return None
+        return Refusal("second_master", self._text(), self._data())
+
+    def _data(self) -> dict[str, object]:
+        data: dict[str, object] = {"frames": self.count}
+        if self._write is not None:
+            data |= {"register": self._write.name, "value": self._write.value}
+        return data
+
+    def _text(self) -> str:
+        does, write = "commands the motor", self._write
+        if write is not None and write.name is None:
+            does = "saves the motor's registers"
+        elif write is not None:
+            value = "" if write.value is None else f" to {write.value:g}"
+            does = f"writes the motor's register {write.name}{value}"
+        return (
+            f"another program {does} on the same bus ({self.count} frames so far):"
+            " find and end it (the maker's tool, a script with the vendor's SDK, cansend of"
+            " can-utils, a second adapter), for one motor has one owner"
+        )
+
 
 LossCause: TypeAlias = Literal["connection", "process", "expired", "taken"]
 """Why a lease was lost: its connection ended, its process died, its time to live ran out without
