@@ -68,14 +68,10 @@ def gap(value: ast.expr) -> str:
 
 def texts(tree: ast.Module) -> Iterator[str]:
     """Return what a module says, but for its documentation."""
-    documentation = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    parts = {
-        id(part)
-        for node in ast.walk(tree)
-        if isinstance(node, ast.JoinedStr)
-        for part in node.values
-    }
-    for node in ast.walk(tree):
+    nodes = list(ast.walk(tree))
+    documentation = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    parts = {id(part) for node in nodes if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in nodes:
         if id(node) in documentation or id(node) in parts:
             continue
         if isinstance(node, ast.JoinedStr):
