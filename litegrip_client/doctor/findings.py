@@ -1,7 +1,8 @@
 """What a check of the doctor is: the facts that it looks at, and what it finds in them.
 
 Values only, no requests. What the daemon answered is kept as it came, so that an older or newer
-daemon is examined, too."""
+daemon is examined, too.
+"""
 
 from __future__ import annotations
 
