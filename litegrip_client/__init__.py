@@ -57,14 +57,13 @@ from litegrip_client.gripper import LiteGrip
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from litegrip_client import aio as aio
-    from litegrip_client.calibration import CalibrationData, GripperConfig
+    from litegrip_client.calibration import CalibrationData, GripperConfig, UnitConversion
     from litegrip_client.calibration_files import (
         CALIB_TEMPLATES,
         DEFAULT_CALIB,
         default_calib_path,
         list_templates,
     )
-    from litegrip_client.conversion import UnitConversion
     from litegrip_client.feeds import Event
     from litegrip_client.motion_config import MotionConfig
     from litegrip_client.protocol.grips import TaughtGrip
@@ -296,7 +295,7 @@ _LATER = {
     "Trajectory": "trajectory",
     "TrajectoryFile": "trajectory_files",
     "TrajectorySample": "trajectory",
-    "UnitConversion": "conversion",
+    "UnitConversion": "calibration",
     "list_templates": "calibration_files",
     "list_trajectories": "trajectory_files",
 }

@@ -31,8 +31,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
-    from litegrip_client.feeds import Feed
-    from litegrip_client.subscription import EventSubscription, StateSample, Subscription
+    from litegrip_client.feeds import EventSubscription, Feed, StateSample, Subscription
 
     _Item = TypeVar("_Item")
 
@@ -396,8 +395,7 @@ class Connection(Exchange):
 
     def subscribe_events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
         """Subscribe to the gripper's events, or only to some `kinds`."""
-        from litegrip_client.feeds import EventFeed  # noqa: PLC0415 - see above
-        from litegrip_client.subscription import EventSubscription  # noqa: PLC0415
+        from litegrip_client.feeds import EventFeed, EventSubscription  # noqa: PLC0415
 
         feed = EventFeed(kinds)
         self._begin(feed)
@@ -405,7 +403,7 @@ class Connection(Exchange):
 
     def subscribe(self, feed: Feed[_Item]) -> Subscription[_Item]:
         """Begin the subscription of a feed."""
-        from litegrip_client.subscription import Subscription  # noqa: PLC0415 - see above
+        from litegrip_client.feeds import Subscription  # noqa: PLC0415 - see above
 
         self._begin(feed)
         return Subscription(self, feed)

@@ -16,9 +16,9 @@ if TYPE_CHECKING:  # importing dataclasses is slow
     from typing import Any, overload
 
     from litegrip_client.calibration import GripperConfig
+    from litegrip_client.feeds import EventSubscription, Subscription
     from litegrip_client.motion_config import MotionConfig
     from litegrip_client.results import GripperState
-    from litegrip_client.subscription import EventSubscription, Subscription
 
 
 class LiteGrip(SdkGripper):

@@ -30,7 +30,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
-    from litegrip_client.ctl.way import Way
+    from litegrip_client.ctl.run import Way
 
 _EVENTS = 8
 _LOOK_EVERY_S = 1.0

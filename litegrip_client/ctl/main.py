@@ -10,8 +10,7 @@ from litegrip_client.ctl.commands import find, needs_daemon
 from litegrip_client.ctl.hints import hint_for
 from litegrip_client.ctl.output import Output, OutputLostError
 from litegrip_client.ctl.parser import UsageError, for_gripper, parse
-from litegrip_client.ctl.run import INTERRUPTED, OK, WRONG_USAGE, Run
-from litegrip_client.ctl.way import Way, way_of
+from litegrip_client.ctl.run import INTERRUPTED, OK, WRONG_USAGE, Run, Way, way_of
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
 OUTPUT_LOST = 74

@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from litegrip_client.connection import Connection
-from litegrip_client.ctl.way import Way
+from litegrip_client.ctl.run import Way
 from litegrip_client.discovery import SYSTEM_DIRECTORY
 from litegrip_client.errors import ConnectError, LiteGripError
 from litegrip_client.stopping import stop_path

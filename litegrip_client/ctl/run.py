@@ -1,6 +1,7 @@
-"""What every command works with, and the exit codes that are no error's.
+"""What every command works with: the way to the daemon, the run, and its exit codes.
 
-It must not know single commands.
+The way leads to the sockets of this machine, or by ssh to those of another (see `remote`). This
+module must not know single commands.
 """
 
 from __future__ import annotations
@@ -9,17 +10,94 @@ import shlex
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
+from litegrip_client.blocking import connect
 from litegrip_client.connection import Connection
 from litegrip_client.ctl.output import Output
+from litegrip_client.discovery import socket_paths
 from litegrip_client.errors import CommandError
+from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from typing import TypeAlias
+    from types import TracebackType
+    from typing import Any, TypeAlias
 
     from litegrip_client.ctl.parser import LateParser
-    from litegrip_client.ctl.way import Way
+
+
+class Way:
+    """To a daemon of this machine, as the command line names it."""
+
+    not_listening: tuple[type[Exception], ...] = (
+        FileNotFoundError,
+        ConnectionRefusedError,
+        PermissionError,
+        TimeoutError,
+    )
+    """What a stop raises where nobody listens for stops, or not to this user, who is told so by the
+    other socket."""
+
+    def __init__(self, options: Namespace) -> None:
+        self.options = options
+
+    def connect(self) -> Connection:
+        """Connect, and make sure that it is the daemon that is meant; raises `LiteGripError`."""
+        connection = self._connected()
+        connection.voice = in_shell
+        try:
+            self._check(connection.greet("litegripctl"), connection.path)
+        except BaseException:
+            connection.close()
+            raise
+        return connection
+
+    def paths(self) -> list[str]:
+        """List the sockets where the daemon may be found, here."""
+        return socket_paths(self.options.channel, self.options.socket)
+
+    def content(self, path: str) -> bytes:
+        """Read a file of the daemon's machine; raises `OSError`."""
+        return Path(path).read_bytes()
+
+    def close(self) -> None:
+        """Leave nothing behind."""
+
+    def __enter__(self) -> Way:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _connected(self) -> Connection:
+        return connect(self.options.channel, self.options.socket)
+
+    def _check(self, hello: Mapping[str, Any], path: str) -> None:
+        options = self.options
+        if options.channel_chosen and options.socket is None:
+            if hello["channel"] == options.channel:
+                return
+            raise CommandError(
+                f"the daemon at {path} has channel {hello['channel']}, not {options.channel}",
+                reason="wrong_gripper",
+                data={"hint": "see the variable LITEGRIPD_SOCKET"},
+            )
+
+
+def way_of(options: Namespace) -> Way:
+    """Return the way that the command line asks for."""
+    if options.ssh_host is None:
+        return Way(options)
+    from litegrip_client.ctl.remote import SshWay  # noqa: PLC0415 - seldom needed
+
+    return SshWay(options)
+
 
 OK = 0
 NOT_OK = 1

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.facts import SIMULATED, Facts
-from litegrip_client.doctor.findings import Finding, error, ok, warning
+from litegrip_client.doctor.findings import SIMULATED, Facts, Finding, error, ok, warning
 
 STANDSTILL_US = 100_000
 """From so late a tick on a motor with the usual watchdog reports "communication lost"."""

@@ -1,12 +1,165 @@
-"""What a check finds: a level, one line, and what to do where it is not all right."""
+"""What a check of the doctor is: the facts that it looks at, and what it finds in them.
+
+Values only, no requests. What the daemon answered is kept as it came, so that an older or newer
+daemon is examined, too.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias
 
-from litegrip_client.doctor.facts import Facts
+SIMULATED = ("litegrip_sim", "virtual")
+"""Interfaces of python-can without an adapter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A network interface; None where that is not known, or where its kind has no such thing."""
+
+    name: str
+    is_can: bool
+    is_up: bool
+    kind: str | None = None
+    """As iproute2 names it: "can" for an adapter, "vcan"; None without iproute2's answer."""
+    queue_frames: int | None = None
+    bitrate: int | None = None
+    sample_point: float | None = None
+    restart_ms: int | None = None
+    state: str | None = None
+    """The controller's: ERROR-ACTIVE, ERROR-WARNING, ERROR-PASSIVE, BUS-OFF, STOPPED, ..."""
+    tx_errors: int | None = None
+    rx_errors: int | None = None
+    history: Mapping[str, int] = field(default_factory=dict)
+    """What has happened since the driver was loaded: bus_off, bus_error, error_passive, ..."""
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """What the operating system says of the bus."""
+
+    link: Link | None = None
+    ip_problem: str | None = None
+    """Why iproute2 gave no answer, or None; the link then comes from the kernel's files."""
+    can_links: tuple[str, ...] = ()
+    """The CAN interfaces that there are."""
+    driver: str | None = None
+    adapter: str | None = None
+    """What a USB adapter calls itself."""
+    device: Device | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Device:
+    """The file of an adapter that is no network interface."""
+
+    path: str
+    is_there: bool
+    is_character_device: bool = False
+    is_accessible: bool = False
+    """True if this user may read and write it."""
+    group: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Socket:
+    """One of the daemon's sockets."""
+
+    path: str
+    is_accessible: bool
+    """True if this user may connect."""
+    owner_uid: int
+
+
+@dataclass(frozen=True, slots=True)
+class User:
+    """Who runs this program, and the group whose members may connect to the daemon."""
+
+    name: str
+    uid: int
+    group: str
+    group_exists: bool = True
+    is_member: bool = True
+    """By the system's list of groups."""
+    has_group: bool = True
+    """In this session: groups are taken at the login."""
+
+
+@dataclass(frozen=True, slots=True)
+class Daemon:
+    """A daemon that answers: its `hello`, `info.get`, `health` and `state.get`."""
+
+    path: str
+    hello: Mapping[str, Any]
+    info: Mapping[str, Any]
+    health: Mapping[str, Any]
+    state: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """A channel's configuration file, of which the daemon's program was asked.
+
+    `content` is what it says, as in `info.get`; else `error` is what is wrong with it, or
+    `unchecked` why that is not known.
+    """
+
+    file: str
+    content: Mapping[str, Any] | None = None
+    error: str | None = None
+    unchecked: str | None = None
+    as_user: str | None = None
+    """As whom it was read, where that is not who runs this program."""
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """All that is known; `daemon` None where none answers, `failure` then says why.
+
+    `ctl` is how litegripctl is called for this gripper, `asked_channel` the channel that was asked
+    for by name, `now_s` the Unix time. `interface` is None where it is not known.
+    """
+
+    channel: str
+    version: str
+    user: User
+    system: System
+    sockets: tuple[Socket, ...] = ()
+    daemon: Daemon | None = None
+    failure: str | None = None
+    ctl: str = "litegripctl"
+    asked_channel: str | None = None
+    is_unit_enabled: bool = False
+    """True if systemd starts the channel's daemon by itself."""
+    is_unit_installed: bool = True
+    """True if systemd has a unit for daemons at all."""
+    socket: str | None = None
+    """For a shell, the socket that alone was named, and where nobody answers."""
+    hung_pid: int | None = None
+    """Who listens but does not answer, 0 where that is not known; None where nobody listens."""
+    configuration: Configuration | None = None
+    """The channel's file, where there is one and no daemon reports what it uses."""
+    interface: str | None = "socketcan"
+    bus_channel: str = "can0"
+    now_s: float = 0.0
+
+    @property
+    def is_channel_known(self) -> bool:
+        """True unless a socket alone was named, and nobody answers there."""
+        return self.socket is None
+
+    @property
+    def unit(self) -> str | None:
+        """The systemd unit of the channel's daemon; None where the channel or units are unknown."""
+        is_known = self.is_channel_known and self.is_unit_installed
+        return f"litegripd@{self.channel}" if is_known else None
+
+    @property
+    def is_enabled(self) -> bool:
+        """True if the motor is enabled, as far as is known."""
+        return self.daemon is not None and self.daemon.state.get("enabled") is True
+
 
 Level: TypeAlias = Literal["ok", "warning", "error"]
 

@@ -25,7 +25,7 @@ from litegrip_client.discovery import (
     is_unit_installed,
     socket_paths,
 )
-from litegrip_client.doctor.facts import (
+from litegrip_client.doctor.findings import (
     SIMULATED,
     Configuration,
     Daemon,

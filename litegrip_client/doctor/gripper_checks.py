@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.facts import Daemon, Facts
-from litegrip_client.doctor.findings import Finding, error, ok, warning
+from litegrip_client.doctor.findings import Daemon, Facts, Finding, error, ok, warning
 from litegrip_client.results import USABLE_BUS
 
 MIT_MODE = 1

@@ -8,8 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.facts import SIMULATED, Facts, Link
-from litegrip_client.doctor.findings import Finding, error, ok, warning
+from litegrip_client.doctor.findings import SIMULATED, Facts, Finding, Link, error, ok, warning
 from litegrip_client.results import USABLE_BUS
 
 BITRATE = 1_000_000

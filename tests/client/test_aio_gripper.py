@@ -15,8 +15,8 @@ from litegrip_client import (
 )
 from litegrip_client.actions import BlockingGripper, Lease
 from litegrip_client.aio import LiteGrip
+from litegrip_client.feeds import EventSubscription, Subscription
 from litegrip_client.sdk.gripper import SdkGripper
-from litegrip_client.subscription import EventSubscription, Subscription
 from tests.client.aio_helpers import arrived, cancel, run
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
 

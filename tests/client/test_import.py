@@ -26,7 +26,7 @@ def run(code: str, cache: Path) -> str:
 def test_only_the_standard_library_is_imported(tmp_path: Path) -> None:
     code = (
         "import sys; before = set(sys.modules); import litegrip_client, litegrip_client.results, "
-        "litegrip_client.subscription, litegrip_client.ctl.main; "
+        "litegrip_client.feeds, litegrip_client.ctl.main; "
         "print(*sorted({name.partition('.')[0] for name in set(sys.modules) - before}))"
     )
     names = set(run(code, tmp_path).split())

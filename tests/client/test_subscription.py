@@ -5,7 +5,7 @@ import pytest
 
 from litegrip_client.connection import Connection
 from litegrip_client.errors import CommandError, ConnectError
-from litegrip_client.subscription import StateSample
+from litegrip_client.feeds import StateSample
 from tests.client.fake_daemon import STATE, FakeDaemon, Request
 from tests.client.helpers import (
     in_thread,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
     from litegrip_client.ctl.output import Output
-    from litegrip_client.ctl.way import Way
+    from litegrip_client.ctl.run import Way
 
 _STOP_WITHIN_S = 2.0
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.doctor.facts import Daemon, Facts, Link, Socket, System, User
+from litegrip_client.doctor.findings import Daemon, Facts, Link, Socket, System, User
 from litegrip_client.doctor.gather import from_ip
 
 LINKS = Path(__file__).parent / "links"

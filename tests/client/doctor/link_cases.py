@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from litegrip_client.doctor.facts import Device, Facts
+from litegrip_client.doctor.findings import Device, Facts
 from tests.client.doctor.case import Case
 from tests.client.doctor.known import daemon, facts, link, system, with_daemon
 

@@ -11,8 +11,7 @@ import litegrip_client
 from litegrip_client.ctl.commands.doctor import findings_text
 from litegrip_client.ctl.main import main
 from litegrip_client.doctor import gather
-from litegrip_client.doctor.facts import Configuration, System, User
-from litegrip_client.doctor.findings import error, ok, warning
+from litegrip_client.doctor.findings import Configuration, System, User, error, ok, warning
 from litegrip_client.doctor.link_checks import _IF_LOST
 from tests.client.doctor.known import HEALTH, HELLO, INFO, STATE, changed, link
 from tests.client.fake_daemon import FakeDaemon, Handler

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client.doctor import gather
-from litegrip_client.doctor.facts import Configuration, Device, Link, Socket, System
+from litegrip_client.doctor.findings import Configuration, Device, Link, Socket, System
 from tests.client.doctor.known import LINKS, link
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegrip_client.doctor.facts import Link
+from litegrip_client.doctor.findings import Link
 from litegrip_client.doctor.gather import from_files, from_ip
 from tests.client.doctor.known import LINKS, link
 
