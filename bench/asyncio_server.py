@@ -17,8 +17,8 @@ from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.direct import DirectBus
 from litegripd.io.loop import LatenessMeter, PeriodicTimer
 from litegripd.io.realtime import acquire
-from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor_types import GripperId
 from litegripd.rpc.reports import state_view
 
 PERIOD_S = 0.005

@@ -9,8 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from bench.held import LOOK_S, HeldRig, Setting
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MitCommand
+from litegripd.model.motor import CanFrame, MitCommand
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper

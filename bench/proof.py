@@ -26,7 +26,7 @@ from litegripd.io.helper.helper import Helper, HelperResult
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import acquire
 from litegripd.io.server import Server
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.rpc.jsonrpc import encode, parse, result_line
 from litegripd.rpc.sessions import Peer, Session
 

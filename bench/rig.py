@@ -15,13 +15,11 @@ from litegripd.control.motions.base import Action, PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.control.motions.move import Ramp
 from litegripd.control.motions.power import Enable
-from litegripd.model.bus import CanFrame
 from litegripd.model.calibration import Calibration
 from litegripd.model.geometry import Geometry
-from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import EnableMotor, MotorPhase, MotorView
-from litegripd.model.motor_types import DM4310
+from litegripd.model.motor import CanFrame, EnableMotor, MotorPhase, MotorView
+from litegripd.model.motor_types import DM4310, GripperId
 from litegripd.model.results import GraspOutcome, GraspResult
 from litegripd.model.state import Job, Owner
 from litegripd.sim.gripper import SimulatedGripper

@@ -13,8 +13,7 @@ import signal
 import sys
 from pathlib import Path
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import Status
+from litegripd.model.motor import CanFrame, Status
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.console import Console

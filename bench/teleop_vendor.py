@@ -18,9 +18,8 @@ from pathlib import Path
 
 from bench.teleop_follow import SEED_PERIOD_S
 from litegripd.control.gains import DEFAULT_GAINS
-from litegripd.model.bus import CanFrame
 from litegripd.model.geometry import Geometry
-from litegripd.model.motor import MitCommand
+from litegripd.model.motor import CanFrame, MitCommand
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper, build_gripper

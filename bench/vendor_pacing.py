@@ -12,7 +12,7 @@ import can
 
 from litegripd.io.can.bus import to_message
 from litegripd.io.loop import LatenessMeter
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 
 PERIOD_S = 0.005
 HOLD = to_message(CanFrame(0x08, bytes.fromhex("7FFF7FF0000007FF")))

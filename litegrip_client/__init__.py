@@ -77,6 +77,14 @@ if TYPE_CHECKING:
         SetZeroResult,
     )
     from litegrip_client.sdk.names import (
+        DEFAULT_DQ_MAX,
+        DEFAULT_GRIP_ID,
+        DEFAULT_GRIP_PORT,
+        DEFAULT_TORQUE_LIMIT_NM,
+        FRAME_SIZE,
+        MAX_FRAME_GAP_S,
+        TORQUE_REARM_OPENNESS,
+        TORQUE_TRIP_CYCLES,
         Control_Mode,
         DefaultParams,
         DM_Motor_Type,
@@ -85,7 +93,10 @@ if TYPE_CHECKING:
         GripperMode,
         GripperParams,
         GripperStatus,
+        decode_frame,
         describe_error,
+        encode_frame,
+        teleop_topic,
     )
     from litegrip_client.sdk.refused import (
         Connector,
@@ -105,22 +116,14 @@ if TYPE_CHECKING:
         limit_target,
         press_target,
     )
-    from litegrip_client.sdk.teleop import (
-        DEFAULT_DQ_MAX,
-        DEFAULT_GRIP_ID,
-        DEFAULT_GRIP_PORT,
-        DEFAULT_TORQUE_LIMIT_NM,
-        FRAME_SIZE,
-        MAX_FRAME_GAP_S,
-        TORQUE_REARM_OPENNESS,
-        TORQUE_TRIP_CYCLES,
-        decode_frame,
-        encode_frame,
-        teleop_topic,
-    )
-    from litegrip_client.sdk.trajectories import DEFAULT_RATE_HZ, resolve_path, trajectory_dir
     from litegrip_client.trajectory import Trajectory, TrajectorySample
-    from litegrip_client.trajectory_files import TrajectoryFile, list_trajectories
+    from litegrip_client.trajectory_files import (
+        DEFAULT_RATE_HZ,
+        TrajectoryFile,
+        list_trajectories,
+        resolve_path,
+        trajectory_dir,
+    )
 
     __version__: str
 
@@ -250,11 +253,6 @@ _LATER = {
             "GripperParams",
             "GripperStatus",
             "describe_error",
-        ),
-        "sdk.names",
-    ),
-    **dict.fromkeys(
-        (
             "DEFAULT_DQ_MAX",
             "DEFAULT_GRIP_ID",
             "DEFAULT_GRIP_PORT",
@@ -267,15 +265,7 @@ _LATER = {
             "encode_frame",
             "teleop_topic",
         ),
-        "sdk.teleop",
-    ),
-    **dict.fromkeys(
-        (
-            "DEFAULT_RATE_HZ",
-            "resolve_path",
-            "trajectory_dir",
-        ),
-        "sdk.trajectories",
+        "sdk.names",
     ),
     "CALIB_TEMPLATES": "calibration_files",
     "DEFAULT_CALIB": "calibration_files",
@@ -298,6 +288,9 @@ _LATER = {
     "UnitConversion": "calibration",
     "list_templates": "calibration_files",
     "list_trajectories": "trajectory_files",
+    "DEFAULT_RATE_HZ": "trajectory_files",
+    "resolve_path": "trajectory_files",
+    "trajectory_dir": "trajectory_files",
 }
 """Names that are slow to import or seldom needed, and their modules."""
 

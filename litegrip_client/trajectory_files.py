@@ -34,6 +34,9 @@ DIRECTORY_VARIABLE = "LITEGRIP_TRAJ_DIR"
 ENDING = ".lgt"
 GRIP_ENDING = ".grip.json"
 
+DEFAULT_RATE_HZ = 100.0
+"""Samples a second of a recording, by the SDK's name."""
+
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryFile:
@@ -69,6 +72,16 @@ def directory() -> Path:
     """Return where trajectories are kept: LITEGRIP_TRAJ_DIR, else ~/.litegrip/trajectories."""
     named = os.environ.get(DIRECTORY_VARIABLE) or "~/.litegrip/trajectories"
     return _real(named)
+
+
+def trajectory_dir() -> str:
+    """Return the directory of this user's trajectories: `directory` by the SDK's name."""
+    return str(directory())
+
+
+def resolve_path(name: str | os.PathLike[str]) -> str:
+    """Return the file that a trajectory's name means: `path_of` by the SDK's name."""
+    return str(path_of(name))
 
 
 def path_of(name: str | os.PathLike[str]) -> Path:

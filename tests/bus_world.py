@@ -10,7 +10,7 @@ from typing import Any
 
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.direct import DirectBus
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.motor import codec
 from litegripd.sim.faults import BusFaults
 from litegripd.sim.gripper import SimulatedGripper

@@ -25,9 +25,9 @@ from litegripd.app.features import build_service
 from litegripd.app.helper_main import OPERATIONS
 from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
-from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase
+from litegripd.model.motor_types import GripperId
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.rpc.sessions import Peer

@@ -19,14 +19,12 @@ from litegripd.app.machine import Machine
 from litegripd.handover.methods import OnRestart, OnRestarted, no_restart
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.files import load_operation, templates_operation
-from litegripd.model.bus import UP, CanFrame
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor import MitCommand, MotorPhase, Ranges
-from litegripd.model.motor_types import DM4310, MotorType
+from litegripd.model.motor import UP, CanFrame, MitCommand, MotorPhase, Ranges
+from litegripd.model.motor_types import DM4310, GripperId, MotorType
 from litegripd.model.state import GripperState, HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.recorder.causes import Dumps
@@ -36,8 +34,7 @@ from litegripd.rpc.facts import Hello, Info, MotionFields
 from litegripd.rpc.sessions import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
-from litegripd.trajectories.owners import Limits
-from litegripd.trajectories.store import TrajectoryStore
+from litegripd.trajectories.store import Limits, TrajectoryStore
 from tests.answers import described
 
 PERIOD_S = 0.005

@@ -22,7 +22,7 @@ from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 from litegripd.model.plain import plain_of
 from litegripd.rpc.facts import Configuration
 from litegripd.rpc.sessions import ROLES, Peer, Role
-from litegripd.trajectories.owners import MB, Limits
+from litegripd.trajectories.store import MB, Limits
 
 MAX_STANDARD_ID = 0x7FE  # 0x7FF carries register traffic
 MAX_CPUS = 1024

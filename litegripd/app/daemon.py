@@ -34,9 +34,8 @@ from litegripd.io.loop import Reactor, Signals, Urgent
 from litegripd.io.realtime import acquire, give_up_priority
 from litegripd.io.server import MAX_CONNECTIONS, Server
 from litegripd.io.stop_socket import StopListener, clients_within_limit
-from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor_types import MOTOR_TYPES
+from litegripd.model.motor_types import MOTOR_TYPES, GripperId
 from litegripd.model.state import Owner, StopLevel
 from litegripd.recorder.causes import Dumps
 from litegripd.teleop.links import TeleopLinks

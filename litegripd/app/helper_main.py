@@ -38,8 +38,7 @@ from litegripd.io.helper.spawner import MODULE as SPAWNER
 from litegripd.io.helper.spawner import OPERATION as START_SPAWNER
 from litegripd.io.log import LineWriter
 from litegripd.model.calibration import Dumped
-from litegripd.trajectories.owners import Limits
-from litegripd.trajectories.store import TrajectoryStore
+from litegripd.trajectories.store import Limits, TrajectoryStore
 
 Parameters = Mapping[str, object]
 Operation = Callable[[Parameters], object]

@@ -10,9 +10,9 @@ from litegripd.control.motions.base import Adopted, Step
 from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, measured
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import damping_conflict
 from litegripd.model.motor import MotorView, ZeroView
+from litegripd.model.motor_types import GripperId
 from litegripd.model.plain import Carried
 from litegripd.model.results import ZeroOutcome, ZeroResult
 from litegripd.model.state import HelperTask, TaskResult

@@ -36,13 +36,13 @@ from litegripd.control.holds import Grip, Hold, Idle, Slack
 from litegripd.control.jobs import JobBook, RegisterReads, Start
 from litegripd.control.limiter import Output, bounds_of
 from litegripd.control.motions.base import Action
-from litegripd.model.bus import NOT_OPENED, BusCondition
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Geometry
-from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
+    NOT_OPENED,
+    BusCondition,
     DisableMotor,
     Feedback,
     MitCommand,
@@ -52,6 +52,7 @@ from litegripd.model.motor import (
     MotorView,
     ZeroView,
 )
+from litegripd.model.motor_types import GripperId
 from litegripd.model.plain import Carried
 from litegripd.model.results import Progress, Result
 from litegripd.model.state import (

@@ -6,10 +6,9 @@ from dataclasses import fields
 
 from litegripd.control.authority import Grant, Loss, LossCause
 from litegripd.control.heat import HeatChange
-from litegripd.model.bus import BusCondition, remedy
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import MotorIdentity, MotorPhase, MotorView
+from litegripd.model.motor import BusCondition, MotorIdentity, MotorPhase, MotorView, remedy
 from litegripd.model.results import GraspResult, ReplayResult, Result
 from litegripd.model.state import Event, Job, OnLost, Owner, StopLevel
 

@@ -1,16 +1,4 @@
-"""The types of motor that the daemon can drive: all that is true of one type is in its row.
-
-A further type of the family is a further row of `MOTOR_TYPES`, and nothing else: limits, budgets,
-the heat model, the configuration's choices and the simulator follow from it.
-
-Sources. DM4310: the maker's data sheet of the DM-J4310-2EC (10:1; 3 N·m rated, 7 peak; 120 and 200
-rpm at 24 V) and register ranges; friction by the gripper's manual; thermal resistances and time
-constants are estimates. DM4340: the maker's data sheet of the DM-J4340-2EC (40:1; 9 N·m rated, 27
-peak; 36 and 52.5 rpm at 24 V) and register ranges. Its frame, winding and driver are assumed to be
-the DM4310's, so torque constant, inertia, braking and heat follow from there by the ratio; its
-friction is an estimate. The gripper comes with a DM4310. NO DM4340 HAS EVER BEEN TRIED in it, nor
-with this daemon on any hardware: `is_untried` marks the row.
-"""
+"""What a gripper is: its name on this machine, and the motors of its family."""
 
 import math
 from collections.abc import Mapping
@@ -145,3 +133,19 @@ DM4340 = MotorType(
 
 MOTOR_TYPES: Mapping[str, MotorType] = MappingProxyType({row.name: row for row in (DM4310, DM4340)})
 """The types by the name that `[motor] type` has in the configuration."""
+
+
+@dataclass(frozen=True, slots=True)
+class GripperId:
+    """The gripper on one channel: its motor's CAN id and type, and its whole stroke in mm.
+
+    `bus_channel` is the network interface or the adapter's file by which its bus is opened. `mount`
+    is the template or the calibration file that the configuration names, None if it names none.
+    """
+
+    channel: str = "can0"
+    bus_channel: str = "can0"
+    can_id: int = 0x08
+    stroke_mm: float = 120.0
+    mount: str | None = None
+    motor_type: MotorType = DM4310

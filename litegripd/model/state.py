@@ -5,9 +5,9 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import Literal, TypeAlias
 
-from litegripd.model.bus import BusState
 from litegripd.model.errors import Refusal
 from litegripd.model.geometry import Mount
+from litegripd.model.motor import BusState
 from litegripd.model.results import Result
 
 JobKind: TypeAlias = Literal[

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Literal
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import (
+    CanFrame,
     Feedback,
     MitCommand,
     Ranges,

@@ -7,8 +7,7 @@ motor's watchdog reported a fault. Nothing here decides a phase or energises.
 
 from dataclasses import dataclass, replace
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MitCommand, Ranges
+from litegripd.model.motor import CanFrame, MitCommand, Ranges
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.codec import status_request

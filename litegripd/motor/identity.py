@@ -15,9 +15,8 @@ possible. A torque is coded so that none of them makes it larger than wanted.
 import math
 from dataclasses import dataclass, field, replace
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import MotorIdentity, Ranges
+from litegripd.model.motor import CanFrame, MotorIdentity, Ranges
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 from litegripd.model.plain import Carried
 from litegripd.motor.codec import (

@@ -6,9 +6,9 @@ what is known goes out as a `MotorView`. Nothing in here decides to energise the
 
 from collections.abc import Iterable
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import (
+    CanFrame,
     DisableMotor,
     EnableMotor,
     Feedback,

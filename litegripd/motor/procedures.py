@@ -1,8 +1,7 @@
 """What takes several exchanges with the motor: enabling it, and moving its zero."""
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import EnableMotor, Feedback, Ranges, ZeroView, is_fault
+from litegripd.model.motor import CanFrame, EnableMotor, Feedback, Ranges, ZeroView, is_fault
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.codec import VERIFIED, status_request

@@ -8,9 +8,8 @@ from zlib import crc32
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Slack
-from litegripd.model.bus import CanFrame
 from litegripd.model.geometry import Geometry
-from litegripd.model.motor import Feedback, MitCommand, MotorPhase
+from litegripd.model.motor import CanFrame, Feedback, MitCommand, MotorPhase
 from litegripd.model.state import Event, JobKind, Owner
 from litegripd.motor.motor import Motor
 from litegripd.motor.phases import Phase

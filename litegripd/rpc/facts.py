@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Literal, NewType, Protocol, TypeAlias, TypedDict
 
-from litegripd.model.bus import BusState
 from litegripd.model.geometry import Mount
+from litegripd.model.motor import BusState
 from litegripd.model.teleop import LinkState
 
 Verdict: TypeAlias = Literal["ok", "degraded", "down"]

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Protocol
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim import registers as reg
 from litegripd.sim.faults import FrameFaults
 from litegripd.sim.motor import REGISTER_CAN_ID, WRITE

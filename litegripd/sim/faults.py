@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import can
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 
 
 class FrameFaults:

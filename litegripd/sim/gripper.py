@@ -10,7 +10,7 @@ import math
 import threading
 from dataclasses import replace
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 from litegripd.sim.motor import FAULTS, SimulatedMotor
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import can
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.model.motor_types import DM4310
 from litegripd.sim.faults import BusFaults, failure
 from litegripd.sim.gripper import SimulatedGripper, build_gripper

@@ -15,7 +15,7 @@ import math
 import random
 from typing import NamedTuple
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim import registers as reg
 from litegripd.sim.codec import (
     MitCommand,

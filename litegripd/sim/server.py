@@ -19,7 +19,7 @@ from pathlib import Path
 
 import can
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.console import Console
 from litegripd.sim.wire import Arrival, MotorWire
 

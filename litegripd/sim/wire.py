@@ -10,7 +10,7 @@ from __future__ import annotations
 import heapq
 import math
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.faults import FrameFaults
 from litegripd.sim.gripper import SimulatedGripper
 

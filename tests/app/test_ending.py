@@ -5,8 +5,7 @@ import logging
 import pytest
 
 from litegripd.app.machine import Ending
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MitCommand, MotorPhase, Status
+from litegripd.model.motor import CanFrame, MitCommand, MotorPhase, Status
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.motor.codec import TIMEOUT, write_request

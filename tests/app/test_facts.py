@@ -13,8 +13,8 @@ from litegripd.control.authority import QUIET_AFTER_S
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.helper.files import DATA
 from litegripd.io.loop import RecentLateness
-from litegripd.model.bus import UP, CanFrame
 from litegripd.model.calibration import to_plain
+from litegripd.model.motor import UP, CanFrame
 from tests.world import CAN_ID, World
 
 MEASURED = {"zero_position_rad": 0.104334, "max_position_rad": -1.513123}

@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.bus import BusCondition, CanFrame
-from litegripd.model.motor import MotorInput, MotorPhase, Status
+from litegripd.model.motor import BusCondition, CanFrame, MotorInput, MotorPhase, Status
 from tests.world import PERIOD_S, World
 
 

@@ -12,8 +12,7 @@ from typing import Any, cast
 import pytest
 
 from litegripd.app.systemd import FEEDBACK_WITHIN_S, Supervision
-from litegripd.model.bus import BusCondition
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import BusCondition, MotorPhase
 from tests.world import PERIOD_S, World
 
 

@@ -4,8 +4,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
 from litegripd.control.holds import Grip
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MitCommand, MotorPhase, Status
+from litegripd.model.motor import CanFrame, MitCommand, MotorPhase, Status
 from litegripd.motor import codec
 from tests.properties import examples
 from tests.world import CAN_ID, PERIOD_S, Client, World, is_command

@@ -14,10 +14,9 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.calibration import CalibrationError, read_content
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
-from litegripd.model.motor import MotorPhase, Ranges, ZeroView
+from litegripd.model.motor import CanFrame, MotorPhase, Ranges, ZeroView
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.parameters import MOUNTS

@@ -9,8 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from litegripd.control.authority import QUIET_AFTER_S
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import CanFrame, MotorPhase
 from litegripd.motor import codec
 from litegripd.sim.faults import BusFaults
 from tests.bus_world import BusWorld

@@ -1,7 +1,6 @@
 """What makes the daemon dump by itself though no motor faults: silence, reset, jump, stranger."""
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import CanFrame, MotorPhase
 from litegripd.motor import codec
 from litegripd.recorder.causes import APART_S
 from tests.control.test_dumps import causes, recover, watching

@@ -2,8 +2,7 @@
 
 import pytest
 
-from litegripd.model.bus import BusCondition
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import BusCondition, MotorPhase
 from litegripd.recorder.causes import AFTER_S, APART_S
 from tests.world import PERIOD_S, Client, World
 

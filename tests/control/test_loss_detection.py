@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from tests.control.held import MOUNTS, Held
 
 TOLD_S = 0.2

@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase, Status
+from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor import codec
 from tests.world import CAN_ID, World, is_command
 

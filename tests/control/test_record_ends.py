@@ -7,7 +7,7 @@ import pytest
 
 from litegripd.handover import state as handover
 from litegripd.trajectories.capture import Capture
-from litegripd.trajectories.owners import Limits
+from litegripd.trajectories.store import Limits
 from tests.control.recordings import recording, taken
 from tests.control.states import in_state
 from tests.trajectories import fetched, lgt, send

@@ -3,8 +3,7 @@
 from typing import Any
 
 from litegripd.control.authority import QUIET_AFTER_S, REPORT_EVERY_S, SecondMaster
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import CanFrame, MotorPhase
 from tests.world import CAN_ID, Client, World
 
 FOREIGN = CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF"))

@@ -9,7 +9,7 @@ from typing import Any
 
 import can
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.motor import ENABLED
 from litegripd.sim.parameters import SimulatorParameters

@@ -11,8 +11,7 @@ from dataclasses import dataclass
 
 import can
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MitCommand
+from litegripd.model.motor import CanFrame, MitCommand
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.motor import REGISTER_CAN_ID

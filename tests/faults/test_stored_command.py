@@ -1,6 +1,6 @@
 """A motor stores what it is told while it is off, and whoever enables it sets that off."""
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.motor import codec
 from tests.faults.fault_world import FaultWorld
 from tests.world import CAN_ID

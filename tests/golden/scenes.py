@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bench.hostile_lines import HostileLines
-from litegripd.model.bus import UP, BusCondition, BusState, CanFrame
+from litegripd.model.motor import UP, BusCondition, BusState, CanFrame
 from tests.control.exchange import exchange
 from tests.control.teleop_scene import Follower, sweep
 from tests.golden.world import GoldenClient, GoldenWorld

@@ -26,8 +26,8 @@ from litegripd.io.can.bus import FrameBus
 from litegripd.io.helper.child import start_here
 from litegripd.io.helper.helper import Helper, HelperResult
 from litegripd.io.sockets import Places, occupy
-from litegripd.model.bus import UP, BusCondition
 from litegripd.model.errors import Refusal
+from litegripd.model.motor import UP, BusCondition
 from litegripd.model.plain import value_of
 from litegripd.model.results import Restarted
 from litegripd.model.state import Owner, Stop

@@ -15,9 +15,9 @@ from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatModel
 from litegripd.control.holds import Grip, Hold, Slack
 from litegripd.handover import state as handover
-from litegripd.model.gripper_id import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
+from litegripd.model.motor_types import GripperId
 from litegripd.model.plain import PlainError, carried_by, is_stateful, undeclared
 from litegripd.motor.motor import Motor
 from litegripd.motor.plausibility import Plausibility

@@ -7,7 +7,7 @@ import can
 
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.direct import DirectBus
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 
 FRAME = CanFrame(0x08, bytes(range(8)))
 MESSAGE = can.Message(arbitration_id=0x18, data=bytes(8), is_extended_id=False)

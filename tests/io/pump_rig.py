@@ -10,7 +10,7 @@ import pytest
 
 from litegripd.io.can import pump_main
 from litegripd.io.can.pumped import pack_order
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 
 
 class FakeChild:

@@ -8,7 +8,7 @@ import pytest
 
 from litegripd.io.can import direct as direct_bus
 from litegripd.io.can.bus import MAX_FRAMES_PER_TICK
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from tests.io.direct_rig import FRAME, MESSAGE, Rig, operation_error
 
 

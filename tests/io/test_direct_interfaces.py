@@ -8,7 +8,7 @@ import pytest
 
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.direct import DirectBus
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.motor.codec import status_request
 
 FRAME = CanFrame(0x08, bytes(range(8)))

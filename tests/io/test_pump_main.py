@@ -8,7 +8,7 @@ import pytest
 
 from litegripd.io.can import pump_main
 from litegripd.io.can.pumped import pack_frames
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from tests.io.pump_rig import FakeAdapter, Pump
 
 FRAME = CanFrame(0x18, bytes(8))

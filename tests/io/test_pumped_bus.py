@@ -20,7 +20,7 @@ from litegripd.io.can.pumped import (
     unpack_frames,
     unpack_order,
 )
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.motor.codec import status_request
 from tests.sim.simulator_process import SimulatorProcess, simulator
 

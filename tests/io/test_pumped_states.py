@@ -7,7 +7,7 @@ import pytest
 
 from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import PumpedBus, pack_frames
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from tests.io.pump_rig import FakeChild
 
 PERIOD_S = 0.005

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from litegripd.io.helper.atomic_file import FileSystem
-from litegripd.trajectories.owners import Limits
+from litegripd.trajectories.store import Limits
 from tests.io.test_trajectory_store import LONG, TAUGHT, UID, Rig
 from tests.trajectories import pieces
 

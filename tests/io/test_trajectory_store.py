@@ -14,8 +14,7 @@ import pytest
 from litegrip_client.protocol.lgt import MAX_BYTES
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.child import MAX_PACKET_BYTES, start_here
-from litegripd.trajectories.owners import Limits
-from litegripd.trajectories.store import TrajectoryStore
+from litegripd.trajectories.store import Limits, TrajectoryStore
 from litegripd.trajectories.values import MAX_NAME, PIECE_BYTES
 from tests.trajectories import HEADER_BYTES, lgt, pieces, sampled, swing
 

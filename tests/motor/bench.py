@@ -3,8 +3,8 @@
 import struct
 from collections.abc import Callable
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
+    CanFrame,
     EnableMotor,
     Feedback,
     MitCommand,

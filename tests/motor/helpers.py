@@ -2,8 +2,7 @@
 
 import struct
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorInput
+from litegripd.model.motor import CanFrame, MotorInput
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
 from tests.world import CAN_ID, PERIOD_S, World

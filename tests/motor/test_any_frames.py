@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
+    CanFrame,
     DisableMotor,
     EnableMotor,
     MitCommand,

@@ -2,8 +2,7 @@
 
 import pytest
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import CanFrame, MotorPhase
 from litegripd.motor import codec
 from tests.motor.test_silence import moving
 from tests.world import CAN_ID, World

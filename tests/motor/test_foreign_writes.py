@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase, Status
+from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor.codec import (
     CONTROL_MODE,
     MASTER_ID,

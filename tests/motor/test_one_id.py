@@ -5,8 +5,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase, Status
+from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor import codec
 from litegripd.sim.parameters import SimulatorParameters
 from tests.world import CAN_ID, Client, World

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.calibration import Calibration
-from litegripd.model.motor import Feedback, MotorPhase, Status
+from litegripd.model.motor import CanFrame, Feedback, MotorPhase, Status
 from litegripd.motor.plausibility import IMPLAUSIBLE_FRAMES, Plausibility
 from tests.world import CAN_ID, PERIOD_S, Client, World
 

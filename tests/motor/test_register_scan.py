@@ -5,8 +5,14 @@ import struct
 
 import pytest
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import EnableMotor, MotorIdentity, MotorInput, MotorPhase, Ranges
+from litegripd.model.motor import (
+    CanFrame,
+    EnableMotor,
+    MotorIdentity,
+    MotorInput,
+    MotorPhase,
+    Ranges,
+)
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec as reg
 from litegripd.motor.identity import LONGEST_WATCHDOG_S, RegisterScan, unsuitable, warnings

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec as reg
 from litegripd.motor.codec import decode_feedback

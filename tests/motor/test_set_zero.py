@@ -6,8 +6,8 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
+    CanFrame,
     EnableMotor,
     MotorPhase,
     RegisterReply,

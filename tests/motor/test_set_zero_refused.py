@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.motor import (
+    CanFrame,
     DisableMotor,
     EnableMotor,
     MotorPhase,

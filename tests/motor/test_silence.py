@@ -4,8 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase, Status
+from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters

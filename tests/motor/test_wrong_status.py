@@ -4,8 +4,7 @@ import random
 
 import pytest
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import Feedback, MotorPhase, Status
+from litegripd.model.motor import CanFrame, Feedback, MotorPhase, Status
 from litegripd.motor.plausibility import CERTAIN_AFTER, StatusJudge
 from tests.world import PERIOD_S, Client, World
 

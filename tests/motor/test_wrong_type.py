@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from litegripd.model.bus import CanFrame
-from litegripd.model.motor import MotorPhase
+from litegripd.model.motor import CanFrame, MotorPhase
 from litegripd.model.motor_types import DM4310, DM4340, MotorType
 from litegripd.motor.identity import unsuitable
 from litegripd.sim.gripper import SimulatedGripper

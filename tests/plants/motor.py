@@ -8,7 +8,7 @@ import random
 import struct
 from typing import NamedTuple
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from tests.plants.codec import Command, Scale, read_command, write_feedback
 from tests.plants.mechanics import STEPS_PER_S, Mechanics
 from tests.plants.parameters import LIMITS_RAD, PlantParameters

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.geometry import Geometry
+from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
 from tests.plants.codec import Command, Scale, read_command, write_command
@@ -40,7 +40,7 @@ def test_no_code_of_the_simulator_is_in_it() -> None:
             node.module or "" for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
         }
         ours = {module for module in imported if module.startswith("litegripd")}
-        assert ours <= {"litegripd.model.bus"}
+        assert ours <= {"litegripd.model.motor"}
 
 
 def command(**fields: float) -> CanFrame:

@@ -9,8 +9,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
-from litegripd.model.bus import CanFrame
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import CanFrame
 from litegripd.model.motor_types import DM4310, MotorType
 from tests.plants.motor import PlantMotor
 from tests.plants.parameters import MM_RAD, PlantParameters

@@ -11,7 +11,7 @@ from litegrip_client.protocol.lgt import MAX_BYTES
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
 from litegripd.rpc.sessions import Peer
 from litegripd.trajectories.file_methods import MOST_BYTES, MOST_PER_CONNECTION, MOST_PIECES
-from litegripd.trajectories.owners import Limits
+from litegripd.trajectories.store import Limits
 from tests.trajectories import PIECE_BYTES, fetched, lgt, pieces, sampled, send, swing, uploaded
 from tests.world import Client, World
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import HardwareError, LiteGrip, MotionConfig, MoveResult
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.motor import codec
 from tests.drop_in import Daemon, Moment, Site
 from tests.sdk_compat.scenes import CODE_RAD, CODE_RAD_S, MM_RAD, content, lead_mm, load_content

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import can
 import pytest
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.interface import SimulatedBus
 from tests.sim.driving import STATUS

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim import registers as reg
 from litegripd.sim.console import TABLE, Console, help_text, parse
 from litegripd.sim.gripper import SimulatedGripper

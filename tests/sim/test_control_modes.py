@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
 from tests.sim.driving import (
     CAN_ID,

@@ -7,7 +7,7 @@ import threading
 import can
 import pytest
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.faults import BUS_OFF_ID, TX_QUEUE_FRAMES
 from litegripd.sim.interface import SimulatedBus
 from tests.sim.driving import ENABLE, STATUS, command, decode

@@ -18,7 +18,7 @@ import can
 import pytest
 
 from litegripd.app.sim_main import main
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.console import Console, help_text
 from litegripd.sim.gripper import build_gripper
 from litegripd.sim.server import BusServer

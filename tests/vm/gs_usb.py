@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from tests.vm.usbip import Setup
 
 VENDOR_ID, PRODUCT_ID = 0x1D50, 0x606F

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import build_gripper
 from litegripd.sim.wire import MotorWire
 from tests.vm.gs_usb import Adapter, Identity

@@ -3,7 +3,7 @@
 import struct
 from typing import NamedTuple
 
-from litegripd.model.bus import CanFrame
+from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import build_gripper
 from tests.vm.gs_usb import (
     BITTIMING,

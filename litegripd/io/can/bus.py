@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import can
 import can.bus
 
-from litegripd.model.bus import BusCondition, BusState, CanFrame
+from litegripd.model.motor import BusCondition, BusState, CanFrame
 
 DIRECT_INTERFACES = ("socketcan", "virtual", "litegrip_sim")
 """python-can interfaces whose send and recv(0) never block."""

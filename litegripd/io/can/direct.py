@@ -17,7 +17,7 @@ from litegripd.io.can.bus import (
     to_message,
     told_by,
 )
-from litegripd.model.bus import NOT_OPENED, UP, BusCondition, CanFrame
+from litegripd.model.motor import NOT_OPENED, UP, BusCondition, CanFrame
 
 _log = logging.getLogger(__name__)
 
