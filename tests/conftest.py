@@ -1,8 +1,9 @@
 """What holds for every test run: signals that are heard, and a garbage collector with less to do.
 
 What a test run in the background has inherited must not decide about Ctrl-C and hang-ups. A shell
-starts background jobs with SIGINT ignored, nohup with SIGHUP; whatever they start inherits that, and
-programs that tests start would be deaf to them. A handler is not inherited: they get the default.
+starts background jobs with SIGINT ignored, nohup with SIGHUP; whatever they start inherits that,
+and programs that tests start would be deaf to them. A handler is not inherited: they get the
+default.
 """
 
 import gc

@@ -69,6 +69,7 @@ def test_a_recording_without_samples_raises_unless_that_is_allowed(
     assert caught.value.reason == "recording_failed"
     empty = gripper.record_stop(allow_empty=True)
     assert (len(empty), empty.duration_s) == (0, 0.0)
+    daemon.lose_from_motor = lambda _frame: False
 
 
 def test_record_is_exclusive_and_the_jaws_are_slack_for_its_whole_duration(
