@@ -612,9 +612,9 @@ class GripperActions:
             params["fake_leader"] = True
         own = given_numbers(speed_mm_s=align_speed_mm_s, max_lead_mm=lead_cap_mm)
         config = {**self._motion_config.to_wire(), **own}
-        return await self._command(
-            "teleop.start", {**params, **({"config": config} if config else {})}
-        )
+        if config:
+            params["config"] = config
+        return _with_torque(await self._command("teleop.start", params))
 
     async def teleop_stop(self, timeout: float = 2.0) -> dict[str, Any]:
         """End it, if it runs: the jaws hold where they are. Returns the status at the end.
@@ -622,7 +622,8 @@ class GripperActions:
         Raises `ConnectError` when the daemon does not answer within `timeout` seconds. Jaws that
         the torque guard has released stay loose: holding would press what it freed.
         """
-        return await self._session.wire.call("teleop.stop", None, number("timeout", timeout))
+        timeout_s = number("timeout", timeout)
+        return _with_torque(await self._session.wire.call("teleop.stop", None, timeout_s))
 
     async def teleop_status(self) -> dict[str, Any]:
         """Return the status of teleoperation, or of the last one.
@@ -633,10 +634,7 @@ class GripperActions:
         make a slave press less (`force_limited`), and, of reflection, `reflected_n`, `followers`
         and `round_trip_ms`. A `torque_nm` that is not known is NaN.
         """
-        status = await self._session.wire.call("teleop.status")
-        if status.get("torque_nm", 0.0) is None:
-            status["torque_nm"] = math.nan
-        return status
+        return _with_torque(await self._session.wire.call("teleop.status"))
 
     # The calibration: which way closing is, and how far it is. There is one, the daemon's, for all
     # its clients. Files are the client's, where a path is given or LITEGRIP_CALIB names one.
@@ -820,6 +818,12 @@ class GripperActions:
 def state_of(result: dict[str, Any]) -> GripperState:
     """Return the state that comes with a result."""
     return GripperState.from_wire(result.get("state", {}))
+
+
+def _with_torque(status: dict[str, Any]) -> dict[str, Any]:
+    """Return a status of teleoperation whose torque is a number, as scripts print it."""
+    known = status.get("torque_nm", 0.0) is not None
+    return status if known else {**status, "torque_nm": math.nan}
 
 
 def _play_params(  # noqa: PLR0917 - those of `play`, in its order
