@@ -9,11 +9,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from bench.held import LOOK_S, HeldRig, Setting
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 
 PERIOD_S = 0.005
 KICK_NM, KICK_S = 6.0, 0.02

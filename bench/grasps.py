@@ -15,7 +15,7 @@ from typing import Any
 
 from bench.rig import DEFAULTS, Rig, VendorGrasp, ours
 from litegripd.control.motions.grasp import GraspRequest
-from litegripd.model.results import GraspResult
+from litegripd.model.state import GraspResult
 
 
 @dataclass(frozen=True, slots=True)

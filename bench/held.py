@@ -11,7 +11,7 @@ from bench.hand import Hand
 from bench.rig import DEFAULTS, Rig, ours
 from litegripd.control.holds import HoldBy
 from litegripd.control.motions.grasp import GraspRequest
-from litegripd.sim.parameters import MOUNTS, SimulatorParameters
+from litegripd.sim.plant import MOUNTS, SimulatorParameters
 
 WIDTH_MM = 50.0
 NEAR_MM = 5.0

@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from bench.damping import HOLD_FORCE_N, MOTORS, swing_of_gain, swing_of_hold
 from bench.held import RATES_HZ, SETTINGS, After, HeldRig, Setting
-from litegripd.sim.parameters import MOUNTS, SimulatorParameters
+from litegripd.sim.plant import MOUNTS, SimulatorParameters
 
 FORCES_N = (5.0, 10.0, 20.0, 30.0)
 PUSHES = ((1.5, 0.015), (2.5, 0.015), (4.0, 0.03))

@@ -20,7 +20,7 @@ from typing import Any
 
 from bench.hostile_lines import HostileLines
 from bench.raw_connection import Connection, expect, reason_of
-from litegripd.app.features import METHODS
+from litegripd.app.build import METHODS
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES, Request, parse
 
 STATE_GET = b'{"jsonrpc":"2.0","id":1,"method":"state.get"}\n'

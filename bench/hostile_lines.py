@@ -9,9 +9,8 @@ import random
 from collections.abc import Sequence
 from typing import Any
 
-from litegripd.app.features import METHODS
-from litegripd.rpc.method import Method
-from litegripd.rpc.schema import Param
+from litegripd.app.build import METHODS
+from litegripd.rpc.method import Method, Param
 
 ODD: tuple[Any, ...] = (
     None, True, -1, 0, 1, 1e308, 2**63, -(2**70), "", "x" * 300, "\u0000", "hold", "0:1", [], {},

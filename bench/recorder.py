@@ -12,8 +12,7 @@ import sys
 import time
 
 from litegripd.model.state import Event
-from litegripd.recorder.mcap import to_mcap
-from litegripd.recorder.reader import read
+from litegripd.recorder.files import read, to_mcap
 from tests.world import World
 
 TICKS = 2000

@@ -9,21 +9,18 @@ from dataclasses import replace
 
 from litegripd.app.machine import Machine
 from litegripd.control.detectors import StallDetector
-from litegripd.control.gains import DEFAULT_GAINS, Gains
 from litegripd.control.holds import Grip, GripSettings, Idle
-from litegripd.control.motions.base import Action, PlainAction, Step
+from litegripd.control.limiter import DEFAULT_GAINS, Gains
+from litegripd.control.motions.base import Action, Enable, PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.control.motions.move import Ramp
-from litegripd.control.motions.power import Enable
 from litegripd.model.calibration import Calibration
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import DM4310, Geometry, GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import CanFrame, EnableMotor, MotorPhase, MotorView
-from litegripd.model.motor_types import DM4310, GripperId
-from litegripd.model.results import GraspOutcome, GraspResult
-from litegripd.model.state import Job, Owner
+from litegripd.model.state import GraspOutcome, GraspResult, Job, Owner
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 
 PERIOD_S = 0.005
 FRAME_TIME_S = 130e-6

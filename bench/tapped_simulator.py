@@ -13,13 +13,13 @@ import signal
 import sys
 from pathlib import Path
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, Status
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.console import Console
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
+from litegripd.sim.interface import MotorWire
 from litegripd.sim.server import PtyServer, StopSignal
-from litegripd.sim.wire import MotorWire
 
 PRIORITY = 40
 

@@ -22,7 +22,7 @@ from typing import Any
 
 from bench.__main__ import call, enable, run_module, wait_for
 from bench.teleop_follow import SETTLE_S, WAYS, Motion, follow
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 
 SWINGS = ((4.0, 60.0), (2.0, 60.0), (1.0, 60.0))
 """Seconds and millimetres of one to and fro."""

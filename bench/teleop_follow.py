@@ -8,9 +8,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from bench.rig import DEFAULTS, PERIOD_S, Rig
-from litegripd.control.gains import DEFAULT_GAINS
+from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.control.motions.base import Action, PlainAction, Step
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motor import MitCommand, MotorView
 from litegripd.model.teleop import (
     Arrival,

@@ -17,13 +17,12 @@ import time
 from pathlib import Path
 
 from bench.teleop_follow import SEED_PERIOD_S
-from litegripd.control.gains import DEFAULT_GAINS
-from litegripd.model.geometry import Geometry
+from litegripd.control.limiter import DEFAULT_GAINS
+from litegripd.model.gripper import DM4310, Geometry
 from litegripd.model.motor import CanFrame, MitCommand
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
-from litegripd.sim.parameters import limits_of_mount
+from litegripd.sim.plant import limits_of_mount
 from litegripd.teleop.intake import MAX_FRAME_GAP_S
 
 CAN_ID = 0x08

@@ -42,7 +42,7 @@ class Made:
 BLOCKS = (
     Made("Lease", "session", "Lease"),
     Made("ManualCalibration", "calibrations", "ManualCalibration"),
-    Made("SetpointStream", "setpoints", "SetpointStream"),
+    Made("SetpointStream", "motion", "SetpointStream"),
 )
 CLASSES = (
     *BLOCKS,

@@ -8,8 +8,8 @@ import textwrap
 from typing import Any
 
 from litegripd.app.config import KEYS, SAME_TABLES, TABLES, Key, load
+from litegripd.model.gripper import DM4310, MOTOR_TYPES
 from litegripd.model.motion_config import MotionConfig, ranges_of
-from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 
 KINDS = {
     str: "string",

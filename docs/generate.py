@@ -30,15 +30,14 @@ from docs.protocol_fields import (  # noqa: E402
     teleop_section,
 )
 from docs.sdk_surface import surface_page  # noqa: E402
-from litegrip_client.reasons import OWN_REASONS  # noqa: E402
-from litegripd.app.features import METHODS  # noqa: E402
+from litegrip_client.errors import OWN_REASONS  # noqa: E402
+from litegripd.app.build import METHODS, SIMULATED_METHODS  # noqa: E402
 from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES  # noqa: E402
 from litegripd.model.errors import ERROR_TABLE  # noqa: E402
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES  # noqa: E402
-from litegripd.rpc.method import Method  # noqa: E402
+from litegripd.rpc.method import Method, Param  # noqa: E402
 from litegripd.rpc.methods.reading import STATE_FIELDS  # noqa: E402
 from litegripd.rpc.openrpc import PROTOCOL_VERSION  # noqa: E402
-from litegripd.rpc.schema import Param  # noqa: E402
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +127,8 @@ def protocol_page() -> str:
     sections = [
         PROTOCOL_HEAD,
         *map(_method_section, METHODS),
+        SIMULATED_HEAD,
+        *map(_method_section, SIMULATED_METHODS),
         notifications_section(),
         results_section(),
         jobs_section(),
@@ -136,6 +137,12 @@ def protocol_page() -> str:
         forms_section(),
     ]
     return "\n".join(sections)
+
+
+SIMULATED_HEAD = """## The world of a simulated gripper
+
+Only a daemon that simulates its gripper has these methods (`simulated` of `hello` is true).
+"""
 
 
 def _method_section(method: Method) -> str:

@@ -17,7 +17,7 @@ from litegrip_client.ctl.parser import (
     whole_parser,
 )
 from litegrip_client.discovery import SOCKET_VARIABLE
-from litegrip_client.trajectory_files import DIRECTORY_VARIABLE
+from litegrip_client.trajectory import DIRECTORY_VARIABLE
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator
 from litegripd.app.config import KEYS, TABLES

@@ -11,14 +11,11 @@ from dataclasses import fields
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from litegripd.app.features import METHODS
-from litegripd.model import results
-from litegripd.model.results import Progress, ReplayProgress
-from litegripd.model.state import GripperState, JobKind, JobState
+from litegripd.app.build import METHODS, SIMULATED_METHODS
+from litegripd.model.state import GripperState, JobKind, JobState, Progress, ReplayProgress, Result
 from litegripd.model.teleop import TeleopStatus
-from litegripd.rpc.method import Method
+from litegripd.rpc.method import REFERENCE, Method, Schema, Schemas
 from litegripd.rpc.openrpc import FORMS, NOTIFICATIONS, result_schema
-from litegripd.rpc.schema import REFERENCE, Schema, Schemas
 
 _JSON_NAMES = {
     int: "integer",
@@ -146,7 +143,7 @@ def results_section() -> str:
             " [state](#the-state) in which it ended.",
         )
     ]
-    for kind in get_args(results.Result):
+    for kind in get_args(Result):
         hints = get_type_hints(kind)
         rows = ((f"`{name}`", type_name(hint)) for name, hint in hints.items())
         title = f"### `{kind.__name__}`"
@@ -211,10 +208,11 @@ def result_form(method: Method) -> str:
 
 def forms_section() -> str:
     """Make the section on the forms of answers and notifications that no other section has."""
-    told = {GripperState, TeleopStatus, Progress, ReplayProgress, *get_args(results.Result)}
+    told = {GripperState, TeleopStatus, Progress, ReplayProgress, *get_args(Result)}
     names = {kind.__name__ for kind in told} | {"Job", "PartialState"}
     forms = Schemas(FORMS)
-    for sent in (*(row.returns for row in METHODS), *(kind.params for kind in NOTIFICATIONS)):
+    methods = (*METHODS, *SIMULATED_METHODS)
+    for sent in (*(row.returns for row in methods), *(kind.params for kind in NOTIFICATIONS)):
         forms.of(sent)
     rows = (
         (f"`{name}`", "; ".join(_members(form)) or "none")

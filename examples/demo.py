@@ -1,105 +1,149 @@
-"""One daemon with a simulated gripper and two processes: one moves the jaws, the other watches.
+"""A daemon with a simulated gripper and two processes: one grasps an object, the other watches.
 
-Ends by itself, with exit code 0 when the first opened and closed and the second saw both.
+While the object is held, it is taken away: the grasp ends, and the process grasps again what it
+finds. Ends by itself, with exit code 0 when all of that happened; nothing is left behind, however
+it ends.
 """
 
+import io
+import os
 import signal
 import subprocess
 import sys
 import tempfile
-import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import IO
 
-CHANNEL = "demo"
-CONFIG = """
-[bus]
-interface = "litegrip_sim"
-watchdog_s = 0.4  # a busy machine may stop all processes for longer than the usual 0.1 s
-
-[gripper]
-mount = "normal"
-"""
-START_WITHIN_S = 15.0
+CHANNEL = f"demo{os.getpid()}"  # so that two demos do not meet
 HERE = Path(__file__).parent
+ENDS_WITHIN_S = 10.0
 
 
-def start(title: str, *command: str) -> subprocess.Popen[str]:
-    """Start a process whose output we show."""
+@contextmanager
+def running(title: str, *command: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a process until the end of the block; it is ended, at last killed, if it still runs."""
     print(f"$ {title}", flush=True)
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, bufsize=1
+    process = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,  # Ctrl-C is for the demo, which then ends the others in order
     )
+    try:
+        yield process
+    finally:
+        if process.poll() is None:
+            process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(ENDS_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+        if process.stdout is not None:
+            process.stdout.close()
 
 
-def show(name: str, stream: IO[str], seen: list[str]) -> threading.Thread:
-    """Show what a process prints, each line with its name, as it comes."""
+def lines_of(name: str, process: subprocess.Popen[bytes]) -> Iterator[str]:
+    """Show what a process prints, each line with its name, and give it, too.
 
-    def copy() -> None:
-        for line in stream:
-            seen.append(line)
-            print(f"{name:>7} | {line.rstrip().rpartition(chr(13))[2]}", flush=True)
+    On a terminal a progress bar stays one line that changes.
+    """
+    if process.stdout is None:
+        return
+    text, line = io.TextIOWrapper(process.stdout, "utf-8", newline=""), ""  # \r stays \r
+    while letter := text.read(1):
+        if letter not in "\r\n":
+            line += letter
+            continue
+        if line:
+            yield _shown(name, line, changes=letter == "\r")
+        line = ""
 
-    thread = threading.Thread(target=copy)
-    thread.start()
-    return thread
 
-
-def wait_for_socket(path: Path, daemon: subprocess.Popen[str], lines: list[str]) -> None:
-    """Wait until the daemon says where it listens."""
-    if daemon.stdout is None:
-        raise RuntimeError("the daemon's output is not read")
-    for line in daemon.stdout:
-        lines.append(line)
-        print(f"{'daemon':>7} | {line.rstrip()}", flush=True)
-        if str(path) in line and "listening" in line:
-            return
-    raise RuntimeError(f"the daemon ended before it listened on {path}")
+def _shown(name: str, line: str, *, changes: bool) -> str:
+    if changes and sys.stdout.isatty():
+        print(f"\r{name:>7} | {line}", end="", flush=True)
+    elif not changes:
+        start = "\r" if sys.stdout.isatty() else ""
+        print(f"{start}{name:>7} | {line}", flush=True)
+    return line
 
 
 def main() -> int:
     """Run the demo; return the exit code."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     programs = Path(sys.executable).parent
-    logs: dict[str, list[str]] = {"daemon": [], "mover": [], "watcher": []}
-    with tempfile.TemporaryDirectory(prefix="litegripd-demo-") as folder:
+    with tempfile.TemporaryDirectory(prefix="litegripd-demo-") as folder, ExitStack() as stack:
         path = Path(folder) / "demo.sock"
-        config = Path(folder) / "demo.toml"
-        config.write_text(CONFIG, encoding="utf-8")
-        daemon = start(
-            f"litegripd {CHANNEL} --config {config}",
-            str(programs / "litegripd"), CHANNEL, "--config", str(config), "--socket", str(path),
+        os.environ["STATE_DIRECTORY"] = folder
+
+        def simulate(*words: str) -> None:
+            print(f"$ litegripctl sim {' '.join(words)}", flush=True)
+            command = [str(programs / "litegripctl"), "--socket", str(path), "sim", *words]
+            subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+
+        def begin(title: str, *command: str) -> subprocess.Popen[bytes]:
+            return stack.enter_context(running(title, *command))
+
+        daemon = begin(
+            f"litegripd {CHANNEL} --config examples/simulated.toml",
+            str(programs / "litegripd"), CHANNEL, "--socket", str(path),
+            "--config", str(HERE / "simulated.toml"),
         )  # fmt: skip
-        wait_for_socket(path, daemon, logs["daemon"])
-        processes, threads = {"daemon": daemon}, []
-        for name, script in (("watcher", "watch_state.py"), ("mover", "open_close.py")):
-            processes[name] = start(
-                f"python examples/{script} --channel {CHANNEL}",
-                sys.executable, str(HERE / script), "--channel", CHANNEL, "--socket", str(path),
-            )  # fmt: skip
-        for name, process in processes.items():
-            if process.stdout is not None:
-                threads.append(show(name, process.stdout, logs[name]))
-        moved = processes["mover"].wait(timeout=60)
-        processes["watcher"].send_signal(signal.SIGINT)
-        processes["watcher"].wait(timeout=10)
-        daemon.send_signal(signal.SIGTERM)
-        ended = daemon.wait(timeout=10)
-        for thread in threads:
-            thread.join()
-    watched = "".join(logs["watcher"])
-    complaints = [
-        complaint
-        for wrong, complaint in (
-            (moved != 0, f"the mover ended with {moved}"),
-            (ended != 0, f"the daemon ended with {ended}"),
-            ("moving    open" not in watched, "the watcher did not see the opening"),
-            ("moving    close" not in watched, "the watcher did not see the closing"),
-        )
-        if wrong
-    ]
-    print("\n" + ("; ".join(complaints) or "The demo worked: one gripper, two processes."))
-    return 1 if complaints else 0
+        if not any("listening" in line for line in lines_of("daemon", daemon)):
+            print("the daemon did not begin")
+            return 1
+        watcher = begin(
+            f"python examples/watch_state.py --channel {CHANNEL}",
+            sys.executable, str(HERE / "watch_state.py"), "--channel", CHANNEL,
+            "--socket", str(path),
+        )  # fmt: skip
+        mover = begin(
+            f"python examples/hold_on.py --channel {CHANNEL}",
+            sys.executable, str(HERE / "hold_on.py"), "--channel", CHANNEL, "--socket", str(path),
+            "--hold", "1.5",
+        )  # fmt: skip
+        outcomes = follow(mover, simulate)
+        watcher.terminate()
+        watched = "".join(lines_of("watcher", watcher))
+    seen = {
+        "the object was lost": "object_lost" in outcomes,
+        "it was held again": outcomes[-1:] == ["object_held"],
+        "the watcher saw the grasps": "grasp" in watched,
+        "the mover ended well": mover.returncode == 0,
+        "the daemon ended well": daemon.returncode == 0,
+    }
+    for what, happened in seen.items():
+        if not happened:
+            print(f"NOT so: {what}")
+    if all(seen.values()):
+        print("\nThe demo worked: an object was grasped, lost, and grasped again.")
+    return 0 if all(seen.values()) else 1
+
+
+def follow(mover: subprocess.Popen[bytes], simulate: Callable[..., None]) -> list[str]:
+    """Take the object away while it is held, and give it back; return how the grasps ended."""
+    outcomes: list[str] = []
+    taken = given = False
+    for line in lines_of("mover", mover):
+        text = line.strip()
+        if text.startswith("hold ") and not taken:
+            taken = True
+            if sys.stdout.isatty():
+                print(flush=True)  # leave the line of the bar
+            simulate("object", "none")
+        elif "mm open" in text and taken and not given:
+            given = True
+            simulate("object", "40")
+        if text.startswith(("object_", "no_object")):
+            outcomes.append(text.partition(",")[0])
+    mover.wait(ENDS_WITHIN_S)
+    return outcomes
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    try:
+        sys.exit(main())
+    except KeyboardInterrupt:
+        sys.exit(130)

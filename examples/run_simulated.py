@@ -18,6 +18,8 @@ def main() -> None:
         "  litegripctl state            what the gripper does now\n"
         "  litegripctl enable           energise the motor\n"
         "  litegripctl open             and: close, hold, disable\n"
+        "  litegripctl grasp --force 10 there is an object of 40 mm between the jaws\n"
+        "  litegripctl sim object none  take it away; also: sim push, sim fault\n"
         "  litegripctl watch            live, in a third terminal\n"
         "  litegripctl stop             anybody may; then: litegripctl clear\n"
         "  litegripctl health\n\n"
@@ -25,7 +27,8 @@ def main() -> None:
         flush=True,
     )
     daemon = str(programs / "litegripd")
-    os.execv(daemon, [daemon, CHANNEL, "--simulate"])
+    config = Path(__file__).with_name("simulated.toml")
+    os.execv(daemon, [daemon, CHANNEL, "--config", str(config)])
 
 
 if __name__ == "__main__":

@@ -66,7 +66,7 @@ if TYPE_CHECKING:
     )
     from litegrip_client.feeds import Event
     from litegrip_client.motion_config import MotionConfig
-    from litegrip_client.protocol.grips import TaughtGrip
+    from litegrip_client.protocol.trajectory import TaughtGrip
     from litegrip_client.results import (
         EnableResult,
         GraspResult,
@@ -116,10 +116,11 @@ if TYPE_CHECKING:
         limit_target,
         press_target,
     )
-    from litegrip_client.trajectory import Trajectory, TrajectorySample
-    from litegrip_client.trajectory_files import (
+    from litegrip_client.trajectory import (
         DEFAULT_RATE_HZ,
+        Trajectory,
         TrajectoryFile,
+        TrajectorySample,
         list_trajectories,
         resolve_path,
         trajectory_dir,
@@ -281,16 +282,16 @@ _LATER = {
     "MoveResult": "results",
     "PlayResult": "results",
     "SetZeroResult": "results",
-    "TaughtGrip": "protocol.grips",
+    "TaughtGrip": "protocol.trajectory",
     "Trajectory": "trajectory",
-    "TrajectoryFile": "trajectory_files",
+    "TrajectoryFile": "trajectory",
     "TrajectorySample": "trajectory",
     "UnitConversion": "calibration",
     "list_templates": "calibration_files",
-    "list_trajectories": "trajectory_files",
-    "DEFAULT_RATE_HZ": "trajectory_files",
-    "resolve_path": "trajectory_files",
-    "trajectory_dir": "trajectory_files",
+    "list_trajectories": "trajectory",
+    "DEFAULT_RATE_HZ": "trajectory",
+    "resolve_path": "trajectory",
+    "trajectory_dir": "trajectory",
 }
 """Names that are slow to import or seldom needed, and their modules."""
 

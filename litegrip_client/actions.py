@@ -14,8 +14,8 @@ if TYPE_CHECKING:  # importing typing and dataclasses is slow
     from litegrip_client.core import actions as core_actions
     from litegrip_client.core import calibrations as core_calibrations
     from litegrip_client.core import gripper as core_gripper
+    from litegrip_client.core import motion as core_motion
     from litegrip_client.core import session as core_session
-    from litegrip_client.core import setpoints as core_setpoints
     from litegrip_client.core.actions import ProgressCallback
     from litegrip_client.motion_config import MotionConfig
     from litegrip_client.results import (
@@ -112,7 +112,7 @@ class SetpointStream:
     came too late: the jaws hold until the next one.
     """
 
-    def __init__(self, core: core_setpoints.SetpointStream) -> None:
+    def __init__(self, core: core_motion.SetpointStream) -> None:
         self._core = core
 
     def set_target(

@@ -14,7 +14,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeVar
 
-    from litegrip_client.core.wire import Wire
+    from litegrip_client.core.session import Wire
     from litegrip_client.errors import LiteGripError
     from litegrip_client.exchange import Call
 

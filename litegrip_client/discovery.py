@@ -1,19 +1,35 @@
-"""Which socket belongs to a channel, and what to say when no daemon answers there."""
+"""Which sockets belong to a channel, what to say when no daemon answers, and the stop.
+
+The stop goes by the daemon's own socket for stops, which no flood of requests delays. It is a
+software stop all the same: no replacement for the switch that cuts the power.
+"""
 
 from __future__ import annotations
 
 import errno
+import json
 import os
 import re
+import socket
 from collections.abc import Awaitable, Callable, Mapping
 
-from litegrip_client.errors import ConnectError, ParameterError
+from litegrip_client.errors import (
+    ConnectError,
+    LiteGripError,
+    ParameterError,
+    ProtocolError,
+    from_error_object,
+)
+from litegrip_client.exchange import request_line
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import TypeVar
 
     _Connected = TypeVar("_Connected")
+    from typing import Any
+
+    from litegrip_client.core.session import DaemonSession, Wire
 
 SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
 SYSTEM_DIRECTORY = "/run/litegripd"
@@ -168,3 +184,111 @@ def _why(path: str, error: OSError) -> str:
         errno.EAGAIN: "the daemon accepts no connection in time",
     }
     return known.get(error.errno or 0, error.strerror or str(error))
+
+
+_LEVELS = ("hold", "relax", "disable")
+_MAX_ANSWER_BYTES = 65_536
+_MAX_REQUEST_BYTES = 1024
+
+STOP_WITHIN_S = 1.0
+"""Stops are served in every tick. Who has no answer by then is stopped by a request as well."""
+
+
+def stop_path(path: str) -> str:
+    """Return the socket for stops that belongs to the socket at `path`."""
+    return f"{path.removesuffix('.sock')}.stop.sock"
+
+
+def is_taken_as_meant(params: Mapping[str, Any]) -> bool:
+    """Return True if the stop socket understands these parameters; it takes others for a hold."""
+    why = params.get("why")
+    if params.get("level") not in _LEVELS or not (why is None or isinstance(why, str)):
+        return False
+    return len(request_line(1, "stop", params)) <= _MAX_REQUEST_BYTES
+
+
+def stop_at(path: str, level: str, why: str | None, timeout_s: float) -> dict[str, Any]:
+    """Stop the gripper whose daemon listens at `path`; return the latched level and the generation.
+
+    Raises `OSError` when nobody listens for stops there, `ConnectError` when the answer does not
+    come in time: the stop may be in force then all the same.
+    """
+    params = {"level": level} if why is None else {"level": level, "why": why}
+    request = request_line(1, "stop", params)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
+        connected.settimeout(timeout_s)
+        connected.connect(stop_path(path))
+        received = b""
+        try:
+            connected.sendall(request)
+            while not received.endswith(b"\n") and len(received) < _MAX_ANSWER_BYTES:
+                piece = connected.recv(_MAX_ANSWER_BYTES)
+                if not piece:
+                    break
+                received += piece
+        except OSError as error:
+            text = f"the stop was sent, but its answer did not come: {error}"
+            raise ConnectError(text, reason="connection_lost") from error
+    return _result(received)
+
+
+def _result(received: bytes) -> dict[str, Any]:
+    try:
+        answer = json.loads(received)
+        error = answer.get("error")
+        result: dict[str, Any] = answer["result"] if error is None else {}
+    except (ValueError, KeyError, TypeError, AttributeError) as problem:
+        text = f"the daemon answered the stop with {received[:80]!r}"
+        raise ProtocolError(text) from problem
+    if error is not None:
+        raise from_error_object(error)
+    return result
+
+
+async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
+    """Stop; return the latched level, the generation and the state after it.
+
+    What the session sends next knows of the stop, whichever way it went. Raises `LiteGripError`
+    when both ways fail, or when the stop is in force and the state cannot be had.
+    """
+    wire = session.wire
+    result: dict[str, Any] = {}
+
+    async def give() -> None:
+        result.update(
+            await _by_stop_socket(session, wire, params) or await session.ask("stop", params)
+        )
+        wire.note_stops(result)
+
+    await wire.finish(give())  # who cancels a stop on its way has stopped all the same
+    if "state" not in result:
+        try:
+            result["state"] = await session.ask("state.get")
+        except LiteGripError as error:
+            error.message = f"stopped ({result.get('level')}), but no state came: {error.message}"
+            raise
+    return result
+
+
+async def _by_stop_socket(
+    session: DaemonSession, wire: Wire, params: dict[str, str]
+) -> dict[str, Any] | None:
+    """Stop by the socket that the daemon named; None where that did not work for sure.
+
+    The path is the daemon's. Here, behind a forwarded socket or in a container, it may lead to
+    the daemon of another gripper: so only to the very process that the session is connected to.
+    """
+    if wire.stop_socket is None or not is_taken_as_meant(params):
+        return None
+    try:
+        stops = await session.reach(wire.stop_socket, STOP_WITHIN_S)
+    except OSError:
+        return None
+    try:
+        if stops.daemon_pid == 0 or stops.daemon_pid != wire.daemon_pid:
+            return None
+        return await stops.call("stop", params)
+    except LiteGripError:
+        return None
+    finally:
+        await stops.close()

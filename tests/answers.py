@@ -7,7 +7,7 @@ from typing import Any
 
 from jsonschema import Draft202012Validator, ValidationError
 
-from litegripd.app.features import METHODS
+from litegripd.app.build import METHODS
 from litegripd.rpc.openrpc import document
 
 GROWING = frozenset({"ErrorData"})

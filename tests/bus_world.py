@@ -8,14 +8,13 @@ from itertools import count
 from types import TracebackType
 from typing import Any
 
-from litegripd.io.can.bus import BusSettings
-from litegripd.io.can.direct import DirectBus
+from litegripd.io.can.bus import BusSettings, DirectBus
 from litegripd.model.motor import CanFrame
 from litegripd.motor import codec
 from litegripd.sim.faults import BusFaults
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.interface import SimulatedBus
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.world import CAN_ID, Sent, World, is_command
 
 _numbers = count()

@@ -19,26 +19,25 @@ import pytest
 from litegrip_client import LiteGrip
 from litegrip_client.connection import SLICE_S, StreamEndedError
 from litegrip_client.discovery import SYSTEM_DIRECTORY
-from litegripd.app.build import load_at_start
+from litegripd.app.build import build_service, load_at_start
 from litegripd.app.config import Config
-from litegripd.app.features import build_service
 from litegripd.app.helper_main import OPERATIONS
 from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
+from litegripd.model.gripper import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MitCommand, MotorPhase
-from litegripd.model.motor_types import GripperId
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.rpc.sessions import Peer
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from litegripd.teleop.link import Links
 from tests.world import CAN_ID, PERIOD_S, Disk, World, is_command
 
 _CLOCKED = (
-    *("blocking", "connection", "core.setpoints", "core.trajectories", "exchange", "results"),
-    *("sdk.by_hand", "sdk.gripper"),
+    *("blocking", "connection", "core.motion", "core.trajectories", "exchange", "results"),
+    "sdk.gripper",
 )
 """The client's modules that read a clock, or wait by it."""
 

@@ -14,26 +14,24 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any, ClassVar
 
-from litegripd.app.features import build_service
+from litegripd.app.build import build_service
 from litegripd.app.machine import Machine
-from litegripd.handover.methods import OnRestart, OnRestarted, no_restart
+from litegripd.handover.state import OnRestart, OnRestarted, no_restart
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.files import load_operation, templates_operation
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import DM4310, Geometry, GripperId, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import UP, CanFrame, MitCommand, MotorPhase, Ranges
-from litegripd.model.motor_types import DM4310, GripperId, MotorType
 from litegripd.model.state import GripperState, HelperTask, TaskResult
 from litegripd.motor import codec
-from litegripd.recorder.causes import Dumps
-from litegripd.recorder.reader import Recording, read
-from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
-from litegripd.rpc.facts import Hello, Info, MotionFields
+from litegripd.recorder.files import Recording, read
+from litegripd.recorder.recorder import Dumps, Recorder, memory_bytes, tick_slots
+from litegripd.rpc.reports import Hello, Info, MotionFields
 from litegripd.rpc.sessions import Peer, Role, Session
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from litegripd.trajectories.store import Limits, TrajectoryStore
 from tests.answers import described
 

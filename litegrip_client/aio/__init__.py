@@ -24,8 +24,8 @@ it waits for a motion, also by a timeout, cancels the motion before it ends.
 from litegrip_client.aio.gripper import EventSubscription, LiteGrip, Subscription
 from litegrip_client.core.actions import GripperActions
 from litegrip_client.core.calibrations import ManualCalibration
+from litegrip_client.core.motion import SetpointStream
 from litegrip_client.core.session import Lease
-from litegrip_client.core.setpoints import SetpointStream
 
 __all__ = [
     "EventSubscription",

@@ -1,24 +1,342 @@
-"""`LiteGrip` for asyncio: the core's gripper, on connections that suspend the task that waits."""
+"""`LiteGrip` for asyncio: the core's gripper, on connections that suspend the task that waits.
+
+`Connection` adds a stream and waiting, both on asyncio, to what `Exchange` is. It must not know
+what the methods do.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import errno
 import functools
-from collections.abc import Callable, Sequence
+import math
+import os
+import socket
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from types import TracebackType
 from typing import Any, Generic, TypeVar, overload
 
-from litegrip_client.aio.connection import Connection
 from litegrip_client.calibration import GripperConfig
+from litegrip_client.connection import peer_pid
 from litegrip_client.core.actions import GripperActions
 from litegrip_client.core.gripper import Gripper
 from litegrip_client.core.session import DaemonSession
 from litegrip_client.discovery import reach
+from litegrip_client.errors import CommandError, LiteGripError
+from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, no_answer
 from litegrip_client.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
 from litegrip_client.motion_config import MotionConfig
 from litegrip_client.results import GripperState
 from litegrip_client.sdk.expected import expectations
 from litegrip_client.warn import leave
+
+
+class Waiting:
+    """The tasks that wait for one connection; every change wakes them."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[asyncio.Future[None], Callable[[], bool]] = {}
+
+    async def until(self, ready: Callable[[], bool], timeout_s: float) -> bool:
+        """Wait for `ready` for at most `timeout_s` seconds; return True if it is so."""
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + timeout_s
+        while not ready():
+            remaining_s = deadline_s - loop.time()
+            if remaining_s <= 0.0:
+                return False
+            # `asyncio.wait_for` may lose a cancelling that comes together with what it waits for.
+            waiter: asyncio.Future[None] = loop.create_future()
+            timer = None
+            if not math.isinf(remaining_s):
+                timer = loop.call_later(remaining_s, _wake, waiter)
+            self._waiting[waiter] = ready
+            try:
+                await waiter
+            finally:
+                del self._waiting[waiter]
+                if timer is not None:
+                    timer.cancel()
+        return True
+
+    def wake(self) -> None:
+        """Let those go on for whom it is so by now."""
+        for waiter, ready in self._waiting.items():
+            if ready():
+                _wake(waiter)
+
+
+def _wake(waiter: asyncio.Future[None]) -> None:
+    if not waiter.done():
+        waiter.set_result(None)
+
+
+_RETRY_S = 0.01
+_READ_BYTES = 65_536
+
+
+class LineStream(asyncio.Protocol):
+    """A connected socket. `on_lines` is called with the complete lines that came together.
+
+    `on_change` is called when `ended` or `is_full` (of what the daemon does not read) changes.
+    `peer_pid` is the process at the other end, once connected.
+    """
+
+    def __init__(
+        self, on_lines: Callable[[list[bytes]], None], on_change: Callable[[], None]
+    ) -> None:
+        """Nothing is connected yet."""
+        self.ended = False
+        self.is_full = False
+        self.peer_pid = 0
+        self._on_lines = on_lines
+        self._on_change = on_change
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._transport: asyncio.WriteTransport | None = None
+        self._rest = b""
+
+    async def connect(self, path: str, timeout_s: float) -> None:
+        """Connect to `path`; raises `OSError` when that fails or takes over `timeout_s`."""
+        loop = asyncio.get_running_loop()
+        deadline_s = loop.time() + timeout_s
+        try:
+            self._socket.setblocking(False)
+            # asyncio would take a full queue of the daemon for a success.
+            while (number := self._socket.connect_ex(path)) == errno.EAGAIN:
+                if loop.time() >= deadline_s:
+                    break
+                await asyncio.sleep(_RETRY_S)
+            if number != 0:
+                raise OSError(number, os.strerror(number))
+            self.peer_pid = peer_pid(self._socket)
+            await loop.create_unix_connection(lambda: self, sock=self._socket)
+        except BaseException:
+            self._socket.close()
+            raise
+
+    def send(self, line: bytes) -> None:
+        """Send a line with its newline, or keep it to be sent; nothing when it has ended."""
+        if self._transport is not None and not self._transport.is_closing():
+            self._transport.write(line)
+
+    def abort(self) -> None:
+        """End the connection soon; `ended` reports its end. What waits to be sent is dropped."""
+        if self._transport is not None:
+            self._transport.abort()
+
+    def close_here(self) -> None:
+        """Close the socket without the event loop, which is gone, or a parent process's."""
+        self._socket.close()
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Note what sends."""
+        if isinstance(transport, asyncio.WriteTransport):
+            self._transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        """Hand on the lines that are complete."""
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if lines:
+            self._on_lines(lines)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Note the end, after what the daemon said before a sending failed."""
+        if exc is not None:
+            with contextlib.suppress(OSError):
+                while data := self._socket.recv(_READ_BYTES):
+                    self.data_received(data)
+        self.ended = True
+        self._on_change()
+
+    def pause_writing(self) -> None:
+        """Note that the daemon does not read."""
+        self.is_full = True
+        self._on_change()
+
+    def resume_writing(self) -> None:
+        """Note that it reads again."""
+        self.is_full = False
+        self._on_change()
+
+
+class Connection(Exchange):
+    """A connection to the daemon, for the tasks of the event loop in which it was opened."""
+
+    def __init__(self, path: str, timeout_s: float) -> None:
+        """Nothing is connected yet; see `open`."""
+        super().__init__(path, timeout_s)
+        self._loop = asyncio.get_running_loop()
+        self._pid = os.getpid()
+        self._waiting = Waiting()
+        self._stream = LineStream(self._on_lines, self._on_change)
+
+    @classmethod
+    async def open(cls, path: str, timeout_s: float = DEFAULT_TIMEOUT_S) -> Connection:
+        """Connect to the socket `path`; raises `OSError`.
+
+        `timeout_s` limits the connecting, and the calls that do not say otherwise.
+        """
+        connection = cls(path, timeout_s)
+        await connection._stream.connect(path, timeout_s)
+        return connection
+
+    # Calls
+
+    async def call(
+        self, method: str, params: Mapping[str, Any] | None = None, timeout_s: float | None = None
+    ) -> dict[str, Any]:
+        """Ask the daemon and return its result.
+
+        `timeout_s` None means the connection's, `math.inf` for ever. Raises the exception of the
+        daemon's error, and `ConnectError` when the connection is gone or no answer comes in time.
+        """
+        return await self.run(self.prepare(method, params), timeout_s)
+
+    async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
+        """Send a prepared call and wait for its result, as described for `call`."""
+        self._check_usable()
+        limit_s = self.timeout_s if timeout_s is None else timeout_s
+        line = call.line()
+        try:
+            self._router.calls[call.identity] = call
+            await self._send(line)
+            while True:
+                await self._wait(call, limit_s, call.method)
+                result = self._take(call)
+                if result is not None:
+                    return result
+        finally:
+            if not call.keep:
+                self.forget(call)
+
+    async def notify_guarded(self, method: str, params: Mapping[str, Any]) -> None:
+        """Send, as `prepare_guarded` does, a request that gets no answer."""
+        self._check_usable()
+        await self._send(self._guarded_notification(method, params))
+
+    async def take_refusal(self) -> LiteGripError | None:
+        """Return why the daemon refused what `notify_guarded` sent, once it has said so."""
+        self._check_usable()
+        await asyncio.sleep(0)  # so that what has come is read, and other tasks have their turn
+        self._router.check()
+        return self._newest_refusal()
+
+    async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        """Await something to its end, even when the awaiting task is cancelled again."""
+        task = asyncio.get_running_loop().create_task(coroutine)
+        cancelled: asyncio.CancelledError | None = None
+        while not task.done():
+            try:
+                await asyncio.wait([task])
+            except asyncio.CancelledError as error:  # noqa: PERF203 - hardly ever more than one
+                cancelled = error
+        task.result()
+        if cancelled is not None:
+            raise cancelled
+
+    # Subscriptions
+
+    async def subscribe(self, feed: Feed[Any]) -> None:
+        """Begin the subscription of a feed."""
+        call = self._subscribing(feed)
+        try:
+            await self.run(call)
+        except BaseException:
+            self._abandon_subscribing(call, feed)
+            raise
+
+    async def wait_for(self, feed: Feed[Any], timeout_s: float) -> None:
+        """Wait until a feed has something in its inbox."""
+        self._check_loop()
+        await self._wait(feed, timeout_s, f"with a {feed.what}")
+
+    async def unsubscribe(self, feed: Feed[Any]) -> None:
+        """End a subscription; there is nothing to do when the connection has ended."""
+        self._waiting.wake()
+        if self._router.listeners.pop(feed.key, None) is not None and not self.closed:
+            await self.call(*feed.ending())
+
+    # The connection itself
+
+    @property
+    def closed(self) -> bool:
+        """True if the connection has ended: every further call fails."""
+        return self._router.ending is not None or self._loop.is_closed() or not self.is_own
+
+    @property
+    def daemon_pid(self) -> int:
+        """The process id of the other end, 0 if unknown."""
+        return self._stream.peer_pid
+
+    @property
+    def is_own(self) -> bool:
+        """True if this process made the connection, not the parent process before a fork."""
+        return os.getpid() == self._pid
+
+    async def close(self) -> None:
+        """End the connection; again does nothing. In a forked child only its copy is closed."""
+        if not self.is_own or self._loop.is_closed():
+            self._router.end("this connection was closed", "closed")
+            self._stream.close_here()
+        elif asyncio.get_running_loop() is self._loop:
+            self._abort()
+            await self._waiting.until(lambda: self._stream.ended, self.timeout_s)
+        else:
+            self._loop.call_soon_threadsafe(self._abort)
+
+    def _abort(self) -> None:
+        self._router.end("this connection was closed", "closed")
+        self._stream.abort()
+        self._waiting.wake()
+
+    def _check_usable(self) -> None:
+        self._check_loop()
+        self._router.check()
+
+    def _check_loop(self) -> None:
+        if asyncio.get_running_loop() is not self._loop:
+            raise CommandError(
+                "this connection belongs to another event loop",
+                reason="wrong_loop",
+                data={"hint": "connect again in each event loop, after having disconnected"},
+            )
+
+    async def _send(self, line: bytes) -> None:
+        if self._stream.is_full and not await self._waiting.until(self._has_room, self.timeout_s):
+            raise no_answer("the daemon does not read its requests", self.timeout_s)
+        self._router.check()
+        self._stream.send(line)
+
+    def _has_room(self) -> bool:
+        return not self._stream.is_full or self._stream.ended
+
+    def _post(self, line: bytes) -> None:
+        self._stream.send(line)
+
+    async def _wait(self, waited: Call | Feed[Any], timeout_s: float, what: str) -> None:
+        """Return when an inbox holds something; raises `ConnectError` when that cannot come."""
+
+        def ready() -> bool:
+            return bool(waited.inbox) or self._router.ending is not None
+
+        if not await self._waiting.until(ready, timeout_s):
+            raise no_answer(f"the daemon did not answer {what}", timeout_s)
+        if not waited.inbox:
+            self._router.check()
+
+    def _on_lines(self, lines: list[bytes]) -> None:
+        complaint = self._router.take(lines)
+        if complaint is not None:
+            self._router.end(complaint, "connection_lost")
+            self._stream.abort()
+        self._waiting.wake()
+
+    def _on_change(self) -> None:
+        if self._stream.ended:
+            self._router.end("the daemon ended the connection", "connection_lost")
+        self._waiting.wake()
+
 
 _Item = TypeVar("_Item")
 

@@ -9,9 +9,8 @@ from __future__ import annotations
 import math
 
 from litegrip_client.checks import given_numbers, integer, number
-from litegrip_client.core.motion import Motion
+from litegrip_client.core.motion import Motion, SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
-from litegrip_client.core.setpoints import SetpointStream, check_no_feedforward, frame_target
 from litegrip_client.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.motion_config import MotionConfig
 from litegrip_client.results import (
@@ -31,8 +30,8 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
 
     from litegrip_client.calibration import CalibrationData, GripperConfig
     from litegrip_client.core.calibrations import ManualCalibration
+    from litegrip_client.core.session import Wire
     from litegrip_client.core.trajectories import Trajectories
-    from litegrip_client.core.wire import Wire
     from litegrip_client.results import PlayResult
     from litegrip_client.trajectory import Trajectory
 

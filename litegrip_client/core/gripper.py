@@ -10,16 +10,16 @@ from types import TracebackType
 
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import DaemonSession, Lease
+from litegrip_client.discovery import stop
 from litegrip_client.errors import BusyError, HardwareError, NotPermittedError, StoppedError
 from litegrip_client.results import GripperState
-from litegrip_client.stopping import stop
 from litegrip_client.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import
     from typing import Any
 
-    from litegrip_client.core.wire import Wire
+    from litegrip_client.core.session import Wire
     from litegrip_client.motion_config import MotionConfig
 
 

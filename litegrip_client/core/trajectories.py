@@ -28,8 +28,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: trajectories are seldom worked with
     from typing import Any
 
-    from litegrip_client.core.session import DaemonSession
-    from litegrip_client.core.wire import Wire
+    from litegrip_client.core.session import DaemonSession, Wire
     from litegrip_client.trajectory import Trajectory
 
 MOST_MISSED_SHARE = 0.1

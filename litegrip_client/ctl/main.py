@@ -7,10 +7,18 @@ from argparse import Namespace
 from functools import partial
 
 from litegrip_client.ctl.commands import find, needs_daemon
-from litegrip_client.ctl.hints import hint_for
-from litegrip_client.ctl.output import Output, OutputLostError
 from litegrip_client.ctl.parser import UsageError, for_gripper, parse
-from litegrip_client.ctl.run import INTERRUPTED, OK, WRONG_USAGE, Run, Way, way_of
+from litegrip_client.ctl.render import hint_for
+from litegrip_client.ctl.run import (
+    INTERRUPTED,
+    OK,
+    WRONG_USAGE,
+    Output,
+    OutputLostError,
+    Run,
+    Way,
+    way_of,
+)
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
 OUTPUT_LOST = 74
@@ -68,7 +76,7 @@ def _run(options: Namespace, output: Output) -> int:
 
 
 def _stop_first(way: Way, output: Output) -> bool:
-    from litegrip_client.ctl.commands.clients import stop_first  # noqa: PLC0415 - see commands
+    from litegrip_client.ctl.commands.state import stop_first  # noqa: PLC0415 - see commands
 
     return stop_first(way, output)
 

@@ -241,6 +241,14 @@ def target(text: str) -> tuple[str, float]:
     return _UNITS[found[2]], value / 100.0 if found[2] == "%" else value
 
 
+def number(text: str) -> float:
+    """Read a number."""
+    value = _number(text)
+    if math.isnan(value):
+        raise ArgumentTypeError(f"{text!r} is no number")
+    return value
+
+
 def positive(text: str) -> float:
     """Read a number above 0."""
     value = _number(text)

@@ -18,9 +18,8 @@ from pathlib import Path
 
 from litegrip_client.connection import Connection
 from litegrip_client.ctl.run import Way
-from litegrip_client.discovery import SYSTEM_DIRECTORY
+from litegrip_client.discovery import SYSTEM_DIRECTORY, stop_path
 from litegrip_client.errors import ConnectError, LiteGripError
-from litegrip_client.stopping import stop_path
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

@@ -1,13 +1,20 @@
-"""How `litegripctl` shows things to a person: results in, text out.
+"""How `litegripctl` shows results, motions on their way, and what to do about an error.
 
-Takes the wire's objects as they are, so that an older or newer daemon is still shown; prints
-nothing itself.
+Takes the wire's objects as they are, so that an older or newer daemon is still shown. This module
+must not know single commands' options.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from argparse import Namespace
+from collections.abc import Callable, Mapping, Sequence
 from time import localtime, strftime
+
+from litegrip_client.blocking import BlockingWire, complete
+from litegrip_client.core.motion import Motion
+from litegrip_client.ctl.run import ENDING, INTERRUPTED, NOT_OK, OK, Run
+from litegrip_client.discovery import is_socket_given, running_channels
+from litegrip_client.errors import CancelledError, LiteGripError
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -58,3 +65,134 @@ def date(unix_s: object) -> str:
         return strftime("%Y-%m-%d %H:%M", localtime(float(str(unix_s))))
     except (ValueError, OverflowError, OSError):
         return "--"
+
+
+CHOOSE_MOUNT = "choose a mount: litegripctl calibration load normal|reverse, then litegripctl zero"
+"""What to do when there is no calibration."""
+
+_HINTS = {
+    "stopped": "when it is safe again: litegripctl clear",
+    "sent_before_stop": "when it is safe again: litegripctl clear, then once more",
+    "not_enabled": "first: litegripctl enable",
+    "busy": "see: litegripctl jobs",
+    "teleop_busy": "end it: litegripctl teleop stop",
+    "teleop_not_ready": "see: litegripctl state; calibrate it, then: litegripctl enable",
+    "lease_held": "see: litegripctl lease; in need: litegripctl lease take REASON",
+    "unknown_job": "see: litegripctl jobs",
+    "unknown_trajectory": "see: litegripctl trajectories",
+    "trajectory_busy": "see: litegripctl jobs; what only watches ends with its client: clients",
+    "unknown_method": "the daemon is older than this program: see 'litegripctl info'",
+}
+
+
+_OTHERWISE = {"not_calibrated": CHOOSE_MOUNT}
+"""Where the error has no hint of its own: only it knows whether a template would do."""
+
+
+def hint_for(error: LiteGripError, options: Namespace) -> str:
+    """Say what to do about an error of the command that `options` are of."""
+    if error.reason == "no_daemon" and not options.channel_chosen and options.socket is None:
+        running = running_channels()
+        # Which of them is meant is not guessed: it may be the one that must not move. Where the
+        # default's socket is there, it is known to be meant, and the error says what is wrong.
+        if running and options.channel not in running:
+            return f"there are: {', '.join(running)}; name one: litegripctl -c {running[0]} ..."
+    if options.command == "clear" and error.reason == "lease_held":
+        return "ask one of them to clear it"  # the message names who may
+    own = _HINTS.get(error.reason or "") or error.hint or _OTHERWISE.get(error.reason or "")
+    if own:
+        return own
+    if error.reason == "internal_error":
+        return f"see the daemon's log: journalctl {_log_of(options)}"
+    if error.retryable:
+        return "" if "try again" in error.message else "try again"
+    return f"see: {options.help_of} --help"
+
+
+def _log_of(options: Namespace) -> str:
+    """Name the daemon's unit; a socket that is named alone may be of any channel."""
+    alone = options.socket is not None or (options.ssh_host is None and is_socket_given())
+    if alone and not options.channel_chosen:
+        return "-t litegripd"
+    return f"-u litegripd@{options.channel}"
+
+
+def start(run: Run, method: str, params: Mapping[str, Any]) -> int:
+    """Start a motion and show its job, without waiting for its end."""
+    call = run.connection.prepare_guarded(method, {**params, "detach": True, "wait": False})
+    data = run.connection.run(call)
+    run.output.result(data, f"{run.options.command}: job {data['job']} started")
+    return OK
+
+
+def finish(
+    run: Run, method: str, params: Mapping[str, Any], tell: Callable[[dict[str, Any]], str]
+) -> int:
+    """Run a motion to its end and show the result as `tell` puts it.
+
+    It outlives this program's death, but Ctrl-C cancels it. The exit code is that of the
+    result's `ok`, where it has one.
+    """
+
+    def show(data: dict[str, Any]) -> None:
+        if run.output.live:
+            run.output.line(progress(data))
+
+    motion = Motion(BlockingWire(run.connection), method, {**params, "detach": True}, show)
+    try:
+        data = complete(motion.run())
+    except KeyboardInterrupt:
+        run.output.erase_line()
+        _report_cancelled(motion, run)
+        return INTERRUPTED
+    run.output.erase_line()
+    run.output.result(data, tell(data))
+    return OK if data.get("ok", True) else NOT_OK
+
+
+def _report_cancelled(motion: Motion, run: Run) -> None:
+    hint = ""
+    if motion.cancel_error is not None:
+        text = f"interrupted, but the motion could NOT be cancelled: {motion.cancel_error.message}"
+        hint = "it may go on; stop it with: litegripctl stop"
+    elif motion.cancelled is None:
+        text = "interrupted: no motion was running, the jaws hold"
+    elif motion.cancelled["state"] in ENDING:
+        text = f"interrupted: job {motion.cancelled['job']} cancelled, the jaws hold"
+    else:
+        text = f"interrupted: job {motion.cancelled['job']} had ended, {motion.cancelled['state']}"
+    run.output.error(CancelledError(text, reason="interrupted"), hint)
+
+
+_BAR_WIDTH = 24
+
+
+def progress(data: Data) -> str:
+    """Show how far a motion is, in one line; with a bar where it is known how far it goes."""
+    total = data.get("total_steps") or 0
+    done = f"{bar(data.get('step', 0) / total)} " if total > 0 else ""
+    opening = figure(data.get("opening_mm"), "6.2f", "mm")
+    torque = figure(data.get("torque_nm"), "+.2f", "N·m")
+    passes = f", pass {data['loops'] + 1}" if data.get("loops") else ""
+    return f"{done}{opening}  {torque}  {words(data.get('phase'))}{passes}"
+
+
+def bar(share: float) -> str:
+    """Show a share, 0 to 1, as a bar."""
+    filled = "#" * round(min(1.0, max(0.0, share)) * _BAR_WIDTH)
+    return f"[{filled.ljust(_BAR_WIDTH, '.')}]"
+
+
+def verdict(data: Data) -> str:
+    """Show whether it went as it should, and how it ended."""
+    return f"{'' if data.get('ok') else 'NOT ok: '}{words(data.get('outcome'))}"
+
+
+def words(name: object) -> str:
+    """Show a name of the protocol in words."""
+    return plain(name).replace("_", " ")
+
+
+def opening_of(data: Data) -> str:
+    """Show where the jaws were at the end."""
+    return figure(data.get("state", {}).get("opening_mm"), ".2f", "mm")

@@ -1,11 +1,14 @@
-"""What every command works with: the way to the daemon, the run, and its exit codes.
+"""What every command works with: the way to the daemon, its output, files, and exit codes.
 
-The way leads to the sockets of this machine, or by ssh to those of another (see `remote`). This
-module must not know single commands.
+The way leads to the sockets of this machine, or by ssh to those of another (see `remote`).
+Questions go to standard error, so that standard output keeps results only. This module must not
+know single commands.
 """
 
 from __future__ import annotations
 
+import json
+import os
 import shlex
 import sys
 from argparse import Namespace
@@ -14,17 +17,179 @@ from pathlib import Path
 
 from litegrip_client.blocking import connect
 from litegrip_client.connection import Connection
-from litegrip_client.ctl.output import Output
 from litegrip_client.discovery import socket_paths
-from litegrip_client.errors import CommandError
-from litegrip_client.voices import in_shell
+from litegrip_client.errors import CommandError, LiteGripError
+from litegrip_client.voices import in_shell, is_said
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
+    from collections.abc import Mapping
     from types import TracebackType
     from typing import Any, TypeAlias
 
     from litegrip_client.ctl.parser import LateParser
+
+
+def read_calibration(path: str) -> dict[str, Any]:
+    """Read a calibration file; raises `CommandError` when it is no JSON object."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
+    try:
+        content = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise _unreadable(path, f"not valid JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise _unreadable(path, "not a JSON object")
+    return content
+
+
+def write_calibration(path: str, content: Mapping[str, Any], *, overwrite: bool) -> None:
+    """Write a calibration file, wholly or not at all; raises `CommandError`."""
+    if not overwrite:
+        refuse_existing(path, "take another name, or replace it with: --overwrite")
+    put_file(path, (json.dumps(content, indent=2) + "\n").encode())
+
+
+def refuse_existing(path: str, hint: str) -> None:
+    """Raise `CommandError` for a file that exists already."""
+    if Path(path).exists():
+        raise CommandError(f"{path} exists already", reason="file_exists", data={"hint": hint})
+
+
+def put_file(path: str, content: bytes) -> None:
+    """Write a file, wholly or not at all; raises `CommandError`."""
+    beside = Path(f"{path}.{os.getpid()}.new")
+    try:
+        try:
+            beside.write_bytes(content)
+            beside.replace(path)
+        finally:
+            beside.unlink(missing_ok=True)
+    except OSError as error:
+        raise CommandError(
+            f"cannot write {path}: {error.strerror}",
+            reason="file_not_written",
+            data={"hint": "choose a directory that you may write to"},
+        ) from error
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _unreadable(path: str, why: str) -> CommandError:
+    return CommandError(
+        f"cannot load {path}: {why}",
+        reason="calibration_unreadable",
+        data={"hint": "give a calibration file, or a template: normal, reverse"},
+    )
+
+
+class OutputLostError(Exception):
+    """Standard output takes nothing more: a full disk, for one. The message says why."""
+
+
+class Output:
+    """Standard output and standard error, for a person or (`as_json`) for a program.
+
+    What a person reads goes through `for_gripper`, since no text knows which gripper it is about.
+    """
+
+    def __init__(self, *, as_json: bool, for_gripper: Callable[[str], str] = str) -> None:
+        self.as_json = as_json
+        self.for_gripper = for_gripper
+        self.live = sys.stdout.isatty() and not as_json
+        """True if a line can be written over."""
+        self._open_line = False
+
+    def result(self, data: Mapping[str, Any], text: str) -> None:
+        """Print a result: as it came, or as `text`."""
+        self.end_line()
+        told = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
+        _write(f"{told}\n")
+
+    def line(self, text: str) -> None:
+        """Write `text` over the line before, if that was written by this, too."""
+        _write(f"\r{text}\x1b[K")
+        self._open_line = True
+
+    def erase_line(self) -> None:
+        """Take away the line that `line` wrote."""
+        if self._open_line:
+            _write("\r\x1b[K")
+            self._open_line = False
+
+    def end_line(self) -> None:
+        """Keep the line that `line` wrote, and continue below it."""
+        if self._open_line:
+            _write("\n")
+            self._open_line = False
+
+    def error(self, error: LiteGripError, hint: str) -> None:
+        """Say what went wrong in one line, and what to do in another."""
+        self.end_line()
+        if self.as_json:
+            data = {"reason": error.reason, **error.data}
+            if hint:
+                data.setdefault("hint", hint)
+            told = {"code": error.code, "message": error.message, "data": data}
+            _write(f"{json.dumps({'error': told}, ensure_ascii=False)}\n")
+        else:
+            self.note(error.message)
+            if hint and not is_said(error.message, hint):  # many a message has its remedy
+                print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
+
+    def note(self, text: str) -> None:
+        """Show a person something that is not a result."""
+        print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
+
+
+def _write(text: str) -> None:
+    """Write to standard output; raises `OutputLostError`, and `BrokenPipeError` as it is."""
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OutputLostError(error.strerror or str(error)) from error
+
+
+def one_line(text: str) -> str:
+    """Make one printable line of a text that may come from the daemon."""
+    return "".join(letter if letter.isprintable() else " " for letter in text)
+
+
+def may_ask() -> bool:
+    """Return True if somebody is there to read a question and to answer it."""
+    return sys.stdin is not None and sys.stdin.isatty() and sys.stderr.isatty()
+
+
+def say(text: str) -> None:
+    """Show a message before the result."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def ask(question: str) -> str | None:
+    """Return the answer in lower case, without the spaces around it; None at the end of input."""
+    try:
+        sys.stderr.write(f"{question} ")
+        sys.stderr.flush()
+        line = sys.stdin.readline()
+    except KeyboardInterrupt:
+        say("")
+        raise
+    if not line:
+        say("")
+        return None
+    return line.strip().lower()
+
+
+def confirm(question: str) -> bool:
+    """Return True if the answer is yes; everything else is no."""
+    return ask(f"{question} [y/N]") in ("y", "yes")
 
 
 class Way:

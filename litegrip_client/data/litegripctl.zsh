@@ -40,6 +40,7 @@ _shtab_litegripctl_commands() {
     register:'read registers of the motor'
     release:'open a little, to let go'
     restart:'restart the daemon without letting go of what is held'
+    sim:'change the world of a simulated gripper: object, hand, faults'
     slack:'let the jaws be moved by hand, until '"'"'hold'"'"''
     state:'show the state once'
     stop:'stop the gripper, whichever client moves it, until '"'"'clear'"'"''
@@ -76,6 +77,19 @@ _shtab_litegripctl_lease_commands() {
     take:'end somebody'"'"'s lease, and with it its motion'
   )
   _describe 'litegripctl lease commands' _commands
+}
+
+_shtab_litegripctl_sim_commands() {
+  local _commands=(
+    fault:'let the motor report a fault, or lose its power'
+    heat:'let the motor'"'"'s coil have a temperature'
+    hold:'hold the jaws fast, until '"'"'push'"'"' or '"'"'reset'"'"''
+    object:'put an object between the jaws, or take it away'
+    push:'push the jaws by a hand, until the next push'
+    reset:'take object, hand, heat and faults away'
+    show:'show the world as it really is'
+  )
+  _describe 'litegripctl sim commands' _commands
 }
 
 _shtab_litegripctl_teleop_commands() {
@@ -596,6 +610,100 @@ _shtab_litegripctl_restart_options=(
 # guard to ensure default positional specs are added only once per session
 _shtab_litegripctl_restart_defaults_added=0
 
+_shtab_litegripctl_sim_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_sim_defaults_added=0
+
+_shtab_litegripctl_sim_fault_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+  ":overload, coil_hot, silent, ...:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_sim_fault_defaults_added=0
+
+_shtab_litegripctl_sim_heat_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+  ":in \°C:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_sim_heat_defaults_added=0
+
+_shtab_litegripctl_sim_hold_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_sim_hold_defaults_added=0
+
+_shtab_litegripctl_sim_object_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+  "--stiffness[250 is rigid (default), 10 is foam]:NM_RAD:"
+  "--slip[how fast it gives way under pressure]:MM_S:"
+  ":its width, or none:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_sim_object_defaults_added=0
+
+_shtab_litegripctl_sim_push_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+  ":positive closes, negative opens, 0 lets go:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_sim_push_defaults_added=0
+
+_shtab_litegripctl_sim_reset_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_sim_reset_defaults_added=0
+
+_shtab_litegripctl_sim_show_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_sim_show_defaults_added=0
+
 _shtab_litegripctl_slack_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
@@ -869,6 +977,7 @@ _shtab_litegripctl() {
         register) _arguments -C -s $_shtab_litegripctl_register_options ;;
         release) _arguments -C -s $_shtab_litegripctl_release_options ;;
         restart) _arguments -C -s $_shtab_litegripctl_restart_options ;;
+        sim) _shtab_litegripctl_sim ;;
         slack) _arguments -C -s $_shtab_litegripctl_slack_options ;;
         state) _arguments -C -s $_shtab_litegripctl_state_options ;;
         stop) _arguments -C -s $_shtab_litegripctl_stop_options ;;
@@ -951,6 +1060,35 @@ _shtab_litegripctl_lease() {
       case $line[1] in
         show) _arguments -C -s $_shtab_litegripctl_lease_show_options ;;
         take) _arguments -C -s $_shtab_litegripctl_lease_take_options ;;
+      esac
+  esac
+}
+
+_shtab_litegripctl_sim() {
+  local context state line curcontext="$curcontext" one_or_more='(*)' remainder='(-)*:' default='*::: :->sim'
+
+  # Add default positional/remainder specs only if none exist, and only once per session
+  if (( ! _shtab_litegripctl_sim_defaults_added )); then
+    if (( ${_shtab_litegripctl_sim_options[(I)${(q)one_or_more}*]} +          ${_shtab_litegripctl_sim_options[(I)${(q)remainder}*]} +          ${_shtab_litegripctl_sim_options[(I)${(q)default}]} == 0 )); then
+      _shtab_litegripctl_sim_options+=(': :_shtab_litegripctl_sim_commands' '*::: :->sim')
+    fi
+    _shtab_litegripctl_sim_defaults_added=1
+  fi
+  _arguments -C -s $_shtab_litegripctl_sim_options
+
+  case $state in
+    sim)
+      words=($line[1] "${words[@]}")
+      (( CURRENT += 1 ))
+      curcontext="${curcontext%:*:*}:_shtab_litegripctl_sim-$line[1]:"
+      case $line[1] in
+        fault) _arguments -C -s $_shtab_litegripctl_sim_fault_options ;;
+        heat) _arguments -C -s $_shtab_litegripctl_sim_heat_options ;;
+        hold) _arguments -C -s $_shtab_litegripctl_sim_hold_options ;;
+        object) _arguments -C -s $_shtab_litegripctl_sim_object_options ;;
+        push) _arguments -C -s $_shtab_litegripctl_sim_push_options ;;
+        reset) _arguments -C -s $_shtab_litegripctl_sim_reset_options ;;
+        show) _arguments -C -s $_shtab_litegripctl_sim_show_options ;;
       esac
   esac
 }

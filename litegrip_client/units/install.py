@@ -1,20 +1,261 @@
-"""Puts the planned files into a system and takes them out again; both may be repeated.
+"""Puts the distribution's files into a system and takes them out again; both may be repeated.
 
-A changed configuration is never overwritten, and what the daemons have stored is never touched.
+The files are those of `systemd/` and `etc/` in the sources, with words filled in. Whether the
+daemons' user can run the programs is judged by modes, and no command is run: the user may not exist
+yet, and then it is as all others.
 """
 
 from __future__ import annotations
 
+import importlib.util
+import os
+import pwd
 import re
-from collections.abc import Callable, Sequence
+import stat
+import sys
+import sysconfig
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from litegrip_client import atomic_file
 from litegrip_client.errors import CommandError
-from litegrip_client.units import plan
-from litegrip_client.units.access import USER
-from litegrip_client.units.plan import Planned
+
+USER = "litegrip"
+
+_READ, _SEARCH = 4, 1
+"""Rights of a mode; the latter is also that to run a program."""
+_ACCESS_LIST = "system.posix_acl_access"
+
+
+@dataclass(frozen=True, slots=True)
+class Reader:
+    """Who is to read: a user that there is, or one of whom nothing is known."""
+
+    uid: int = -1
+    gids: frozenset[int] = frozenset()
+
+    def may(self, path: Path, bits: int) -> bool:
+        """Return True if a file's mode lets them; one with its own access list is trusted."""
+        found = path.stat()
+        shift = 6 if found.st_uid == self.uid else 3 if found.st_gid in self.gids else 0
+        return (found.st_mode >> shift) & bits == bits or _has_access_list(path)
+
+
+@dataclass(frozen=True, slots=True)
+class Obstacle:
+    """A file or directory that keeps a user from running the daemon, and why."""
+
+    path: Path
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.path} {self.why}"
+
+
+def reader_of(name: str = USER) -> Reader:
+    """Return what the system knows of a user."""
+    try:
+        entry = pwd.getpwnam(name)
+    except KeyError:
+        return Reader()
+    return Reader(entry.pw_uid, frozenset(os.getgrouplist(name, entry.pw_gid)))
+
+
+def obstacle(programs: str, reader: Reader) -> Obstacle | None:
+    """Return the first thing that keeps a user from running the daemon, if any."""
+    for path, bits in _needed(Path(programs)):
+        for step in _way(path):
+            why = _closed(step, reader, bits if step == path else 0)
+            if why is not None:
+                return Obstacle(step, why)
+    return None
+
+
+def _closed(step: Path, reader: Reader, bits: int) -> str | None:
+    """Return why a reader lacks these rights, or None; directories must always let them through."""
+    try:
+        mode = step.stat().st_mode
+        needed = bits | (_SEARCH if stat.S_ISDIR(mode) else 0)
+        return None if reader.may(step, needed) else f"is closed to it (mode {mode & 0o7777:04o})"
+    except OSError as error:
+        return f"cannot be used: {error.strerror}"
+
+
+def _needed(programs: Path) -> Iterator[tuple[Path, int]]:
+    """Yield the programs, their interpreters, its library, and all packages."""
+    for name in ("litegripd", "litegripctl"):
+        yield programs / name, _READ | _SEARCH
+        first = (programs / name).read_bytes().partition(b"\n")[0]
+        if first.startswith(b"#!/"):
+            yield Path(os.fsdecode(first[2:].split()[0])), _SEARCH
+    yield Path(os.__file__), _READ
+    for kind in ("purelib", "platlib"):
+        packages = Path(sysconfig.get_path(kind))
+        yield packages, _READ
+        found = (path for path in sorted(packages.iterdir()) if path.name != "__pycache__")
+        yield from ((path, _READ) for path in found)
+    for name in ("litegripd", "litegrip_client"):  # elsewhere in an editable installation
+        spec = importlib.util.find_spec(name)
+        if spec is not None and spec.origin is not None:
+            yield Path(spec.origin).parent, _READ
+
+
+def _way(path: Path) -> list[Path]:
+    """List each directory on the way to a file, and the file, links followed one by one."""
+    way: dict[Path, None] = {}
+    left = [path]
+    while left:
+        current = left.pop()
+        for step in (*reversed(current.parents), current):
+            if step not in way:
+                way[step] = None
+                if step.is_symlink():
+                    left.append(step.parent / step.readlink())
+    return list(way)
+
+
+def _has_access_list(path: Path) -> bool:
+    try:
+        return _ACCESS_LIST in os.listxattr(path)
+    except OSError:  # a file system that has none
+        return False
+
+
+DATA = Path(__file__).resolve().parent.parent / "data"
+PROGRAMS = "/opt/litegripd/bin/"
+MANUALS = "/opt/litegripd/share/man/"
+"""Paths as the files have them; those of the running environment replace them."""
+
+VERSIONS = "-versions"
+"""Environments below a directory of this ending are versions, one of which a link without it leads
+to: /opt/litegripd to one of those in /opt/litegripd-versions."""
+
+PACKAGED = "usr/lib/systemd/system/litegripd@.service"
+"""The unit of the Debian package; a copy in usr/local/lib would be used in place of it."""
+
+EXAMPLE_CHANNEL = "can0"
+_UNITS = "usr/local/lib/systemd/system"
+RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
+"""Behind 80-net-setup-link.rules, before which an interface does not have its name."""
+SUPERSEDED = (
+    "usr/local/lib/udev/rules.d/80-litegrip.rules",
+    "usr/local/lib/systemd/network/80-litegrip.network",
+    "usr/local/lib/systemd/network/80-litegrip.link",
+)
+"""What earlier versions installed for the same, which would undo it or do it twice."""
+_NAMED = re.compile(r'^(?:Name=|.*(?:KERNEL|LITEGRIP_NAME\})==")([^"\n]+)', re.MULTILINE)
+_ELSEWHERE = "install it where all may read it: python3 -m venv /opt/litegripd"
+_PLAIN = re.compile(r"[A-Za-z0-9_./+-]+")
+_HIDDEN = ("/home", "/root", "/run/user", "/tmp", "/var/tmp")  # noqa: S108 - not used, refused
+"""What the unit does not see: ProtectHome and PrivateTmp."""
+
+
+@dataclass(frozen=True, slots=True)
+class Planned:
+    """A file and its content; one that is `kept` is never overwritten and never removed."""
+
+    path: str
+    content: str
+    kept: bool = False
+
+
+def units(programs: str) -> list[Planned]:
+    """Return what every installation has."""
+    return [
+        *(
+            Planned(f"{_UNITS}/{name}", _in_environment(_read(f"systemd/{name}"), programs))
+            for name in ("litegripd@.service", "litegripd.target")
+        ),
+        Planned("usr/local/lib/sysusers.d/litegripd.conf", _read("systemd/litegripd.sysusers")),
+        Planned("usr/local/lib/tmpfiles.d/litegripd.conf", _read("systemd/litegripd.tmpfiles")),
+        Planned("etc/litegripd/litegripd.toml", _read("etc/litegripd.toml"), kept=True),
+    ]
+
+
+def serial() -> list[Planned]:
+    """Return what lets the daemons use adapters at serial ports."""
+    return [Planned(f"{_UNITS}/litegripd@.service.d/serial.conf", _read("systemd/serial.conf"))]
+
+
+def udev(channels: Sequence[str]) -> list[Planned]:
+    """Return what has udev bring these CAN interfaces up, whatever manages the network."""
+    return [Planned(RULES, _for(channels, "systemd/85-litegrip.rules", "|"))]
+
+
+def superseded() -> list[Planned]:
+    """Return what of earlier versions is to be removed."""
+    return [Planned(path, "") for path in SUPERSEDED]
+
+
+def channels_in(content: str) -> list[str]:
+    """Return the CAN interfaces that a file of `udev`, of any version, names."""
+    found = _NAMED.search(content)
+    return found[1].replace("|", " ").split() if found else []
+
+
+def program_directory() -> str:
+    """Return where the programs of the running environment are, and the unit can run them.
+
+    Of a version that is reached by a link it is the path by the link, so that the unit stays right
+    when that is switched. Raises `CommandError` where the unit could not run them.
+    """
+    scripts = sysconfig.get_path("scripts")
+    if not Path(scripts, "litegripd").is_file():
+        raise _unusable(f"there is no program litegripd in {scripts}")
+    directory = str(_by_link(Path(scripts)))
+    for needed in (directory, str(Path(sys.executable).resolve())):
+        if not _PLAIN.fullmatch(needed):
+            raise _unusable(f"{needed} has characters that a unit file gives a meaning of its own")
+        if any(needed.startswith(f"{hidden}/") for hidden in _HIDDEN):
+            raise _unusable(f"{needed} is where the daemon, shut off by its unit, cannot see it")
+    in_the_way = obstacle(directory, reader_of())
+    if in_the_way is not None:
+        why = f"the user {USER} cannot run the programs in {directory}: {in_the_way}"
+        if in_the_way.path.resolve().is_relative_to(Path(sys.prefix).resolve()):
+            raise _unusable(why, f"let all read it: chmod --recursive go+rX {sys.prefix}")
+        raise _unusable(why)
+    return directory
+
+
+def _by_link(scripts: Path) -> Path:
+    """Return the path by the link that leads to this version, where there are versions."""
+    version = scripts.parent
+    versions = version.parent
+    if not versions.name.endswith(VERSIONS):
+        return scripts
+    link = versions.with_name(versions.name.removesuffix(VERSIONS))
+    if link.resolve() != version.resolve():
+        new = f"{link}.new"
+        switch = f"ln -s {versions.name}/{version.name} {new} && mv -T {new} {link}"
+        raise CommandError(
+            f"{link} does not lead to {version}, the version that this program is of",
+            reason="wrong_usage",
+            data={"hint": f"run {link}/bin/litegripctl, or have it lead there: {switch}"},
+        )
+    return link / scripts.name
+
+
+def _unusable(why: str, hint: str = _ELSEWHERE) -> CommandError:
+    return CommandError(why, reason="wrong_usage", data={"hint": hint})
+
+
+def _in_environment(content: str, programs: str) -> str:
+    manuals = f"{Path(programs).parent}/share/man/"
+    return content.replace(PROGRAMS, f"{programs}/").replace(MANUALS, manuals)
+
+
+def _for(channels: Sequence[str], name: str, separator: str) -> str:
+    before = _read(name)
+    after = re.sub(rf"\b{EXAMPLE_CHANNEL}\b", lambda _: separator.join(channels), before)
+    if after == before and list(channels) != [EXAMPLE_CHANNEL]:
+        raise ValueError(f"{name} names no {EXAMPLE_CHANNEL} that could be replaced")
+    return after
+
+
+def _read(name: str) -> str:
+    return (DATA / name).read_text(encoding="utf-8")
+
 
 _MODE = 0o644
 _ENABLED = "etc/systemd/system/*.wants/litegripd[@.]*"
@@ -50,7 +291,7 @@ def uses_networkd(root: Path) -> bool:
 
 def is_packaged(root: Path) -> bool:
     """Return True if a system has the units from the Debian package."""
-    return (root / plan.PACKAGED).is_file()
+    return (root / PACKAGED).is_file()
 
 
 def enabled(root: Path) -> list[str]:
@@ -84,15 +325,15 @@ def hiding(root: Path) -> list[str]:
 
 def outdated(root: Path) -> list[str]:
     """Return the administrator's copies of files that are no longer installed: they hide none."""
-    copies = [root / path.replace("usr/local/lib", "etc", 1) for path in plan.SUPERSEDED]
+    copies = [root / path.replace("usr/local/lib", "etc", 1) for path in SUPERSEDED]
     return [str(path) for path in copies if path.is_file()]
 
 
 def channels(root: Path) -> list[str]:
     """Return the CAN interfaces that are brought up by what was installed before."""
-    paths = [root / path for path in (plan.RULES, *plan.SUPERSEDED)]
+    paths = [root / path for path in (RULES, *SUPERSEDED)]
     contents = [path.read_text(errors="replace") for path in paths if path.is_file()]
-    return list(dict.fromkeys(name for text in contents for name in plan.channels_in(text)))
+    return list(dict.fromkeys(name for text in contents for name in channels_in(text)))
 
 
 def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
@@ -105,15 +346,15 @@ def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
     files: list[Planned] = []
     done: list[Done] = []
     if is_packaged(root):
-        done += _remove_all(root, plan.units(programs))
+        done += _remove_all(root, units(programs))
     else:
-        files += plan.units(programs)
-    if wishes.serial or (root / plan.serial()[0].path).is_file():
-        files += plan.serial()
+        files += units(programs)
+    if wishes.serial or (root / serial()[0].path).is_file():
+        files += serial()
     named = list(dict.fromkeys([*channels(root), *wishes.channels]))
     if named:
-        files += plan.udev(named)
-        done += _remove_all(root, plan.superseded())
+        files += udev(named)
+        done += _remove_all(root, superseded())
     return [_put(root, file) for file in files] + done
 
 
@@ -126,7 +367,7 @@ def uninstall(root: Path) -> list[Done]:
             reason="wrong_usage",
             data={"hint": f"first: systemctl disable --now {' '.join(left)}"},
         )
-    files = plan.units("") + plan.serial() + plan.udev((plan.EXAMPLE_CHANNEL,)) + plan.superseded()
+    files = units("") + serial() + udev((EXAMPLE_CHANNEL,)) + superseded()
     return _remove_all(root, files)
 
 
@@ -155,7 +396,7 @@ def _remove_all(root: Path, files: Sequence[Planned]) -> list[Done]:
         if not path.exists():
             continue
         done.append(Done(str(path), "kept" if file.kept else _remove(path)))
-    drop_ins = root / plan.serial()[0].path
+    drop_ins = root / serial()[0].path
     if not drop_ins.exists() and drop_ins.parent.is_dir() and not any(drop_ins.parent.iterdir()):
         drop_ins.parent.rmdir()
     return done

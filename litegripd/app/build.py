@@ -1,7 +1,8 @@
-"""The parts of a daemon, built as its configuration says: sockets, bus, processes, figures.
+"""The parts of a daemon, built as its configuration says, and the list of its features.
 
-`load_at_start` reads the calibration and the kept configuration. Without either the daemon runs,
-and reports what is missing.
+A slice without its lines in `GROUPS` and `Features` does not exist for clients. `load_at_start`
+reads the calibration and the kept configuration. Without either the daemon runs, and reports what
+is missing.
 """
 
 import dataclasses
@@ -10,32 +11,116 @@ import math
 import os
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
+from secrets import token_urlsafe
 
 from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatGuard
-from litegripd.io.can.bus import DIRECT_INTERFACES, FrameBus
+from litegripd.handover.state import OnRestart, RestartMethods, no_restart
+from litegripd.io.can.bus import DIRECT_INTERFACES, SIMULATOR, DirectBus, FrameBus
 from litegripd.io.can.pumped import PumpedBus
+from litegripd.io.helper.child import SharedMemory
 from litegripd.io.helper.helper import Helper
 from litegripd.io.helper.spawner import Spawner
 from litegripd.io.log import LogHandler
 from litegripd.io.loop import Reactor
 from litegripd.io.realtime import RealtimeRights
 from litegripd.io.server import Server
-from litegripd.io.shared_memory import SharedMemory
 from litegripd.io.sockets import Places, occupy, runtime_directory
 from litegripd.model.calibration import from_plain
 from litegripd.model.errors import Refusal
+from litegripd.model.gripper import MotorType
 from litegripd.model.motion_config import MotionConfigError
 from litegripd.model.state import HelperTask, TaskResult
-from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
-from litegripd.rpc.facts import Figures, ForeignActive, HeatFigures, MotorFigures
+from litegripd.recorder.recorder import Dumps, Recorder, RecorderMethods, memory_bytes, tick_slots
+from litegripd.rpc.jsonrpc import encode
+from litegripd.rpc.method import Feature, Method, methods_of
+from litegripd.rpc.methods import CORE
+from litegripd.rpc.openrpc import document
+from litegripd.rpc.reports import Facts, Figures, ForeignActive, HeatFigures, MotorFigures, Reporter
 from litegripd.rpc.service import RpcService
+from litegripd.rpc.sessions import Peer, Role
+from litegripd.sim.methods import GripperOf, SimMethods
+from litegripd.teleop.link import InProcessLinks, Links
 from litegripd.teleop.links import TeleopLinks
+from litegripd.teleop.methods import TeleopMethods
+from litegripd.trajectories.file_methods import TrajectoryFileMethods
+from litegripd.trajectories.methods import TrajectoryMethods
+
+GROUPS: tuple[type, ...] = (
+    *CORE,
+    RestartMethods,
+    RecorderMethods,
+    TrajectoryMethods,
+    TrajectoryFileMethods,
+    TeleopMethods,
+)
+"""In the order of their methods in documents."""
+
+METHODS: tuple[Method, ...] = tuple(row for group in GROUPS for row in methods_of(group))
+
+SIMULATED_METHODS = methods_of(SimMethods)
+"""Those that a daemon has beside the others when its gripper is simulated."""
+
+BY_NAME: Mapping[str, Method] = {row.name: row for row in METHODS}
+
+
+@lru_cache(maxsize=8)
+def encoded_document(motor_type: MotorType, *, simulated: bool) -> bytes:
+    """Return the OpenRPC document as JSON; the first call takes longer than a tick."""
+    rows = (*METHODS, *SIMULATED_METHODS) if simulated else METHODS
+    return encode(document([row.with_motor(motor_type) for row in rows]))
+
+
+def build_service(
+    controller: Controller,
+    facts: Facts,
+    period_s: float,
+    *,
+    dumps: Dumps | None = None,
+    role_of: Callable[[Peer], Role] = lambda _peer: "admin",
+    epoch: str = "0",
+    restart: OnRestart = no_restart,
+    links: Links | None = None,
+    new_token: Callable[[], str] = token_urlsafe,
+    simulated: GripperOf | None = None,
+) -> RpcService:
+    """Build the service with all features.
+
+    Teleoperation uses `links`; without them it stays inside the process. `new_token` returns a
+    secret that nobody can guess; it proves that a client holds the lease. `simulated` returns the
+    simulated gripper; without it, the service has no methods that change its world.
+    """
+
+    def features(reporter: Reporter) -> Sequence[Feature]:
+        files = TrajectoryFileMethods(controller)
+        trajectories = TrajectoryMethods(controller, files)
+        teleop = TeleopMethods(controller, links or InProcessLinks(), reporter, epoch)
+        return (
+            Feature((RestartMethods(restart),)),
+            Feature((RecorderMethods(dumps or Dumps(controller)),)),
+            Feature((trajectories, files), trajectories.session_ended),
+            Feature((teleop,)),
+            Feature(() if simulated is None else (SimMethods(simulated),)),
+        )
+
+    return RpcService(
+        controller,
+        facts,
+        period_s,
+        features,
+        document=encoded_document(
+            controller.gripper_id.motor_type, simulated=simulated is not None
+        ),
+        role_of=role_of,
+        new_token=new_token,
+    )
+
 
 _log = logging.getLogger(__name__)
 
@@ -53,11 +138,18 @@ def occupy_places(config: Config) -> Places:
     return occupy(bus.interface, bus.channel, socket_path(config), config.rpc.group)
 
 
+def simulated_gripper(config: Config) -> GripperOf | None:
+    """Return what finds the simulated gripper of this process; None for a daemon on a real bus."""
+    if config.bus.interface != SIMULATOR:
+        return None
+    from litegripd.sim.interface import gripper_on  # noqa: PLC0415 - the plant takes time to import
+
+    return lambda: gripper_on(config.bus.channel)
+
+
 def make_bus(config: Config, period_s: float, spawner: Spawner) -> FrameBus:
     """Return the bus: an adapter is driven in the control thread, or by a process of its own."""
     if config.bus.interface in DIRECT_INTERFACES:
-        from litegripd.io.can.direct import DirectBus  # noqa: PLC0415 - imports python-can
-
         return DirectBus(config.bus)
     return PumpedBus(config.bus, period_s, spawner.start)
 

@@ -16,11 +16,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from litegripd.io.can.bus import BusSettings
+from litegripd.io.can.bus import SIMULATOR, BusSettings
 from litegripd.io.helper.files import TEMPLATES
-from litegripd.model.motor_types import DM4310, MOTOR_TYPES
+from litegripd.model.gripper import DM4310, MOTOR_TYPES
 from litegripd.model.plain import plain_of
-from litegripd.rpc.facts import Configuration
+from litegripd.rpc.reports import Configuration
 from litegripd.rpc.sessions import ROLES, Peer, Role
 from litegripd.trajectories.store import MB, Limits
 
@@ -557,7 +557,7 @@ def override(
         options = {"mount": mount} if mount in TEMPLATES else {}
         if config.motor.type != DM4310.name:
             options["motor_type"] = config.motor.type
-        bus = BusSettings("litegrip_sim", config.channel, config.bus.bitrate, options)
+        bus = BusSettings(SIMULATOR, config.channel, config.bus.bitrate, options)
         return dataclasses.replace(config, bus=bus, gripper=gripper)
     if interface is not None:
         bus = dataclasses.replace(config.bus, interface=interface)

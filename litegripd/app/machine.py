@@ -10,9 +10,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from litegripd.control.controller import Controller
+from litegripd.model.gripper import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import UP, BusCondition, CanFrame, MotorPhase
-from litegripd.model.motor_types import GripperId
 from litegripd.motor.exchange import SILENT_AFTER_POLLS
 from litegripd.motor.motor import Motor
 

@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from litegripd.app.config import Config, ConfigError, find, load, override
-from litegripd.app.daemon import Daemon
+from litegripd.app.daemon import Daemon, succeed
 from litegripd.app.status import daemon_version
-from litegripd.app.successor import succeed
 from litegripd.handover.predecessor import SUCCESSOR_OPTION
 from litegripd.io.log import BoundedHandler, PriorityFormatter, goes_to_journal
 from litegripd.io.sockets import InUseError

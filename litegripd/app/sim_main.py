@@ -17,12 +17,12 @@ from pathlib import Path
 import can
 
 from litegripd.io.can.bus import explain
-from litegripd.model.motor_types import DM4310, MOTOR_TYPES
+from litegripd.model.gripper import DM4310, MOTOR_TYPES
 from litegripd.sim.console import Console, Simulator, help_text
 from litegripd.sim.gripper import build_gripper
-from litegripd.sim.parameters import MOUNTS
+from litegripd.sim.interface import MotorWire
+from litegripd.sim.plant import MOUNTS
 from litegripd.sim.server import BusServer, PtyServer, StopSignal
-from litegripd.sim.wire import MotorWire
 
 EXIT_OK, EXIT_BUS, EXIT_USAGE = 0, 1, 2
 EXIT_CODES = (
@@ -47,6 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             object_stiffness_nm_rad=arguments.object_stiffness,
             can_id=arguments.can_id,
             master_id=arguments.master_id,
+            watchdog_s=arguments.watchdog,
             motor_type=arguments.motor_type,
         )
         if arguments.link is not None:
@@ -111,6 +112,14 @@ def make_parser() -> argparse.ArgumentParser:
         choices=tuple(MOTOR_TYPES),
         default=DM4310.name,
         help="type of the motor (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--watchdog",
+        type=float,
+        default=0.1,
+        metavar="S",
+        help="time without a command after which the motor faults; 0.4 bears a busy machine "
+        "(default: %(default)s)",
     )
     parser.add_argument("--can-id", type=_identifier, default=0x08, help="the motor's id")
     parser.add_argument("--master-id", type=_identifier, default=0x18, help="id of its answers")

@@ -14,13 +14,16 @@ from litegripd.app.config import Config
 from litegripd.app.machine import Machine
 from litegripd.control.admission import position_refusal
 from litegripd.control.calibration import CalibrationInUse
+from litegripd.io.can.bus import SIMULATOR
 from litegripd.io.log import FIELDS, JournalSink, LogHandler, goes_to_journal
 from litegripd.io.server import MAX_CONNECTIONS, MAX_CONNECTIONS_PER_UID
+from litegripd.model.gripper import MotorType
 from litegripd.model.motor import MotorIdentity, MotorPhase
-from litegripd.model.motor_types import MotorType
 from litegripd.model.state import Event
 from litegripd.motor.identity import warnings
-from litegripd.rpc.facts import (
+from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
+from litegripd.rpc.openrpc import PROTOCOL_VERSION
+from litegripd.rpc.reports import (
     CalibrationFacts,
     GripperFacts,
     Hello,
@@ -30,9 +33,7 @@ from litegripd.rpc.facts import (
     MotorFacts,
     Verdict,
 )
-from litegripd.rpc.jsonrpc import MAX_LINE_BYTES
-from litegripd.rpc.openrpc import PROTOCOL_VERSION
-from litegripd.teleop.base import TeleopAction
+from litegripd.teleop.link import TeleopAction
 
 _log = logging.getLogger(__name__)
 
@@ -138,7 +139,7 @@ class DaemonFacts:
         self._version = daemon_version()
         self._began_s = time.monotonic()
         self._parts: Parts | None = None
-        self.simulated = config.bus.interface == "litegrip_sim"
+        self.simulated = config.bus.interface == SIMULATOR
 
     @property
     def epoch(self) -> str:

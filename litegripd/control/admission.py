@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
 from litegripd.model.state import Job, JobKind

@@ -5,17 +5,15 @@ from dataclasses import replace
 from typing import Any
 
 from litegripd.control.admission import CALIBRATION_COMING, NOT_CALIBRATED, ZERO_MOVED
-from litegripd.control.gains import DEFAULT_GAINS, Gains, gains_of
+from litegripd.control.limiter import DEFAULT_GAINS, Gains, gains_of
 from litegripd.control.motions.base import Adopted, Step
 from litegripd.model.calibration import NOMINAL, Calibration, CalibrationError, measured
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.motion_config import damping_conflict
 from litegripd.model.motor import MotorView, ZeroView
-from litegripd.model.motor_types import GripperId
 from litegripd.model.plain import Carried
-from litegripd.model.results import ZeroOutcome, ZeroResult
-from litegripd.model.state import HelperTask, TaskResult
+from litegripd.model.state import HelperTask, TaskResult, ZeroOutcome, ZeroResult
 
 
 class CalibrationInUse:

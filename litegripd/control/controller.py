@@ -31,14 +31,13 @@ from litegripd.control.authority import (
     StopLatch,
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
-from litegripd.control.gains import Gains
+from litegripd.control.events import JobBook, RegisterReads, Start
 from litegripd.control.holds import Grip, Hold, Idle, Slack
-from litegripd.control.jobs import JobBook, RegisterReads, Start
-from litegripd.control.limiter import Output, bounds_of
+from litegripd.control.limiter import Gains, Output, bounds_of
 from litegripd.control.motions.base import Action
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry, GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import (
     NOT_OPENED,
@@ -52,9 +51,7 @@ from litegripd.model.motor import (
     MotorView,
     ZeroView,
 )
-from litegripd.model.motor_types import GripperId
 from litegripd.model.plain import Carried
-from litegripd.model.results import Progress, Result
 from litegripd.model.state import (
     Event,
     HelperTask,
@@ -62,6 +59,8 @@ from litegripd.model.state import (
     JobKind,
     OnLost,
     Owner,
+    Progress,
+    Result,
     StopLevel,
     TaskResult,
 )

@@ -9,8 +9,8 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from litegripd.model.gripper import DM4310, MotorType
 from litegripd.model.motor import Feedback
-from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 
 _WINDOW_S = 0.5  # the model advances by the mean loss of a window

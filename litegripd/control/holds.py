@@ -18,11 +18,10 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import STILL_RAD_S, GripWatch, Lasting, WatchLimits
-from litegripd.control.gains import CALM_KD_NM_S_RAD, Gains
-from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.control.limiter import CALM_KD_NM_S_RAD, Gains
+from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM, Geometry, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand
-from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 
 STEADY = (0.7, 1.3)

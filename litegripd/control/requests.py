@@ -24,16 +24,15 @@ from litegripd.control.admission import (
 )
 from litegripd.control.calibration import Saving, content_of, save_task
 from litegripd.control.controller import Controller
-from litegripd.control.gains import Gains
 from litegripd.control.holds import Grip, GripSettings, Hold, Slack
+from litegripd.control.limiter import Gains
+from litegripd.control.motions.base import ClearFault, Disable, Enable, SetZero
 from litegripd.control.motions.calibrate import Calibrate, CalibrateByHand, Side
 from litegripd.control.motions.grasp import BUDGET_NM, Grasp, GraspRequest
-from litegripd.control.motions.move import Direction, MoveTo, MoveToStop
-from litegripd.control.motions.power import ClearFault, Disable, Enable, SetZero
-from litegripd.control.motions.stream import SetPoint, Stream
+from litegripd.control.motions.move import Direction, MoveTo, MoveToStop, SetPoint, Stream
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry, Mount
+from litegripd.model.gripper import FORCE_PER_TORQUE_N_NM, Geometry, Mount
 from litegripd.model.motion_config import (
     MotionConfig,
     damping_conflict,
@@ -42,8 +41,15 @@ from litegripd.model.motion_config import (
     slow_conflict,
 )
 from litegripd.model.motor import EnableMotor, Feedback, MotorPhase
-from litegripd.model.results import ForceResult, HoldResult, MoveResult, SlackResult
-from litegripd.model.state import Job, Owner, TaskResult
+from litegripd.model.state import (
+    ForceResult,
+    HoldResult,
+    Job,
+    MoveResult,
+    Owner,
+    SlackResult,
+    TaskResult,
+)
 
 SMALLEST_MOVE_RAD = 1e-4
 

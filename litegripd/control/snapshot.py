@@ -4,7 +4,7 @@ from typing import Literal
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, Slack
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motor import Feedback, MotorPhase, MotorView, Status, status_name
 from litegripd.model.state import GripperState, Job, JobSummary, Mode, StopSummary
 

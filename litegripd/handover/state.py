@@ -1,4 +1,4 @@
-"""The state of a daemon for its successor, in two parts.
+"""A restart that holds: its method, and the state of a daemon for its successor, in two parts.
 
 `export` returns what the next command depends on; it is small. `export_history` returns what
 clients may ask for later. It is made before, and adopted after, the moment in which nobody
@@ -8,18 +8,19 @@ Each class declares its own attributes (`model/plain.py`). Only what is a choice
 here: which motor can be handed over, the phase, the idle jaws, and a lease that lapses.
 """
 
-from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any, Protocol
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, replace
+from typing import Any, Protocol, TypeAlias
 
 from litegripd.control.controller import Controller
 from litegripd.control.holds import Grip, GripSettings, Hold, Idle, Slack
 from litegripd.model.errors import Refusal
+from litegripd.model.gripper import MotorType
 from litegripd.model.motor import MotorPhase
-from litegripd.model.motor_types import MotorType
 from litegripd.model.plain import TYPE_KEY, PlainError, memory, plain_of, restore, value_of
-from litegripd.model.state import Job
+from litegripd.model.state import Job, Restarted
 from litegripd.motor.motor import Motor
+from litegripd.rpc.method import Answer, Call, Deferred, Method, Param
 from litegripd.rpc.service import RpcService
 
 FORMAT = 6
@@ -132,3 +133,60 @@ def _idle_of(plain: Any, motor_type: MotorType) -> Idle:
     grip = Grip(settings, 0.0, 0.0, motor_type, watched=False)
     restore(grip, plain)
     return grip
+
+
+OnRestarted: TypeAlias = Callable[[Restarted | Refusal], None]
+"""Gets the successor that has taken over, or the reason why none has."""
+
+OnRestart: TypeAlias = Callable[[OnRestarted], Refusal | None]
+"""Begins a restart, or returns a refusal."""
+
+_PLAIN = Refusal(
+    "invalid_params",
+    "daemon.restart only holds through a restart (hold_through_restart true); a restart that"
+    " disables the motor is done by the service manager: systemctl restart, or SIGTERM",
+    {"parameter": "hold_through_restart"},
+)
+
+
+def no_restart(_on_restarted: OnRestarted) -> Refusal | None:
+    """Return the refusal of a daemon that cannot start a successor."""
+    return Refusal("restart_failed", "this daemon cannot start a successor")
+
+
+class RestartMethods:
+    """The method `daemon.restart`."""
+
+    NOT_CARRIED = ("_restart",)
+
+    def __init__(self, restart: OnRestart) -> None:
+        self._restart = restart
+
+    @Method(
+        "daemon.restart",
+        "Start a successor of the daemon, which reads the configuration again and takes over; pose"
+        " and force of the jaws are held all the while. Refused while a motion runs. Connections"
+        " end after the answer; a lease may be resumed by its token.",
+        "The pid of the successor, which has taken over, and gap_s, the time between the last"
+        " command of the one and the first of the other.",
+        Restarted,
+        (
+            Param(
+                "hold_through_restart",
+                "boolean",
+                "Must be true: a restart that lets go is the service manager's to do.",
+                required=True,
+            ),
+        ),
+        role="admin",
+        waits=True,
+    )
+    def _begin(self, call: Call) -> Answer:
+        if not call.params["hold_through_restart"]:
+            return _PLAIN
+        deferred = Deferred()
+
+        def restarted(outcome: Restarted | Refusal) -> None:
+            deferred.resolve(outcome if isinstance(outcome, Refusal) else asdict(outcome))
+
+        return self._restart(restarted) or deferred

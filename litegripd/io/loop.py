@@ -19,7 +19,7 @@ from types import FrameType
 from typing import Protocol
 
 from litegripd.io.realtime import GarbageCollector
-from litegripd.rpc.facts import Durations
+from litegripd.rpc.reports import Durations
 
 _log = logging.getLogger(__name__)
 

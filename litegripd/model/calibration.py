@@ -10,9 +10,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, TypedDict
 
-from litegripd.model.geometry import NOMINAL_RAD_TO_MM, Geometry
+from litegripd.model.gripper import MOTOR_TYPES, NOMINAL_RAD_TO_MM, Geometry
 from litegripd.model.motion_config import damping_conflict
-from litegripd.model.motor_types import MOTOR_TYPES
 
 
 class Saved(TypedDict):

@@ -6,8 +6,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from typing import Any
 
-from litegripd.model.geometry import Geometry
-from litegripd.model.motor_types import DM4310, FASTEST_MM_S, MOTOR_TYPES, MotorType
+from litegripd.model.gripper import DM4310, FASTEST_MM_S, MOTOR_TYPES, Geometry, MotorType
 
 
 class MotionConfigError(ValueError):

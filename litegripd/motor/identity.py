@@ -16,8 +16,8 @@ import math
 from dataclasses import dataclass, field, replace
 
 from litegripd.model.errors import Refusal
+from litegripd.model.gripper import DM4310, MOTOR_TYPES, MotorType
 from litegripd.model.motor import CanFrame, MotorIdentity, Ranges
-from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 from litegripd.model.plain import Carried
 from litegripd.motor.codec import (
     ANSWER_WITHIN_S,

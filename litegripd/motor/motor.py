@@ -7,6 +7,7 @@ what is known goes out as a `MotorView`. Nothing in here decides to energise the
 from collections.abc import Iterable
 
 from litegripd.model.errors import Refusal
+from litegripd.model.gripper import DM4310, MotorType
 from litegripd.model.motor import (
     CanFrame,
     DisableMotor,
@@ -24,7 +25,6 @@ from litegripd.model.motor import (
     ZeroView,
     is_fault,
 )
-from litegripd.model.motor_types import DM4310, MotorType
 from litegripd.model.plain import Carried
 from litegripd.motor import codec
 from litegripd.motor.codec import (
@@ -42,8 +42,10 @@ from litegripd.motor.exchange import (
     DISABLE_GIVES_UP_S,
     USUAL_PERIOD_S,
     MotorCounters,
+    Plausibility,
     Silence,
     Standstill,
+    StatusJudge,
     Traffic,
 )
 from litegripd.motor.identity import STILL_READ, Identification
@@ -58,7 +60,6 @@ from litegripd.motor.phases import (
     Phase,
     fault_refusal,
 )
-from litegripd.motor.plausibility import Plausibility, StatusJudge
 from litegripd.motor.procedures import NOT_DISABLED, UNDER_WAY, Arming, FaultClearing, Zeroing
 
 _JUDGED = frozenset({*ARMING_PHASES, Phase.ENABLED, Phase.LOST})

@@ -7,26 +7,26 @@ from typing import Any, NewType, TypedDict, get_args
 from litegripd.control.authority import LossData
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.results import Progress, ReplayProgress, Result
-from litegripd.model.state import GripperState, Job, JobSummary
+from litegripd.model.state import GripperState, Job, JobSummary, Progress, ReplayProgress, Result
 from litegripd.motor.exchange import MotorCounters
-from litegripd.rpc.facts import ForeignActive, MotionFields, MotorFigures
 from litegripd.rpc.jsonrpc import ErrorObject
-from litegripd.rpc.method import AT_ONCE, WAIT, Method
+from litegripd.rpc.method import AT_ONCE, WAIT, Method, Param, Schema, Schemas, Shape
 from litegripd.rpc.methods.reading import Discovered
 from litegripd.rpc.methods.settings import FrameInterval
 from litegripd.rpc.reports import (
     EndState,
+    ForeignActive,
     JobEnd,
     JobHead,
     JobNumber,
     JobSummaryView,
+    MotionFields,
+    MotorFigures,
     NumberedEvent,
     ProgressEnd,
     ProgressHead,
     StateView,
 )
-from litegripd.rpc.schema import Param, Schema, Schemas, Shape
 from litegripd.rpc.subscriptions import SubscriptionNumber
 
 # Notifications ------------------------------------------------------------------------------------

@@ -9,7 +9,6 @@ from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
 from litegripd.model.state import Event, Job, JobKind, Owner
-from litegripd.rpc.facts import Facts
 from litegripd.rpc.jsonrpc import (
     BadRequest,
     Request,
@@ -31,6 +30,7 @@ from litegripd.rpc.method import (
     Method,
     Refused,
     Result,
+    check,
     functions_of,
     later,
     methods_of,
@@ -40,8 +40,7 @@ from litegripd.rpc.methods.lease import LeaseMethods, Tokens
 from litegripd.rpc.methods.motion import MotionMethods
 from litegripd.rpc.methods.reading import ReadingMethods
 from litegripd.rpc.methods.settings import SettingsMethods
-from litegripd.rpc.reports import MAX_PER_SESSION, Reporter, Waiter, Waiters, defect
-from litegripd.rpc.schema import check
+from litegripd.rpc.reports import MAX_PER_SESSION, Facts, Reporter, Waiter, Waiters, defect
 from litegripd.rpc.sessions import ROLES, Clients, Peer, Role, Session
 from litegripd.rpc.subscriptions import EventLog, Subscriptions
 

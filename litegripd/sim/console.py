@@ -17,8 +17,8 @@ from typing import Protocol
 from litegripd.model.motor import CanFrame
 from litegripd.sim import registers as reg
 from litegripd.sim.faults import FrameFaults
+from litegripd.sim.interface import MotorWire
 from litegripd.sim.motor import REGISTER_CAN_ID, WRITE
-from litegripd.sim.wire import MotorWire
 
 
 class Simulator(Protocol):

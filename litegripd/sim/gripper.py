@@ -10,11 +10,10 @@ import math
 import threading
 from dataclasses import replace
 
+from litegripd.model.gripper import DM4310, MOTOR_TYPES
 from litegripd.model.motor import CanFrame
-from litegripd.model.motor_types import DM4310, MOTOR_TYPES
 from litegripd.sim.motor import FAULTS, SimulatedMotor
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
-from litegripd.sim.plant import GrippedObject, Plant
+from litegripd.sim.plant import GrippedObject, Plant, SimulatorParameters, limits_of_mount
 
 
 class SimulatedGripper:
@@ -66,6 +65,21 @@ class SimulatedGripper:
     def clamp_nm(self) -> float:
         """What the object between the jaws feels now, as torque at the motor's output."""
         return self._plant.clamp_nm
+
+    @property
+    def gripped_object(self) -> GrippedObject | None:
+        """What is between the jaws, as it was put there."""
+        return self._plant.gripped_object
+
+    @property
+    def hand_nm(self) -> float:
+        """The torque of the hand that pushes the jaws, positive when it closes them."""
+        return self._plant.hand_nm
+
+    @property
+    def is_held(self) -> bool:
+        """True if something blocks the jaws where they are."""
+        return self._plant.is_jammed
 
     def receive(self, now_s: float, frame: CanFrame) -> list[CanFrame]:
         """Hand one frame of the bus to the motor at `now_s`; return its immediate answers."""

@@ -17,7 +17,8 @@ from typing import NamedTuple
 
 from litegripd.model.motor import CanFrame
 from litegripd.sim import registers as reg
-from litegripd.sim.codec import (
+from litegripd.sim.plant import STEP_S, STEPS_PER_S, Plant, SimulatorParameters
+from litegripd.sim.registers import (
     MitCommand,
     SetPoint,
     decode_command,
@@ -26,8 +27,6 @@ from litegripd.sim.codec import (
     position_code,
     to_code,
 )
-from litegripd.sim.parameters import SimulatorParameters
-from litegripd.sim.plant import STEP_S, STEPS_PER_S, Plant
 
 
 class Thermal:

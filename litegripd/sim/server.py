@@ -21,7 +21,7 @@ import can
 
 from litegripd.model.motor import CanFrame
 from litegripd.sim.console import Console
-from litegripd.sim.wire import Arrival, MotorWire
+from litegripd.sim.interface import Arrival, MotorWire
 
 OK, ERROR = b"\r", b"\a"
 

@@ -14,13 +14,13 @@ from collections import deque
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from litegripd.control.gains import Gains, budgeted, clamp_lead, max_lead_rad
 from litegripd.control.holds import Hold, Idle, Slack
+from litegripd.control.limiter import Gains, budgeted, clamp_lead, max_lead_rad
 from litegripd.control.motions.base import Step, progress_of
-from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.model.gripper import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.results import Progress, TeleopResult
+from litegripd.model.state import Progress, TeleopResult
 from litegripd.model.teleop import (
     ForceFrame,
     LinkOptions,
@@ -28,9 +28,8 @@ from litegripd.model.teleop import (
     TeleopStatus,
     encode_force,
 )
-from litegripd.teleop.base import TeleopAction, Tell
 from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
-from litegripd.teleop.link import Link
+from litegripd.teleop.link import Link, TeleopAction, Tell
 
 MOST_NM = 5.5
 """The jaws are pushed with at most this, however stiff the follow gains are: the torque of the 4 mm

@@ -16,9 +16,9 @@ from dataclasses import replace
 
 from litegripd.control.holds import Slack
 from litegripd.control.motions.base import Step, progress_of
-from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.model.gripper import FORCE_PER_TORQUE_N_NM, Geometry
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.results import Progress, TeleopResult
+from litegripd.model.state import Progress, TeleopResult
 from litegripd.model.teleop import (
     LinkOptions,
     TeleopFrame,
@@ -26,9 +26,8 @@ from litegripd.model.teleop import (
     TeleopStatus,
     encode_frame,
 )
-from litegripd.teleop.base import TeleopAction, Tell
 from litegripd.teleop.intake import ForceIntake
-from litegripd.teleop.link import Link
+from litegripd.teleop.link import Link, TeleopAction, Tell
 
 MOST_N = 10.0
 """No leader pushes back with more, on any request: a finger holds it without effort."""

@@ -1,13 +1,31 @@
-"""What an action needs from a link, and the link that stays inside the process.
+"""What leader and follower share: their links, what crosses them, and their status.
 
-Nothing here waits: opening, connecting and resolving names happen elsewhere.
+Nothing here waits: opening, connecting and resolving names happen elsewhere. The first letter of a
+packet is its kind. To the process: `o`, open this link in place of the present one; `c`, close it;
+`f`, a frame to publish; `r`, a frame for the leader of those that came. From it: `f`, a frame that
+has come; `s`, the link's status.
 """
 
+import json
+import struct
+from abc import ABC, abstractmethod
 from collections import deque
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Protocol, TypeAlias
 
-from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus, TeleopMode
+from litegripd.control.motions.base import PlainAction, Step
+from litegripd.model.motor import Feedback, MotorView, Status, status_name
+from litegripd.model.state import Event, TeleopResult
+from litegripd.model.teleop import (
+    FORCE_FRAME_BYTES,
+    FRAME_BYTES,
+    Arrival,
+    LinkOptions,
+    LinkStatus,
+    TeleopMode,
+    TeleopStatus,
+)
 
 _QUEUED_AT_MOST = 32
 
@@ -123,3 +141,222 @@ class InProcessLink:
     def close(self) -> None:
         """Leave the bus."""
         self._links.forget(self)
+
+
+OPEN, CLOSE, FRAME, REPLY, STATUS = b"o", b"c", b"f", b"r", b"s"
+_ARRIVED = struct.Struct("<IdB")  # generation, when it came, bytes of the source's name
+MAX_PAYLOAD_BYTES = max(FRAME_BYTES, FORCE_FRAME_BYTES) + 1
+"""Anything longer is no frame; one more byte is enough to know that."""
+_MAX_SOURCE_BYTES = 64
+_LONGEST_ERROR = 500
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """The link to open; `generation` distinguishes its reports from those of the one before."""
+
+    generation: int
+    options: LinkOptions
+    zenoh_config: str | None = None
+
+
+def pack_open(order: Order) -> bytes:
+    """Return the packet that opens a link."""
+    return OPEN + json.dumps([order.generation, asdict(order.options), order.zenoh_config]).encode()
+
+
+def unpack_open(body: bytes) -> Order:
+    """Return the content of `pack_open`'s packet, without its letter."""
+    generation, options, zenoh_config = json.loads(body)
+    return Order(generation, LinkOptions(**options), zenoh_config)
+
+
+def pack_reply(payload: bytes, to: str) -> bytes:
+    """Return the packet that replies `payload` to the sender of frames whose name is `to`."""
+    name = to.encode()[:_MAX_SOURCE_BYTES]
+    return REPLY + bytes([len(name)]) + name + payload
+
+
+def unpack_reply(body: bytes) -> tuple[bytes, str]:
+    """Return the content of `pack_reply`'s packet, without its letter."""
+    payload_at = 1 + body[0]
+    return body[payload_at:], body[1:payload_at].decode(errors="replace")
+
+
+def pack_arrival(generation: int, arrival: Arrival) -> bytes:
+    """Return the packet for a payload that has come; a long one is cut, and still is no frame."""
+    source = arrival.source.encode()[:_MAX_SOURCE_BYTES]
+    head = _ARRIVED.pack(generation, arrival.at_s, len(source))
+    return FRAME + head + source + arrival.payload[:MAX_PAYLOAD_BYTES]
+
+
+def unpack_arrival(body: bytes) -> tuple[int, Arrival]:
+    """Return the content of `pack_arrival`'s packet, without its letter."""
+    generation, at_s, length = _ARRIVED.unpack_from(body)
+    payload_at = _ARRIVED.size + length
+    source = body[_ARRIVED.size : payload_at].decode(errors="replace")
+    return generation, Arrival(body[payload_at:], at_s, source)
+
+
+def pack_status(generation: int, status: LinkStatus) -> bytes:
+    """Return the packet that reports a link's status."""
+    error = None if status.error is None else status.error[:_LONGEST_ERROR]
+    values = [generation, status.state, error, status.matching, status.dropped, status.is_protected]
+    return STATUS + json.dumps(values).encode()
+
+
+def unpack_status(body: bytes) -> tuple[int, LinkStatus]:
+    """Return the content of `pack_status`'s packet, without its letter."""
+    generation, *values = json.loads(body)
+    return generation, LinkStatus(*values)
+
+
+_WINDOW_S = 1.0
+
+
+class LoopRate:
+    """Counts the ticks of whole windows; before the first window ends, the ticks so far."""
+
+    def __init__(self) -> None:
+        self._began_s: float | None = None
+        self._ticks = 0
+        self._last_hz: float | None = None
+        self._latest_s = 0.0
+
+    def tick(self, now_s: float) -> None:
+        """Count one tick."""
+        self._latest_s = now_s
+        if self._began_s is None:
+            self._began_s = now_s
+            return
+        self._ticks += 1
+        elapsed_s = now_s - self._began_s
+        if elapsed_s >= _WINDOW_S:
+            self._last_hz = self._ticks / elapsed_s
+            self._began_s, self._ticks = now_s, 0
+
+    @property
+    def hz(self) -> float:
+        """The rate; 0 before the second tick."""
+        if self._last_hz is not None:
+            return self._last_hz
+        elapsed_s = 0.0 if self._began_s is None else self._latest_s - self._began_s
+        return self._ticks / elapsed_s if elapsed_s > 0.0 else 0.0
+
+
+Tell: TypeAlias = Callable[[Event], None]
+"""Receives events for the log and the subscribers."""
+
+_OPEN: Mapping[TeleopMode, str] = {
+    "master": (
+        "everyone who reaches the link can take part: zenoh_config asks neither for certificates of"
+        " both ends nor for an access list or passwords"
+    ),
+    "slave": (
+        "whoever answers at the leader's address can move these jaws: zenoh_config names no"
+        " authority for the leader's certificate"
+    ),
+}
+
+
+class TeleopAction(PlainAction, ABC):
+    """One end of a teleoperation, while it lasts; only `finish` or a fault ends it."""
+
+    def __init__(self, link: Link, options: LinkOptions, tell: Tell) -> None:
+        self.options = options
+        self.link = link
+        self.loop = LoopRate()
+        self.send_failed = 0
+        self.is_warned = False
+        """True after the warning that the link is open to others was logged."""
+        self.is_finished = False
+        self.feedback: Feedback | None = None
+        self._say = tell
+        self._told = LinkStatus()
+
+    def finish(self) -> TeleopResult:
+        """End it on its owner's request; return the result."""
+        self.is_finished = True
+        return self.result()
+
+    def close(self) -> None:
+        """Release the link; a leader's session stays open for the next teleoperation."""
+        self.link.close()
+
+    @abstractmethod
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Advance to `now_s`."""
+
+    @abstractmethod
+    def result(self) -> TeleopResult:
+        """Return the result so far."""
+
+    @abstractmethod
+    def status(self, now_s: float) -> TeleopStatus:
+        """Return the status."""
+
+    def complaint(self) -> str | None:
+        """Return what the daemon's health should report, including the link, or None."""
+        return None
+
+    def tell(self, text: str, *, warning: bool = False, **data: object) -> None:
+        """Report an event."""
+        self._say(Event("teleop", f"teleop: {text}", {**data, "warning": warning}))
+
+    def note_link(self) -> None:
+        """Report a change of the link's state, once."""
+        status, told = self.link.status, self._told
+        if (status.state, status.error) != (told.state, told.error):
+            self._told = status
+            why = "" if status.error is None else f": {status.error}"
+            failed = status.state == "failed"
+            self.tell(f"the link is {status.state}{why}", warning=failed, link=status.state)
+            if status.is_protected is False and not self.is_warned:
+                self.is_warned = True
+                self.tell(_OPEN[self.options.mode], warning=True)
+
+    def base_status(self) -> TeleopStatus:
+        """Return the part of the status that is the same for both ends."""
+        link, feedback = self.link.status, self.feedback
+        return TeleopStatus(
+            active=True,
+            mode=self.options.mode,
+            topic=self.options.topic,
+            link=self.options.kind,
+            host=self.options.host,
+            port=None if self.options.kind == "none" else self.options.port,
+            link_state=link.state,
+            link_error=link.error,
+            link_protected=link.is_protected,
+            reflects=self.options.reflects,
+            matching=link.matching if self.options.mode == "master" else None,
+            dropped=link.dropped,
+            send_failed=self.send_failed,
+            loop_hz=round(self.loop.hz, 1),
+            torque_nm=None if feedback is None else feedback.torque_nm,
+            fault=fault_of(feedback),
+        )
+
+
+def fault_of(feedback: Feedback | None) -> str | None:
+    """Return the motor's status if it is not "enabled"."""
+    if feedback is None or feedback.status == Status.ENABLED:
+        return None
+    return status_name(feedback.status)
+
+
+def ended(status: TeleopStatus, why: str | None) -> TeleopStatus:
+    """Return the last status of a teleoperation that has ended."""
+    return replace(
+        status,
+        active=False,
+        fault=why or status.fault,
+        link_state=None,  # the action has released it
+        link_protected=None,
+        matching=None,
+        dq_cmd=0.0,
+        loop_hz=0.0,
+        reflected_n=None,
+        followers=None,
+        round_trip_ms=None,
+    )

@@ -8,11 +8,12 @@ from collections.abc import Callable, Sequence
 
 from litegripd.io.helper.child import Child, start_here
 from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
-from litegripd.teleop.link import InProcessLinks, Link
-from litegripd.teleop.wire import (
+from litegripd.teleop.link import (
     CLOSE,
     FRAME,
     STATUS,
+    InProcessLinks,
+    Link,
     Order,
     pack_open,
     pack_reply,

@@ -13,9 +13,9 @@ from litegripd.control.admission import (
     trajectory_or_teleop_refusal,
 )
 from litegripd.control.controller import Controller
-from litegripd.control.gains import Gains
+from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import MotionConfig, damping_conflict, fast_conflict
 from litegripd.model.state import Event, Job, Owner
 from litegripd.model.teleop import (
@@ -33,13 +33,11 @@ from litegripd.model.teleop import (
     encode_frame,
     udp_targets,
 )
-from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method, Refused, accepted
+from litegripd.rpc.method import CONFIG, DETACH, Answer, Call, Method, Param, Refused, accepted
 from litegripd.rpc.reports import Reporter
-from litegripd.rpc.schema import Param
-from litegripd.teleop.base import TeleopAction, ended
 from litegripd.teleop.follower import Course, TeleopFollower
 from litegripd.teleop.leader import TeleopLeader
-from litegripd.teleop.link import Link, Links
+from litegripd.teleop.link import Link, Links, TeleopAction, ended
 
 SWEEP_S = 6.0
 """From open to closed and back: 63 mm/s at most on a travel of 120 mm."""

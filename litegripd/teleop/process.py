@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING
 
 from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
-from litegripd.teleop.udp import Endpoint, UdpFollower, UdpLeader
-from litegripd.teleop.wire import (
+from litegripd.teleop.ends import Endpoint, UdpFollower, UdpLeader
+from litegripd.teleop.link import (
     CLOSE,
     FRAME,
     OPEN,
@@ -33,7 +33,7 @@ from litegripd.teleop.wire import (
 )
 
 if TYPE_CHECKING:
-    from litegripd.teleop.zenoh import ZenohLeaders
+    from litegripd.teleop.ends import ZenohLeaders
 
 _LOOK_EVERY_S = 0.1
 _RETRY_AFTER_S = 1.0
@@ -165,7 +165,7 @@ class Station:
                 if options.mode == "master"
                 else UdpFollower(options, deliver, flood.refuse)
             )
-        from litegripd.teleop.zenoh import (  # noqa: PLC0415 - large, and UDP needs none of it
+        from litegripd.teleop.ends import (  # noqa: PLC0415 - large, and UDP needs none of it
             ZenohFollower,
             ZenohLeaders,
         )

@@ -13,15 +13,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from litegrip_client.protocol.grips import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS
-from litegrip_client.protocol.lgt import SAMPLE
+from litegrip_client.protocol.trajectory import MAX_SOURCE, MOST_FORCE_N, MOST_GRIPS, SAMPLE
+from litegripd.control.events import JobBook
 from litegripd.control.holds import Grip, Slack
-from litegripd.control.jobs import JobBook
 from litegripd.control.motions.base import PlainAction, Step, progress_of
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
-from litegripd.model.results import Progress, RecordOutcome, RecordResult
-from litegripd.model.state import Job, JobKind
+from litegripd.model.state import Job, JobKind, Progress, RecordOutcome, RecordResult
 from litegripd.trajectories.values import PIECE_BYTES
 
 _METHODS: Mapping[JobKind, str] = {

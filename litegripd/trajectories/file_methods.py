@@ -7,26 +7,25 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias, TypedDict
 
-from litegrip_client.protocol.grips import MAX_GRIP_BYTES
-from litegrip_client.protocol.lgt import MAX_BYTES, Header
+from litegrip_client.protocol.trajectory import MAX_BYTES, MAX_GRIP_BYTES, Header
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Mount
+from litegripd.model.gripper import Mount
 from litegripd.model.state import HelperTask, TaskResult
 from litegripd.rpc.method import (
     Answer,
     Call,
     Deferred,
     Method,
+    Param,
     Refused,
     Result,
+    Shape,
     accepted,
 )
-from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Session
-from litegripd.trajectories.loading import outcome_of
 from litegripd.trajectories.requests import recording_key
-from litegripd.trajectories.values import MAX_NAME, Summary, name_problem
+from litegripd.trajectories.values import MAX_NAME, Summary, name_problem, outcome_of
 
 MOST_PER_CONNECTION = 4
 MOST_BYTES = 4 * MAX_BYTES

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal, TypedDict
 
-from litegrip_client.protocol.lgt import MAX_SAMPLES, Header
+from litegrip_client.protocol.trajectory import MAX_SAMPLES, Header
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
-from litegripd.model.results import ReplayResult
+from litegripd.model.state import ReplayResult
 from litegripd.rpc.method import (
     DETACH,
     JOB,
@@ -17,11 +17,12 @@ from litegripd.rpc.method import (
     Call,
     Deferred,
     Method,
+    Param,
+    Shape,
     accepted,
     gain_params,
     later,
 )
-from litegripd.rpc.schema import Param, Shape
 from litegripd.rpc.sessions import Session
 from litegripd.trajectories.capture import Capture
 from litegripd.trajectories.file_methods import (

@@ -14,25 +14,23 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
-from litegrip_client.protocol.grips import TaughtGrip
-from litegripd.control.gains import Gains, budgeted, clamp_lead
+from litegrip_client.protocol.trajectory import TaughtGrip
 from litegripd.control.holds import Grip, Hold, Idle
+from litegripd.control.limiter import Gains, budgeted, clamp_lead
 from litegripd.control.motions.base import PlainAction, Step
 from litegripd.control.motions.grasp import Grasp, GraspRequest
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.motor_types import MotorType
-from litegripd.model.results import (
+from litegripd.model.state import (
     GraspResult,
     Progress,
     ReplayOutcome,
     ReplayProgress,
     ReplayResult,
 )
-from litegripd.trajectories.loading import Loading
-from litegripd.trajectories.values import Path
+from litegripd.trajectories.values import Loading, Path
 
 _SLOWEST_RAD_S = 1e-3
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeAlias
 
-from litegrip_client.protocol.lgt import MAX_SAMPLES
+from litegrip_client.protocol.trajectory import MAX_SAMPLES
 from litegripd.control.admission import (
     NO_FEEDBACK,
     busy_with,
@@ -20,15 +20,14 @@ from litegripd.control.admission import (
     trajectory_or_teleop_refusal,
 )
 from litegripd.control.controller import Controller
-from litegripd.control.gains import Gains
+from litegripd.control.limiter import Gains
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import MotionConfig, slow_conflict
 from litegripd.model.state import HelperTask, Job, Owner, TaskResult
 from litegripd.trajectories.capture import Capture, Teach, result_of
-from litegripd.trajectories.loading import outcome_of
 from litegripd.trajectories.replay import Replay, ReplayRequest
-from litegripd.trajectories.values import PIECE_BYTES
+from litegripd.trajectories.values import PIECE_BYTES, outcome_of
 
 
 def recording_key(number: int) -> str:

@@ -10,25 +10,29 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from litegrip_client.protocol.lgt import HEADER, MAX_BYTES, SAMPLE, Header
+from litegrip_client.protocol.trajectory import ENDING, HEADER, MAX_BYTES, SAMPLE, Header
 from litegripd.io.helper import atomic_file
 from litegripd.io.helper.atomic_file import REAL, FileSystem
 from litegripd.io.helper.files import state_directory
-from litegripd.trajectories import grip_files as trajectory_grips
 from litegripd.trajectories.content import (
-    ENDING,
     Content,
+    Grips,
     StoreError,
     content_of,
     decoded,
     encoded,
     entry_of,
+    facts_beside,
+    grips_beside,
+    load_grips,
     open_file,
+    recorded_grips,
+    remove_grips,
+    save_grips,
+    sent_grips,
     unknown,
     unopened,
 )
-from litegripd.trajectories.grip_files import Grips
-from litegripd.trajectories.grip_files import path_beside as grips_beside
 from litegripd.trajectories.values import PIECE_BYTES, name_problem
 
 OWNER_ENDING = ".uid"
@@ -248,7 +252,7 @@ class TrajectoryStore:
             path = self._path(name)
             entry = {**entry_of(name, path), "uid": self._owners.owner_of(path)}
             if entry["error"] is None:
-                entry |= trajectory_grips.facts_beside(path)
+                entry |= facts_beside(path)
             entries.append(entry)
             size += len(json.dumps(entries[-1]))
             if size > LISTED_BYTES:
@@ -331,7 +335,7 @@ class TrajectoryStore:
         path = self._path(parameters["name"])
         try:
             self._file_system.remove(path)
-            trajectory_grips.remove(path, self._file_system)
+            remove_grips(path, self._file_system)
             self._owners.forget(path)
             self._file_system.sync_directory(path.parent)
         except FileNotFoundError:
@@ -359,11 +363,11 @@ class TrajectoryStore:
             text = f"grip_bytes is {grip_bytes}, but there are {len(whole)} bytes in all"
             raise StoreError("out_of_limits", text)
         lgt, beside = whole[: len(whole) - grip_bytes], whole[len(whole) - grip_bytes :]
-        make: Callable[[bytes, bytes, str], Grips] = trajectory_grips.sent
+        make: Callable[[bytes, bytes, str], Grips] = sent_grips
         if header is not None:
             samples = len(lgt) // SAMPLE.size
             lgt = Header(samples, created_s=self._clock(), **header).pack() + lgt
-            make = trajectory_grips.recorded
+            make = recorded_grips
         content = Content.of(lgt)
         return content, make(beside, lgt, content.sha256) if beside else Grips()
 
@@ -374,7 +378,7 @@ class TrajectoryStore:
         try:
             with self._owners.owned(path, uid):
                 atomic_file.write(path, content.whole, file_system=self._file_system)
-                trajectory_grips.save(path, grips, self._file_system)
+                save_grips(path, grips, self._file_system)
         except OSError as error:
             text = f"{path}, or its grips beside it: cannot be written: {error.strerror}"
             raise StoreError("not_saved", text) from None
@@ -400,7 +404,7 @@ class TrajectoryStore:
             return self._in_memory(source["kept"])
         content = self._content(source)
         path = self._path(source["name"])
-        return content, trajectory_grips.load(path, content.whole, content.sha256)
+        return content, load_grips(path, content.whole, content.sha256)
 
     def _in_memory(self, key: str) -> tuple[Content, Grips]:
         kept = self._kept.get(key)

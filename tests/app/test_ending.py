@@ -5,8 +5,8 @@ import logging
 import pytest
 
 from litegripd.app.machine import Ending
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand, MotorPhase, Status
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.motor.codec import TIMEOUT, write_request
 from tests.world import CAN_ID, World

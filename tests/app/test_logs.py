@@ -5,7 +5,7 @@ import logging
 import pytest
 
 from litegripd.app.status import MotorGreeting, warn_of_untried
-from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
+from litegripd.model.gripper import DM4310, MOTOR_TYPES, MotorType
 from tests.motor.test_wrong_type import BOTH_WAYS, world_of
 
 

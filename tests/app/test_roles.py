@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.app.build import build_service
 from litegripd.app.config import Access, UnknownEntryError, access_of
-from litegripd.app.features import build_service
 from litegripd.rpc.sessions import ROLES, Peer, Role
 from tests.world import PERIOD_S, Client, FixedFacts, World
 

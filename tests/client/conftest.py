@@ -6,7 +6,7 @@ import pytest
 
 from litegrip_client import LiteGrip
 from litegrip_client.connection import Connection
-from litegrip_client.core import setpoints
+from litegrip_client.core import motion
 from litegrip_client.ctl.main import main
 from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.fake_trajectories import FakeTrajectories
@@ -81,7 +81,7 @@ def jobs(daemon: FakeDaemon) -> list[int]:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     clock = Clock()
-    monkeypatch.setattr(setpoints, "time", clock)
+    monkeypatch.setattr(motion, "time", clock)
     return clock
 
 

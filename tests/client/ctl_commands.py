@@ -10,6 +10,7 @@ ACTIONS = {
     "lease": ["show", "take"],
     "trajectories": ["list", "get", "put", "delete", "keep", "export"],
     "teleop": ["master", "slave", "status", "stop"],
+    "sim": ["show", "object", "push", "hold", "fault", "heat", "reset"],
 }
 
 LINES: tuple[str, ...] = (
@@ -37,6 +38,15 @@ LINES: tuple[str, ...] = (
     "lease show",
     "lease take because",
     "jobs",
+    "enable",
+    "open --speed 140",
+    "sim object 30 --stiffness 100 --slip 1",
+    "sim push -0.1",
+    "sim hold",
+    "sim heat 30",
+    "sim fault overload",
+    "sim show",
+    "sim reset",
     "enable --retries 3",
     "zero --yes",
     "calibration show",

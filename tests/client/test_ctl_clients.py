@@ -11,7 +11,7 @@ import pytest
 
 from litegrip_client import ConnectError, ProtocolError
 from litegrip_client.ctl.main import main
-from litegrip_client.stopping import stop_at, stop_path
+from litegrip_client.discovery import stop_at, stop_path
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import STATE, FakeDaemon
 from tests.client.helpers import Ctl
@@ -212,7 +212,7 @@ def test_who_cannot_reach_that_socket_is_told_in_a_line(
     def refuse(*_arguments: object) -> None:
         raise error
 
-    monkeypatch.setattr("litegrip_client.ctl.commands.clients.stop_at", refuse)
+    monkeypatch.setattr("litegrip_client.ctl.commands.state.stop_at", refuse)
     assert main(["--socket", str(tmp_path / "x.sock"), "stop"]) == 3
     assert "no daemon can be reached" in capsys.readouterr().err
 

@@ -13,7 +13,7 @@ from typing import Any, TypeAlias
 
 import pytest
 
-from litegrip_client.stopping import stop_path
+from litegrip_client.discovery import stop_path
 from tests.client.ctl_terminal import Terminal, start
 from tests.client.fake_daemon import DEADLINE_S, HELLO, STATE, FakeDaemon
 from tests.client.live_daemon import live

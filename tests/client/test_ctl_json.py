@@ -8,7 +8,7 @@ import pytest
 
 from litegrip_client.ctl.main import main
 from litegrip_client.ctl.parser import EXIT_CODES
-from litegrip_client.trajectory_files import write
+from litegrip_client.trajectory import write_file
 from litegripd.model.errors import ERROR_TABLE
 from tests.client.ctl_commands import LINES, WITHOUT_DAEMON, every_command
 from tests.client.fake_daemon import HELLO, FakeDaemon, Handler, Request
@@ -35,7 +35,7 @@ class Refusing(dict[str, Handler]):
 
 @pytest.fixture(autouse=True)
 def _own_trajectory(home: Path) -> None:
-    write("taught", lgt([(0.0, 0.2), (1.0, 0.3)]))
+    write_file("taught", lgt([(0.0, 0.2), (1.0, 0.3)]))
 
 
 def error_of(out: str) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.motion import progress
+from litegrip_client.ctl.render import progress
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import Ctl, interrupt_main_thread

@@ -7,10 +7,9 @@ from typing import Any
 
 import pytest
 
-from litegrip_client.ctl.plot.drawing import labels
-from litegrip_client.ctl.plot.dump import Happening, read
-from litegripd.recorder.mcap import to_mcap
-from litegripd.recorder.reader import read as read_memory
+from litegrip_client.ctl.plot.drawing import Happening, labels, read
+from litegripd.recorder.files import read as read_memory
+from litegripd.recorder.files import to_mcap
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
 from tests.world import World

@@ -9,7 +9,7 @@ import pytest
 from litegrip_client import Trajectory
 from litegrip_client.ctl.commands.trajectories import listed_text
 from litegrip_client.ctl.main import main
-from litegrip_client.ctl.motion import progress
+from litegrip_client.ctl.render import progress
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import FakeDaemon, Request
 from tests.client.fake_trajectories import CONTENT, PLAYED, FakeTrajectories

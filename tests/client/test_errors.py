@@ -4,8 +4,7 @@ from pathlib import Path
 import pytest
 
 import litegrip_client
-from litegrip_client.errors import LiteGripError, exit_code, from_error_object
-from litegrip_client.reasons import OWN_REASONS
+from litegrip_client.errors import OWN_REASONS, LiteGripError, exit_code, from_error_object
 from litegripd.model.errors import ERROR_TABLE, ErrorKind, Refusal
 from litegripd.rpc.jsonrpc import error_object
 

@@ -15,10 +15,9 @@ from matplotlib.lines import Line2D
 from mcap.reader import make_reader
 
 from litegrip_client import Trajectory
-from litegrip_client.ctl.plot.drawing import draw, draw_trajectory, png
-from litegrip_client.ctl.plot.dump import Dump, read
-from litegripd.recorder.mcap import to_mcap
-from litegripd.recorder.reader import read as read_memory
+from litegrip_client.ctl.plot.drawing import Dump, draw, draw_trajectory, png, read
+from litegripd.recorder.files import read as read_memory
+from litegripd.recorder.files import to_mcap
 from tests.client.helpers import Ctl
 from tests.client.taught import TAUGHT
 from tests.trajectories import HEADER_BYTES, lgt

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from litegrip_client import CommandError, Trajectory, TrajectorySample
-from litegrip_client.protocol.lgt import MAX_SAMPLES
+from litegrip_client.protocol.trajectory import MAX_SAMPLES
 from tests.mutations import MUTATIONS, mutated
 from tests.trajectories import HEADER_BYTES, SAMPLE_BYTES, lgt, points_of
 

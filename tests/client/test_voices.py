@@ -14,14 +14,14 @@ from litegrip_client import LiteGrip, LiteGripError
 from litegrip_client.ctl.parser import LateParser, Parser, whole_parser
 from litegrip_client.errors import from_error_object
 from litegrip_client.voices import ARGUMENTS, CALLS, in_python, in_shell, is_said
-from litegripd.app.features import METHODS
+from litegripd.app.build import METHODS
 from litegripd.control.admission import NOT_CALIBRATED, NOT_ENABLED, ZERO_MOVED, busy_with
 from litegripd.control.authority import StopLatch
 from litegripd.model.errors import Refusal
 from litegripd.model.state import Job, Owner
 from litegripd.motor.phases import implausible_refusal
 from litegripd.rpc.jsonrpc import error_object
-from litegripd.rpc.schema import check
+from litegripd.rpc.method import check
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
 

@@ -4,8 +4,8 @@ from typing import Any, TypeAlias
 
 from hypothesis import strategies as st
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motion_config import MotionConfig, ranges_of
-from litegripd.model.motor_types import DM4310
 from tests.trajectories import lgt, pieces
 
 Values: TypeAlias = dict[str, Any]

@@ -8,7 +8,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
-from litegripd.app.features import build_service
+from litegripd.app.build import build_service
 from litegripd.control.controller import Controller
 from litegripd.model.calibration import CalibrationError, read_content
 from litegripd.model.motion_config import MotionConfig

@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from litegripd.app.features import build_service
+from litegripd.app.build import build_service
 from litegripd.app.machine import Machine
 from litegripd.handover import state as handover
 from litegripd.model.motion_config import MotionConfig

@@ -3,7 +3,7 @@
 import json
 from typing import Any
 
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from litegripd.trajectories.replay import Replay
 from tests.trajectories import fetched, send
 from tests.world import Client, World

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from bench.hand import Hand
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import Client, World
 
 MOUNTS = ("normal", "reverse")

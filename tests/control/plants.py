@@ -3,7 +3,7 @@
 import random
 from dataclasses import dataclass
 
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import Client, World
 
 RATES_HZ = (100, 200, 1000)

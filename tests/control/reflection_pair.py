@@ -3,7 +3,7 @@
 import struct
 from dataclasses import dataclass, field
 
-from litegripd.app.features import build_service
+from litegripd.app.build import build_service
 from litegripd.model.teleop import Arrival
 from tests.control.teleop_scene import MM_RAD, TeleopWorld
 from tests.world import PERIOD_S, Client, FixedFacts

@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from litegripd.app.features import build_service
+from litegripd.app.build import build_service
 from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, FixedFacts, World
 
 MM_RAD = 74.8

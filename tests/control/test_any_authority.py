@@ -7,7 +7,7 @@ from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from litegripd.model.motor import MotorPhase
 from litegripd.model.state import Job
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.properties import examples
 from tests.world import CAN_ID, Client, World
 

@@ -15,11 +15,11 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
 from litegripd.model.calibration import CalibrationError, read_content
+from litegripd.model.gripper import DM4310
 from litegripd.model.motion_config import MotionConfig, MotionConfigError
 from litegripd.model.motor import CanFrame, MotorPhase, Ranges, ZeroView
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
-from litegripd.sim.parameters import MOUNTS
+from litegripd.sim.plant import MOUNTS
 from tests.control.any_requests import (
     NORMAL,
     REVERSE,

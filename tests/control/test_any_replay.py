@@ -9,18 +9,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegrip_client.protocol.grips import TaughtGrip, pack
-from litegripd.control.gains import DEFAULT_GAINS
+from litegrip_client.protocol.trajectory import TaughtGrip, pack_grips
 from litegripd.control.holds import Slack
-from litegripd.control.limiter import torque_bound_nm
+from litegripd.control.limiter import DEFAULT_GAINS, torque_bound_nm
 from litegripd.control.motions.grasp import BUDGET_NM
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import DM4310, FASTEST_MM_S, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorPhase, MotorView
-from litegripd.model.motor_types import DM4310, FASTEST_MM_S
-from litegripd.model.results import ReplayResult, Result
-from litegripd.model.state import TaskResult
+from litegripd.model.state import ReplayResult, Result, TaskResult
 from litegripd.trajectories.replay import Replay, ReplayRequest
 from litegripd.trajectories.store import TrajectoryStore
 from tests.trajectories import Point, lgt, pieces, sampled, swing
@@ -43,7 +40,7 @@ class Jaws:
         self.store = TrajectoryStore(lambda: Path("/nowhere"))
         operations = self.store.operations()
         content = lgt(points)
-        beside = pack(grips, hashlib.sha256(content).hexdigest()) if grips else b""
+        beside = pack_grips(grips, hashlib.sha256(content).hexdigest()) if grips else b""
         common = {"key": "it", "name": None, "header": None, "grip_bytes": len(beside)}
         for piece in pieces(content + beside, **common):
             operations["trajectory.put"](piece)

@@ -2,9 +2,9 @@
 
 import pytest
 
-from litegripd.control.gains import Gains
+from litegripd.control.limiter import Gains
 from litegripd.control.motions.grasp import BUDGET_NM, KP_MAX_NM_RAD, Approach
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, Status
 from tests.world import PERIOD_S

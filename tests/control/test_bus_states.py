@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
+from litegripd.model.gripper import GripperId
 from litegripd.model.motor import NOT_OPENED, UP, BusCondition, BusState, MotorPhase, remedy
-from litegripd.model.motor_types import GripperId
 from litegripd.motor import codec
 from tests.world import CAN_ID, Client, World
 

@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.model.calibration import Calibration
 from litegripd.model.motor import MotorPhase
-from litegripd.sim.parameters import limits_of_mount
+from litegripd.sim.plant import limits_of_mount
 from tests.control.states import in_state, is_slack
 from tests.world import Client, World
 

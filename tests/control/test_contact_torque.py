@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import World
 
 MOUNTS = ("normal", "reverse")

@@ -2,7 +2,7 @@
 
 from litegripd.model.motor import CanFrame, MotorPhase
 from litegripd.motor import codec
-from litegripd.recorder.causes import APART_S
+from litegripd.recorder.recorder import APART_S
 from tests.control.test_dumps import causes, recover, watching
 from tests.world import CAN_ID, World
 

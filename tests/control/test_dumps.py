@@ -3,7 +3,7 @@
 import pytest
 
 from litegripd.model.motor import BusCondition, MotorPhase
-from litegripd.recorder.causes import AFTER_S, APART_S
+from litegripd.recorder.recorder import AFTER_S, APART_S
 from tests.world import PERIOD_S, Client, World
 
 

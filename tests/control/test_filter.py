@@ -15,10 +15,9 @@ from litegripd.control.limiter import (
     bounds_of,
     torque_bound_nm,
 )
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import DM4310, Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, Ranges
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from tests.properties import examples
 

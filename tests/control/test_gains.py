@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.control.gains import DEFAULT_GAINS, Gains
+from litegripd.control.limiter import DEFAULT_GAINS, Gains
 from litegripd.model.calibration import Calibration
 from litegripd.model.motion_config import LEAST_DAMPING_S, damping_conflict
 from tests.control.replays import SLOW

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import Client, World
 
 MOUNTS = ("normal", "reverse")

@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.control.detectors import TorqueGuard
 from litegripd.model.motion_config import MotionConfig
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import Client, World
 
 MOUNTS = ("normal", "reverse")

@@ -9,10 +9,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from litegripd.control.heat import Course, HeatChange, HeatGuard, HeatModel
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import Feedback
-from litegripd.model.motor_types import DM4310
 from litegripd.sim.motor import Thermal
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 
 STEP_S = 0.1
 NOMINAL = (1.0, 1.0, 1.0)

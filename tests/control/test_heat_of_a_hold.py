@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.world import Client, World
 
 HOT_ROOM = replace(SimulatorParameters(), ambient_c=64.0, initial_opening_mm=60.0)

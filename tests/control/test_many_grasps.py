@@ -11,11 +11,10 @@ from dataclasses import dataclass
 import pytest
 
 from bench.rig import PERIOD_S, Rig, ours
-from litegripd.control.gains import Gains
+from litegripd.control.limiter import Gains
 from litegripd.control.motions.grasp import GraspRequest
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.results import GraspResult
-from litegripd.model.state import Job
+from litegripd.model.state import GraspResult, Job
 from litegripd.sim.plant import GrippedObject
 
 MOUNTS = ("normal", "reverse")

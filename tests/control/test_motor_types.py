@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from litegripd.control.limiter import torque_bound_nm
+from litegripd.model.gripper import DM4310, DM4340, MOTOR_TYPES, MotorType
 from litegripd.model.motor import MotorPhase
-from litegripd.model.motor_types import DM4310, DM4340, MOTOR_TYPES, MotorType
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.control.exchange import exchange
 from tests.world import Client, World
 

@@ -4,12 +4,12 @@ from typing import Any
 
 import pytest
 
-from litegripd.control.gains import DEFAULT_GAINS
+from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.control.motions.move import Direction, MoveToStop
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
-from litegripd.model.results import MoveResult
+from litegripd.model.state import MoveResult
 from tests.world import PERIOD_S
 
 MM_RAD = 74.8

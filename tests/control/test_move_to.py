@@ -6,7 +6,7 @@ import pytest
 
 from litegripd.model.motor import MitCommand
 from litegripd.motor import codec
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.world import CAN_ID, PERIOD_S, Client, World, is_command
 
 MM_RAD = 74.8

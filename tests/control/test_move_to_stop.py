@@ -4,10 +4,10 @@ import math
 
 import pytest
 
-from litegripd.control.gains import DEFAULT_GAINS
+from litegripd.control.limiter import DEFAULT_GAINS
 from litegripd.model.calibration import Calibration
-from litegripd.model.geometry import Geometry
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.model.gripper import Geometry
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, World
 
 MOUNTS = ("normal", "reverse")

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motor import Feedback, MitCommand
 from litegripd.model.teleop import Arrival
 from litegripd.teleop.intake import MOST_FOLLOWERS, ForceIntake

@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.control.jobs import JobBook
-from litegripd.model.geometry import Geometry
+from litegripd.control.events import JobBook
+from litegripd.model.gripper import Geometry
 from litegripd.model.motor import Feedback, MotorPhase, MotorView
 from litegripd.motor import codec
 from litegripd.trajectories.capture import Capture

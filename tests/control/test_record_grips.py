@@ -6,13 +6,12 @@ from collections.abc import Callable
 
 import pytest
 
-from litegrip_client.protocol.grips import MOST_GRIPS, grips_of
+from litegrip_client.protocol.trajectory import MOST_GRIPS, grips_of
+from litegripd.control.events import JobBook
 from litegripd.control.holds import Grip, GripSettings
-from litegripd.control.jobs import JobBook
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import DM4310, DM4340, Geometry
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.motor_types import DM4310, DM4340
 from litegripd.model.state import Owner
 from litegripd.trajectories.capture import GripNotes
 from tests.control.grips import beside, both, gripper, grips, picked

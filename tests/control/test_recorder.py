@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 from litegripd.model.state import Event
 from litegripd.motor import codec
 from litegripd.recorder import recorder
-from litegripd.recorder.mcap import tick_fields
-from litegripd.recorder.reader import Recording, read
+from litegripd.recorder.files import Recording, read, tick_fields
 from litegripd.recorder.recorder import Recorder, memory_bytes, tick_slots
 from tests.world import CAN_ID, PERIOD_S, World
 

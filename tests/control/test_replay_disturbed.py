@@ -4,7 +4,7 @@ import pytest
 
 from litegripd.model.motor import MitCommand, MotorPhase
 from litegripd.motor import codec
-from litegripd.sim.parameters import limits_of_mount
+from litegripd.sim.plant import limits_of_mount
 from tests.control.replays import (
     SLOW,
     TOLERANCE,

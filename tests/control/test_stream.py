@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.world import PERIOD_S, Client, World
 
 MM_RAD = 74.8

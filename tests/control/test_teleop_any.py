@@ -8,8 +8,8 @@ from typing import Any
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motion_config import LEAST_DAMPING_S
-from litegripd.model.motor_types import DM4310
 from tests.control.any_requests import NORMAL, REVERSE, Values, calls
 from tests.control.bench import Bench, Course, Request
 from tests.control.teleop_scene import CODE_RAD, MM_RAD, Follower, TeleopWorld, packed

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.control.gains import Gains
+from litegripd.control.limiter import Gains
 from litegripd.model.calibration import NOMINAL
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, Status

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from litegripd.teleop.base import TeleopAction
+from litegripd.teleop.link import TeleopAction
 from tests.control.teleop_scene import (
     CODE_RAD,
     MM_RAD,

@@ -8,7 +8,7 @@ import pytest
 from litegripd.model.calibration import read_content
 from litegripd.model.motion_config import MotionConfig
 from litegripd.motor import codec
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.control.limits import LimitWatch
 from tests.world import CAN_ID, Client, World, is_command
 

@@ -81,6 +81,13 @@ def test_commands_are_ones_that_litegripctl_takes(
                 pytest.fail(f"{line}: {capsys.readouterr().err}")
 
 
+@pytest.mark.parametrize("name", [name for name in NAMES if name != "CHANGELOG.md"])
+def test_source_files_are_there(name: str) -> None:
+    places = [ROOT, *(ROOT / package for package in ("litegripd", "litegrip_client", "docs"))]
+    for path in re.findall(r"`((?:\w+/)+\w+\.py)(?:::\w+)?`", text_of(name)):
+        assert any((place / path).exists() for place in places), path
+
+
 def test_there_are_commands_to_be_checked() -> None:
     assert sum(len(commands_of(name)) for name in NAMES) > 60
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from docs.protocol_fields import JOB, PARAMS, TELEOP
-from litegripd.app.features import METHODS
+from litegripd.app.build import METHODS
 from tests.rpc.transcripts import FOLDER, talk
 
 ROOT = Path(__file__).parents[2]

@@ -13,6 +13,7 @@ from tests.sdk_compat import blocks
 BLOCKS = [
     (name, code)
     for name in NAMES
+    if name != "docs/simulator.md"  # its block starts a daemon: tests/process/test_testing.py
     for code in re.findall(r"^```python\n(.*?)^```$", text_of(name), re.MULTILINE | re.DOTALL)
 ]
 

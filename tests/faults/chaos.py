@@ -9,7 +9,7 @@ import random
 from typing import Any
 
 from litegripd.model.motion_config import MotionConfig
-from litegripd.sim.parameters import MOUNTS
+from litegripd.sim.plant import MOUNTS
 from tests.faults.cell import WAITS
 from tests.faults.chaos_clients import CLIENTS, ChaosClient
 from tests.faults.chaos_watch import ChaosWatch, kept_by

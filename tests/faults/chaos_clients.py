@@ -9,8 +9,8 @@ import random
 import re
 from typing import Any
 
-from litegripd.app.features import BY_NAME, METHODS
-from litegripd.rpc.schema import Param
+from litegripd.app.build import BY_NAME, METHODS
+from litegripd.rpc.method import Param
 from tests.world import World
 
 CLIENTS = 5

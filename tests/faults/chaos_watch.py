@@ -4,8 +4,8 @@ import gc
 import types
 from collections import deque
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import MitCommand, MotorPhase, Ranges
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.motor import ENABLED
 from tests.control.limits import LimitWatch

@@ -12,7 +12,7 @@ import can
 from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.motor import ENABLED
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.bus_world import BusWorld, RecordingGripper
 from tests.world import CAN_ID, is_command
 

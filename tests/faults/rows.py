@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import can
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.sim.motor import REGISTER_CAN_ID
 from tests.faults.fault_world import FaultWorld

@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.faults.fault_world import FaultWorld
 from tests.faults.matrix import PAGE, cell, page, title
 from tests.faults.rows import FAULTS, Fault

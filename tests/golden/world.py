@@ -5,7 +5,7 @@ import itertools
 from pathlib import Path
 from typing import Any
 
-from litegripd.app.features import build_service
+from litegripd.app.build import build_service
 from litegripd.rpc.sessions import Peer, Role
 from tests.control.teleop_scene import TeleopWorld
 from tests.world import Client, FixedFacts

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.handover.link import Link, read_document, write_document
+from litegripd.handover.predecessor import Link, read_document, write_document
 from litegripd.io.helper.child import Child, start_here
 from litegripd.io.loop import PeriodicTimer
 from litegripd.io.sockets import occupy, take_over

@@ -2,9 +2,9 @@
 
 import pytest
 
-from litegripd.handover.methods import OnRestarted
+from litegripd.handover.state import OnRestarted
 from litegripd.model.errors import Refusal
-from litegripd.model.results import Restarted
+from litegripd.model.state import Restarted
 from litegripd.rpc.sessions import Role
 from tests.world import World
 

@@ -13,13 +13,15 @@ from typing import cast
 import pytest
 
 from litegripd.app.config import load, override, same_settings
-from litegripd.handover.link import Link, Packet, read_document
 from litegripd.handover.predecessor import (
     READY_WITHIN_S,
     TAKE_WITHIN_S,
+    Link,
+    Packet,
     Succession,
     pass_end,
     pass_stop,
+    read_document,
 )
 from litegripd.handover.state import FORMAT
 from litegripd.io.can.bus import FrameBus
@@ -29,8 +31,7 @@ from litegripd.io.sockets import Places, occupy
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import UP, BusCondition
 from litegripd.model.plain import value_of
-from litegripd.model.results import Restarted
-from litegripd.model.state import Owner, Stop
+from litegripd.model.state import Owner, Restarted, Stop
 from tests.world import PERIOD_S, World
 
 DEADLINE_S = 20.0

@@ -9,20 +9,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.app.features import build_service
+from litegripd.app.build import build_service
 from litegripd.app.machine import Machine
 from litegripd.control.controller import Controller
 from litegripd.control.heat import HeatModel
 from litegripd.control.holds import Grip, Hold, Slack
 from litegripd.handover import state as handover
+from litegripd.model.gripper import GripperId
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import MotorPhase
-from litegripd.model.motor_types import GripperId
 from litegripd.model.plain import PlainError, carried_by, is_stateful, undeclared
+from litegripd.motor.exchange import Plausibility
 from litegripd.motor.motor import Motor
-from litegripd.motor.plausibility import Plausibility
 from litegripd.rpc.service import RpcService
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from litegripd.trajectories.requests import Trajectories
 from tests.control.exchange import exchange, exported
 from tests.world import PERIOD_S, Client, FixedFacts, World

@@ -5,8 +5,7 @@ from collections import deque
 
 import can
 
-from litegripd.io.can.bus import BusSettings
-from litegripd.io.can.direct import DirectBus
+from litegripd.io.can.bus import BusSettings, DirectBus
 from litegripd.model.motor import CanFrame
 
 FRAME = CanFrame(0x08, bytes(range(8)))

@@ -6,7 +6,7 @@ from itertools import pairwise
 import can
 import pytest
 
-from litegripd.io.can import direct as direct_bus
+from litegripd.io.can import bus as direct_bus
 from litegripd.io.can.bus import MAX_FRAMES_PER_TICK
 from litegripd.model.motor import CanFrame
 from tests.io.direct_rig import FRAME, MESSAGE, Rig, operation_error

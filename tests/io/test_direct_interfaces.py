@@ -6,8 +6,7 @@ from collections.abc import Iterator
 import can
 import pytest
 
-from litegripd.io.can.bus import BusSettings
-from litegripd.io.can.direct import DirectBus
+from litegripd.io.can.bus import BusSettings, DirectBus
 from litegripd.model.motor import CanFrame
 from litegripd.motor.codec import status_request
 

@@ -5,7 +5,7 @@ import errno
 import can
 import pytest
 
-from litegripd.io.can import direct as direct_bus
+from litegripd.io.can import bus as direct_bus
 from tests.io.direct_rig import MESSAGE, Rig, operation_error
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.io.systemd import Notifier, one_line, watchdog_s
+from litegripd.app.systemd import Notifier, one_line, watchdog_s
 
 DEADLINE_S = 20.0
 

@@ -15,12 +15,9 @@ import pytest
 from mcap.reader import make_reader
 
 from litegripd.io.helper.atomic_file import FileError
-from litegripd.io.helper.child import start_here
-from litegripd.io.shared_memory import SharedMemory, copy_of
+from litegripd.io.helper.child import SharedMemory, copy_of, start_here
 from litegripd.recorder import files as recorder_files
-from litegripd.recorder.files import dump, prune
-from litegripd.recorder.mcap import EVENT_SCHEMA, TICK_SCHEMA, to_mcap
-from litegripd.recorder.reader import read
+from litegripd.recorder.files import EVENT_SCHEMA, TICK_SCHEMA, dump, prune, read, to_mcap
 from litegripd.recorder.recorder import memory_bytes, tick_slots
 from tests.io.test_helper import DEADLINE_S, Rig
 from tests.world import PERIOD_S, World

@@ -7,9 +7,9 @@ from queue import SimpleQueue
 import pytest
 
 from litegripd.model.teleop import LinkOptions, LinkStatus, TeleopMode
+from litegripd.teleop.ends import UdpFollower, UdpLeader
+from litegripd.teleop.link import FRAME, STATUS, Order, unpack_arrival, unpack_status
 from litegripd.teleop.process import Station
-from litegripd.teleop.udp import UdpFollower, UdpLeader
-from litegripd.teleop.wire import FRAME, STATUS, Order, unpack_arrival, unpack_status
 
 DEADLINE_S = 30.0
 

@@ -17,10 +17,8 @@ from hypothesis import strategies as st
 
 from litegripd.io.helper.child import Child
 from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
-from litegripd.teleop.link import Link
-from litegripd.teleop.links import ProcessLink, TeleopLinks
-from litegripd.teleop.process import Flood, Station
-from litegripd.teleop.wire import (
+from litegripd.teleop.link import (
+    Link,
     Order,
     pack_arrival,
     pack_open,
@@ -29,6 +27,8 @@ from litegripd.teleop.wire import (
     unpack_open,
     unpack_status,
 )
+from litegripd.teleop.links import ProcessLink, TeleopLinks
+from litegripd.teleop.process import Flood, Station
 
 DEADLINE_S = 30.0
 FRAME = struct.pack(">4d", 0.25, 30.0, 0.0, 1.0)

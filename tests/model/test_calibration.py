@@ -12,7 +12,7 @@ from litegripd.model.calibration import (
     measured,
     parse_calibration,
 )
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 
 FACTORY: dict[str, object] = {
     "channel": "can0",

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 
 BENCH = Geometry(0.104334, -1.513123, 74.19)
 limits = st.floats(-12.5, 12.5)

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegrip_client.errors import TrajectoryFormatError
-from litegrip_client.protocol.grips import (
+from litegrip_client.protocol.trajectory import (
     MAX_GRIP_BYTES,
     MOST_GRIPS,
     TaughtGrip,
-    check_row,
+    check_grips,
     grips_of,
-    pack,
-    read,
+    pack_grips,
+    unpack_grips,
 )
 from tests.mutations import MUTATIONS, mutated
 
@@ -42,17 +42,17 @@ any_grips = st.lists(
 
 @given(any_grips)
 def test_what_is_written_reads_back_to_the_bit(grips: tuple[TaughtGrip, ...]) -> None:
-    assert read(pack(grips, DIGEST), DIGEST) == grips
+    assert unpack_grips(pack_grips(grips, DIGEST), DIGEST) == grips
 
 
 def test_the_most_grips_with_the_longest_figures_fit_into_the_file() -> None:
     third = 1 / 3 * 1e-300
     grip = TaughtGrip(-third, -third, -third, third, third, third, '"' * 80)
-    assert len(pack((grip,) * MOST_GRIPS, DIGEST)) <= MAX_GRIP_BYTES
+    assert len(pack_grips((grip,) * MOST_GRIPS, DIGEST)) <= MAX_GRIP_BYTES
 
 
 def test_the_file_says_what_it_is() -> None:
-    content = json.loads(pack(GRIPS, DIGEST))
+    content = json.loads(pack_grips(GRIPS, DIGEST))
     head = {"format": "litegrip-grips", "version": 1, "lgt_sha256": DIGEST}
     assert {key: content[key] for key in content.keys() - {"grips"}} == head
 
@@ -75,39 +75,39 @@ def test_the_file_says_what_it_is() -> None:
     ],
 )
 def test_a_wrong_file_is_refused_with_its_reason(changes: dict[str, Any], why: str) -> None:
-    content = {**json.loads(pack(GRIPS, DIGEST)), **changes}
+    content = {**json.loads(pack_grips(GRIPS, DIGEST)), **changes}
     with pytest.raises(TrajectoryFormatError, match=why):
-        read(json.dumps(content).encode(), DIGEST)
+        unpack_grips(json.dumps(content).encode(), DIGEST)
 
 
 def test_a_key_that_is_there_twice_is_refused() -> None:
-    content = pack(GRIPS, DIGEST).replace(b'"version": 1', b'"version": 1, "version": 1')
+    content = pack_grips(GRIPS, DIGEST).replace(b'"version": 1', b'"version": 1, "version": 1')
     with pytest.raises(TrajectoryFormatError, match="twice"):
-        read(content, DIGEST)
+        unpack_grips(content, DIGEST)
 
 
 def test_grips_lie_between_the_samples_one_after_the_other() -> None:
-    check_row(GRIPS, 0.25, 2.75)
+    check_grips(GRIPS, 0.25, 2.75)
     for first_s, last_s in ((0.26, 2.75), (0.25, 2.74)):
         with pytest.raises(TrajectoryFormatError, match=r"grip [01]"):
-            check_row(GRIPS, first_s, last_s)
+            check_grips(GRIPS, first_s, last_s)
     with pytest.raises(TrajectoryFormatError, match="grip 1: closing_s"):
-        check_row((GRIPS[1], GRIPS[0]), 0.0, 5.0)
+        check_grips((GRIPS[1], GRIPS[0]), 0.0, 5.0)
 
 
 def test_cut_off_at_any_byte_it_is_refused() -> None:
-    content = pack(GRIPS, DIGEST)
+    content = pack_grips(GRIPS, DIGEST)
     for length in range(len(content) - 1):  # the last one ends the last line
         with pytest.raises(TrajectoryFormatError):
-            read(content[:length], DIGEST)
+            unpack_grips(content[:length], DIGEST)
 
 
 def test_mutations_are_read_whole_or_refused() -> None:
     """Never a crash, and what passes has every property that a replay relies on."""
-    whole, read_again = pack(GRIPS, DIGEST), 0
+    whole, read_again = pack_grips(GRIPS, DIGEST), 0
     for content in mutated(whole):
         try:
-            grips = read(content, DIGEST)
+            grips = unpack_grips(content, DIGEST)
         except TrajectoryFormatError:
             continue
         read_again += 1

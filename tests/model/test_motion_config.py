@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import DM4310, MOTOR_TYPES, Geometry, MotorType
 from litegripd.model.motion_config import (
     WIDEST,
     MotionConfig,
@@ -16,7 +16,6 @@ from litegripd.model.motion_config import (
     move_conflict,
     ranges_of,
 )
-from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
 
 CONFIG = MotionConfig()
 GEOMETRY = Geometry(0.114, -1.491, 74.8)

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.app.features import METHODS
-from litegripd.model.motor_types import DM4310, MOTOR_TYPES, MotorType
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.app.build import METHODS
+from litegripd.model.gripper import DM4310, MOTOR_TYPES, MotorType
+from litegripd.sim.plant import SimulatorParameters
 
 ROOT = Path(__file__).parents[2]
 every_type = pytest.mark.parametrize("motor_type", MOTOR_TYPES.values(), ids=MOTOR_TYPES)
@@ -72,7 +72,7 @@ def test_a_further_type_touches_two_files() -> None:
     assert len(sources) > 100
     naming = {path for path in sources if re.search(rf"\b({further})\b", path.read_text("utf-8"))}
     assert {str(path.relative_to(ROOT)) for path in naming} == {
-        "litegripd/model/motor_types.py",
+        "litegripd/model/gripper.py",
         "litegrip_client/doctor/gripper_checks.py",
     }
 

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegrip_client.errors import TrajectoryFormatError
-from litegrip_client.protocol.lgt import HEADER, MAX_SAMPLES, SAMPLE, Header, read_header
-from litegripd.model.geometry import Mount
+from litegrip_client.protocol.trajectory import HEADER, MAX_SAMPLES, SAMPLE, Header, read_header
+from litegripd.model.gripper import Mount
 from litegripd.trajectories.values import csv_line, name_problem, read, summarize
 from tests.mutations import MUTATIONS, mutated
 from tests.trajectories import HEADER_BYTES, SAMPLE_BYTES, Point, lgt, points_of, sampled, swing

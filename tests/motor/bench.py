@@ -20,7 +20,7 @@ from litegripd.model.motor import (
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 
 CAN_ID = 0x08
 MASTER_ID = 0x18

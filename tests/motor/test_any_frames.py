@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import (
     CanFrame,
     DisableMotor,
@@ -17,7 +18,6 @@ from litegripd.model.motor import (
     RegisterRequest,
     SetZero,
 )
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from litegripd.motor.motor import Motor
 from tests.motor.helpers import MASTER_ID, Registers

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+from litegripd.model.gripper import DM4310, DM4340, MOTOR_TYPES
 from litegripd.model.motor import MitCommand, Ranges
-from litegripd.model.motor_types import DM4310, DM4340, MOTOR_TYPES
 from litegripd.motor import codec
-from litegripd.sim import codec as sim_codec
+from litegripd.sim import registers as sim_codec
 
 RANGES = DM4310.ranges
 LSB_12 = 1.0 / 4095

@@ -4,8 +4,8 @@ import struct
 
 import pytest
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame, MitCommand, MotorPhase, Status
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from tests.world import CAN_ID, PERIOD_S, World, is_command
 

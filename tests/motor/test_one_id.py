@@ -7,7 +7,7 @@ import pytest
 
 from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor import codec
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.world import CAN_ID, Client, World
 
 ENABLE = CanFrame(CAN_ID, codec.ENABLE)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from litegripd.model.calibration import Calibration
 from litegripd.model.motor import CanFrame, Feedback, MotorPhase, Status
-from litegripd.motor.plausibility import IMPLAUSIBLE_FRAMES, Plausibility
+from litegripd.motor.exchange import IMPLAUSIBLE_FRAMES, Plausibility
 from tests.world import CAN_ID, PERIOD_S, Client, World
 
 MOVED_BY_ITSELF_MM = 15.0

@@ -5,6 +5,7 @@ import struct
 
 import pytest
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import (
     CanFrame,
     EnableMotor,
@@ -13,11 +14,10 @@ from litegripd.model.motor import (
     MotorPhase,
     Ranges,
 )
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec as reg
 from litegripd.motor.identity import LONGEST_WATCHDOG_S, RegisterScan, unsuitable, warnings
 from litegripd.motor.motor import Motor
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.motor.helpers import MASTER_ID, Registers, world_with
 from tests.world import CAN_ID, World
 

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import CanFrame
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec as reg
 from litegripd.motor.codec import decode_feedback
 from tests.motor.helpers import answer, world_with

@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.control.motions.power import SetZero as SetZeroAction
+from litegripd.control.motions.base import SetZero as SetZeroAction
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import (
     DisableMotor,
@@ -13,7 +13,7 @@ from litegripd.model.motor import (
     SetZero,
     ZeroView,
 )
-from litegripd.model.results import SetZeroResult
+from litegripd.model.state import SetZeroResult
 from litegripd.motor import codec
 from tests.motor.bench import CAN_ID, PERIOD_S, Bench, LosesFirst, everything, is_zero
 

@@ -7,7 +7,7 @@ import pytest
 from litegripd.model.motor import CanFrame, MotorPhase, Status
 from litegripd.motor import codec
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.world import CAN_ID, PERIOD_S, Client, World
 
 

@@ -5,7 +5,7 @@ import random
 import pytest
 
 from litegripd.model.motor import CanFrame, Feedback, MotorPhase, Status
-from litegripd.motor.plausibility import CERTAIN_AFTER, StatusJudge
+from litegripd.motor.exchange import CERTAIN_AFTER, StatusJudge
 from tests.world import PERIOD_S, Client, World
 
 WRONG = [0x0, 0x2, 0x7, 0x8, 0x9, 0xD, 0xE, 0xF]

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from litegripd.model.gripper import DM4310, DM4340, MotorType
 from litegripd.model.motor import CanFrame, MotorPhase
-from litegripd.model.motor_types import DM4310, DM4340, MotorType
 from litegripd.motor.identity import unsuitable
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.motor.helpers import set_register
 from tests.motor.test_register_scan import disturbed_once, identity_with
 from tests.world import CAN_ID, World

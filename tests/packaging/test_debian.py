@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import tomli
 
-from litegrip_client.units import plan
+from litegrip_client.units import install
 
 SOURCES = Path(__file__).parents[2]
 PACKAGING = SOURCES / "packaging/debian"
@@ -42,7 +42,7 @@ def test_a_shell_can_read_the_script(script: Path) -> None:
 def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
     files = put()
     assert set(files) == {
-        plan.PACKAGED,
+        install.PACKAGED,
         "usr/lib/systemd/system/litegripd.target",
         "usr/lib/sysusers.d/litegripd.conf",
         "usr/lib/tmpfiles.d/litegripd.conf",
@@ -52,7 +52,9 @@ def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
     }
     for source in files.values():
         assert (SOURCES / source).is_file(), source
-    installed = {(file.content, Path(file.path).name) for file in plan.units("/opt/litegripd/bin")}
+    installed = {
+        (file.content, Path(file.path).name) for file in install.units("/opt/litegripd/bin")
+    }
     packaged = {
         ((SOURCES / source).read_text(), Path(where).name) for where, source in files.items()
     }
@@ -66,10 +68,10 @@ def test_what_is_a_configuration_is_kept_by_dpkg() -> None:
 
 def test_the_link_leads_from_where_the_units_look_to_where_the_version_is() -> None:
     build = BUILD.read_text()
-    link = plan.PROGRAMS.removesuffix("/bin/")
-    assert f'ln -s "{Path(link).name}{plan.VERSIONS}/$version" "$1{link}"' in build
-    assert f"prefix={link}{plan.VERSIONS}/$version" in build
-    assert f"ExecStart={link}/bin/litegripd %i" in (SOURCES / put()[plan.PACKAGED]).read_text()
+    link = install.PROGRAMS.removesuffix("/bin/")
+    assert f'ln -s "{Path(link).name}{install.VERSIONS}/$version" "$1{link}"' in build
+    assert f"prefix={link}{install.VERSIONS}/$version" in build
+    assert f"ExecStart={link}/bin/litegripd %i" in (SOURCES / put()[install.PACKAGED]).read_text()
 
 
 def test_the_version_is_that_of_the_sources() -> None:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from litegripd.model.motor_types import DM4310, DM4340
+from litegripd.model.gripper import DM4310, DM4340
 from tests.plants.motor import REGISTERS
 from tests.plants.parameters import Item, PlantParameters, dm4340
 from tests.plants.world import PlantWorld

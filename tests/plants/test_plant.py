@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from litegripd.model.geometry import Geometry
+from litegripd.model.gripper import Geometry
 from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.plants.codec import Command, Scale, read_command, write_command
 from tests.plants.mechanics import STEP_S, Mechanics
 from tests.plants.motor import COMMUNICATION_LOST, ENABLED, REGISTERS, PlantMotor

@@ -9,9 +9,9 @@ from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
 
+from litegripd.model.gripper import DM4310, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import CanFrame
-from litegripd.model.motor_types import DM4310, MotorType
 from tests.plants.motor import PlantMotor
 from tests.plants.parameters import MM_RAD, PlantParameters
 from tests.world import FRAME_TIME_S, Sent, World

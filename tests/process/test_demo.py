@@ -1,20 +1,65 @@
-"""The demo of the README: one daemon, one process that moves the jaws, one that watches both."""
+"""The demo of the README: a daemon, a process that grasps what it loses, one that watches."""
 
-import re
+import os
+import signal
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
+
+import pytest
 
 DEMO = Path(__file__).parents[2] / "examples" / "demo.py"
 
 
-def test_the_demo_opens_closes_and_is_watched() -> None:
+@pytest.fixture
+def folder() -> Iterator[Path]:
+    """Return an empty folder whose path is short enough for sockets in it."""
+    with tempfile.TemporaryDirectory(dir="/tmp") as path:
+        yield Path(path)
+
+
+def within(folder: Path) -> dict[str, str]:
+    return {**os.environ, "TMPDIR": str(folder)}
+
+
+def test_an_object_is_grasped_lost_and_grasped_again(folder: Path) -> None:
     done = subprocess.run(
-        [sys.executable, str(DEMO)], capture_output=True, text=True, timeout=100, check=False
+        [sys.executable, str(DEMO)],
+        env=within(folder),
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
     watched = [line for line in done.stdout.splitlines() if line.startswith("watcher |")]
-    assert any("moving    open" in line for line in watched)
-    assert any("moving    close" in line for line in watched)
-    assert re.search(r"ok=True \(pressed_home\), -?0\.[012] mm open", done.stdout)
-    assert done.stdout.rstrip().endswith("The demo worked: one gripper, two processes.")
+    assert any("moving    grasp" in line for line in watched)
+    moved = [line for line in done.stdout.splitlines() if line.startswith("  mover |")]
+    assert any("object_lost" in line for line in moved)
+    assert "object_held, 39." in moved[-1]
+    assert len(moved) < 20  # a bar that changes is for terminals
+    assert done.stdout.rstrip().endswith(
+        "The demo worked: an object was grasped, lost, and grasped again."
+    )
+    assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_nothing_is_left_of_a_demo_that_is_interrupted(folder: Path, number: int) -> None:
+    with subprocess.Popen(
+        [sys.executable, "-u", str(DEMO)],
+        env=within(folder),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as demo:
+        assert demo.stdout is not None
+        for line in demo.stdout:
+            if line.startswith("  mover |"):
+                break
+        demo.send_signal(number)
+        demo.stdout.read()  # to the end of all that had inherited it
+    assert demo.returncode != 0
+    assert list(folder.iterdir()) == []

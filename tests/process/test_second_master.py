@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from litegripd.model.gripper import DM4310
 from litegripd.model.motor import MitCommand
-from litegripd.model.motor_types import DM4310
 from litegripd.motor import codec
 from tests.process.daemon_process import SLCAN, Client, daemon
 from tests.sim.simulator_process import SimulatorProcess, simulator

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from litegrip_client.ctl.plot.drawing import draw
-from litegrip_client.ctl.plot.dump import read
+from litegrip_client.ctl.plot.drawing import draw, read
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
 
 STOOD_STILL_S = 0.4

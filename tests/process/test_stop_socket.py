@@ -114,7 +114,9 @@ def stop_line(**params: Any) -> bytes:
 def moving(mover: Client) -> int:
     """Begin a motion of many seconds; return its request."""
     mover.enabled().result("motion.close")
-    return mover.send("motion.open", speed_mm_s=15)
+    request = mover.send("motion.open", speed_mm_s=15)
+    mover.until(lambda state: bool(state["mode"] == "moving"))
+    return request
 
 
 @pytest.mark.parametrize("flooded", [False, True], ids=["alone", "flooded"])

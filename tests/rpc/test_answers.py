@@ -10,12 +10,12 @@ import pytest
 from jsonschema import ValidationError
 
 import litegripd
+from litegripd.app.build import METHODS
 from litegripd.app.config import Config
-from litegripd.app.features import METHODS
 from litegripd.app.status import DaemonFacts
 from litegripd.io.can.bus import BusSettings
+from litegripd.rpc.method import Schemas, Shape
 from litegripd.rpc.openrpc import NOTIFICATIONS
-from litegripd.rpc.schema import Schemas, Shape
 from tests.answers import Described, described, mutations
 from tests.rpc.transcripts import talk
 from tests.world import World

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from litegripd.app.features import METHODS
+from litegripd.app.build import METHODS
 from litegripd.model.errors import ERRORS, Refusal
 from litegripd.rpc import jsonrpc
 from tests.rpc.raw import Raw, request

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from litegripd.app.features import BY_NAME, GROUPS, METHODS
+from litegripd.app.build import BY_NAME, GROUPS, METHODS
 from litegripd.rpc.method import Call, Method, functions_of, methods_of
 from litegripd.rpc.methods.lease import Tokens
 from litegripd.rpc.service import Requests

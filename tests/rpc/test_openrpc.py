@@ -1,9 +1,9 @@
 """The OpenRPC document against the table of methods and the table of errors."""
 
-from litegripd.app.features import METHODS
+from litegripd.app.build import METHODS
 from litegripd.model.errors import ERROR_TABLE
+from litegripd.rpc.method import Param
 from litegripd.rpc.openrpc import document
-from litegripd.rpc.schema import Param
 from tests.world import World
 
 JSON_TYPES = {

@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from litegripd.app.features import METHODS
+from litegripd.app.build import METHODS
 from litegripd.model.errors import ERRORS
-from litegripd.model.results import Restarted
+from litegripd.model.state import Restarted
 from litegripd.rpc.reports import MAX_PER_SESSION
 from tests.rpc.raw import answered
 from tests.trajectories import lgt, pieces

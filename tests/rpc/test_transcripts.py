@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.app.features import METHODS
+from litegripd.app.build import METHODS
 from tests.rpc.transcripts import FOLDER, talk
 
 STABLE = {"reason", "kind", "outcome", "name", "mode", "jsonrpc"}

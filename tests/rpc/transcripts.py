@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from litegripd.app.features import METHODS
-from litegripd.model.results import Restarted
+from litegripd.app.build import METHODS
+from litegripd.model.state import Restarted
 from tests.trajectories import lgt, pieces
 from tests.world import Client, World
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from litegrip_client import LiteGrip, MotionConfig
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Moment, Site
 
 MM_RAD = 74.8

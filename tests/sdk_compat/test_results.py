@@ -6,7 +6,7 @@ import pytest
 
 from litegrip_client import EnableResult, GraspResult, LiteGrip, MotionConfig, MoveResult
 from litegripd.motor import codec
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Site
 from tests.sdk_compat.scenes import CODE_RAD
 

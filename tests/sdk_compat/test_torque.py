@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_client import CommandError, LiteGrip, MotionConfig, UnitConversion
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
+from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.drop_in import Daemon, Site
 from tests.sdk_compat.scenes import MM_RAD, content, jaws_are_loose, load_content, write_file
 

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from litegripd.model.motor import CanFrame
-from litegripd.sim.codec import from_code, to_code
 from litegripd.sim.gripper import SimulatedGripper
+from litegripd.sim.registers import from_code, to_code
 
 CAN_ID, MASTER_ID = 0x08, 0x18
 PERIOD_S = 0.005

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from litegripd.model.motor import CanFrame
-from litegripd.sim.codec import (
+from litegripd.sim.registers import (
     Ranges,
     decode_command,
     encode_feedback,

@@ -10,7 +10,7 @@ from litegripd.model.motor import CanFrame
 from litegripd.sim import registers as reg
 from litegripd.sim.console import TABLE, Console, help_text, parse
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.wire import MotorWire
+from litegripd.sim.interface import MotorWire
 from tests.sim.driving import STATUS, decode, write
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from tests.sim.driving import (
     CLEAR,
     DISABLE,

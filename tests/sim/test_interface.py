@@ -8,8 +8,8 @@ from typing import Any
 import can
 import pytest
 
+from litegripd.model.gripper import DM4340
 from litegripd.model.motor import CanFrame
-from litegripd.model.motor_types import DM4340
 from litegripd.sim.gripper import SimulatedGripper
 from litegripd.sim.interface import FRAME_TIME_S, QUEUE_FRAMES, SimulatedBus
 from tests.sim.driving import ENABLE, STATUS, command, decode

@@ -7,8 +7,7 @@ from dataclasses import replace
 import pytest
 
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import ENCODER_COUNTS_PER_RAD, SimulatorParameters
-from litegripd.sim.plant import Plant
+from litegripd.sim.plant import ENCODER_COUNTS_PER_RAD, Plant, SimulatorParameters
 from tests.sim.driving import STATUS, Driver, command
 
 V_BW = 32

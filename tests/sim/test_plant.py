@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from litegripd.sim.gripper import SimulatedGripper, build_gripper
-from litegripd.sim.parameters import SimulatorParameters, limits_of_mount
-from litegripd.sim.plant import GrippedObject
+from litegripd.sim.plant import GrippedObject, SimulatorParameters, limits_of_mount
 from tests.sim.driving import DISABLE, Driver, command
 
 MM_PER_RAD = 74.8

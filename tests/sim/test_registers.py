@@ -3,9 +3,9 @@ import struct
 
 import pytest
 
-from litegripd.model.motor_types import MOTOR_TYPES, MotorType
+from litegripd.model.gripper import MOTOR_TYPES, MotorType
 from litegripd.sim.gripper import SimulatedGripper
-from litegripd.sim.parameters import SimulatorParameters
+from litegripd.sim.plant import SimulatorParameters
 from litegripd.sim.registers import TABLE
 from tests.sim.driving import ENABLE, SAVE, STATUS, Driver, command, read
 

@@ -21,8 +21,8 @@ from litegripd.app.sim_main import main
 from litegripd.model.motor import CanFrame
 from litegripd.sim.console import Console, help_text
 from litegripd.sim.gripper import build_gripper
+from litegripd.sim.interface import MotorWire
 from litegripd.sim.server import BusServer
-from litegripd.sim.wire import MotorWire
 from tests.sim.driving import (
     DISABLE,
     ENABLE,

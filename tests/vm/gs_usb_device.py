@@ -19,7 +19,7 @@ from pathlib import Path
 
 from litegripd.model.motor import CanFrame
 from litegripd.sim.gripper import build_gripper
-from litegripd.sim.wire import MotorWire
+from litegripd.sim.interface import MotorWire
 from tests.vm.gs_usb import Adapter, Identity
 from tests.vm.usbip import FULL_SPEED, Endpoints, Handlers
 

@@ -43,9 +43,9 @@ class CommandRow:
 COMMANDS = (
     CommandRow("state", "show the state once", "state"),
     CommandRow("watch", "show the state again and again", "state"),
-    CommandRow("enable", "enable the motor; it stays enabled", "motor"),
-    CommandRow("disable", "disable the motor: no torque", "motor"),
-    CommandRow("clear-fault", "clear a fault of the motor; it stays disabled", "motor"),
+    CommandRow("enable", "enable the motor; it stays enabled", "motions"),
+    CommandRow("disable", "disable the motor: no torque", "motions"),
+    CommandRow("clear-fault", "clear a fault of the motor; it stays disabled", "motions"),
     CommandRow("open", "open the jaws to the stop", "motions"),
     CommandRow("close", "close the jaws to the stop", "motions"),
     CommandRow("grasp", "close until something is held, and hold it with a force", "motions"),
@@ -55,25 +55,25 @@ COMMANDS = (
     CommandRow("slack", "let the jaws be moved by hand, until 'hold'", "motions"),
     CommandRow("hold", "hold the present position", "motions"),
     CommandRow("teleop", "lead another gripper by hand, or follow one", "teleop"),
-    CommandRow("stop", "stop the gripper, whichever client moves it, until 'clear'", "clients"),
-    CommandRow("clear", "clear a stop; moves nothing", "clients"),
-    CommandRow("clients", "list who is connected, and what each has cost", "clients"),
-    CommandRow("lease", "show who has the gripper to itself, or take it away", "clients"),
+    CommandRow("stop", "stop the gripper, whichever client moves it, until 'clear'", "state"),
+    CommandRow("clear", "clear a stop; moves nothing", "state"),
+    CommandRow("clients", "list who is connected, and what each has cost", "state"),
+    CommandRow("lease", "show who has the gripper to itself, or take it away", "state"),
     CommandRow("jobs", "list the running motions and the last ended ones", "motions"),
     CommandRow("cancel", "cancel a motion; the jaws then hold", "motions"),
     CommandRow("zero", "measure the travel: moves to both stops", "calibration"),
     CommandRow(
         "calibration", "show, load, store the calibration, or make it by hand", "calibration"
     ),
-    CommandRow("config", "show or change the daemon's defaults for motions", "settings"),
-    CommandRow("register", "read registers of the motor", "motor"),
+    CommandRow("config", "show or change the daemon's defaults for motions", "daemon"),
+    CommandRow("register", "read registers of the motor", "motions"),
     CommandRow("record", "record a motion that you push the jaws through", "trajectories"),
     CommandRow("play", "replay a recorded motion", "trajectories"),
     CommandRow("trajectories", "list what was recorded, copy or remove it", "trajectories"),
     CommandRow("dump", "write the last minute, tick by tick, to a file", "recorder"),
     CommandRow("plot", "draw a dump or a trajectory, as a picture or as text", "recorder"),
     CommandRow(
-        "doctor", "check link, daemon, motor and calibration; say what mends them", "doctor"
+        "doctor", "check link, daemon, motor and calibration; say what mends them", "machine"
     ),
     CommandRow("health", "show how the daemon is; the exit code is the verdict", "daemon"),
     CommandRow(
@@ -82,6 +82,7 @@ COMMANDS = (
     CommandRow("restart", "restart the daemon without letting go of what is held", "daemon"),
     CommandRow("install-units", "install what lets systemd run the daemons", "machine"),
     CommandRow("info", "show what does not change: versions, motor, calibration", "daemon"),
+    CommandRow("sim", "change the world of a simulated gripper: object, hand, faults", "sim"),
     CommandRow("completion", "print what completes command lines in a shell", "machine"),
     CommandRow(
         "discover", "list the methods of the daemon (with --json: its OpenRPC document)", "daemon"

@@ -9,13 +9,23 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl import files
-from litegrip_client.ctl.hints import CHOOSE_MOUNT
-from litegrip_client.ctl.motion import finish, verdict
-from litegrip_client.ctl.output import ask, confirm, may_ask, one_line, say
 from litegrip_client.ctl.parser import LateParser
-from litegrip_client.ctl.render import Data, figure, plain
-from litegrip_client.ctl.run import INTERRUPTED, NOT_OK, OK, Command, Commands, Run
+from litegrip_client.ctl.render import CHOOSE_MOUNT, Data, figure, finish, plain, verdict
+from litegrip_client.ctl.run import (
+    INTERRUPTED,
+    NOT_OK,
+    OK,
+    Command,
+    Commands,
+    Run,
+    ask,
+    confirm,
+    may_ask,
+    one_line,
+    read_calibration,
+    say,
+    write_calibration,
+)
 from litegrip_client.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.voices import in_shell
 
@@ -283,7 +293,7 @@ def load(run: Run) -> int:
     if source in _TEMPLATES:
         params["template"] = source
     elif source is not None:
-        params["content"] = files.read(source)
+        params["content"] = read_calibration(source)
     data = run.connection.call("calibration.load", params)
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
@@ -325,7 +335,7 @@ def save(run: Run) -> int:
     content = data["content"]
     if not data["calibrated"] or not content:
         raise CommandError("there is no calibration to write", reason="not_calibrated")
-    files.write(path, content, overwrite=run.options.overwrite)
+    write_calibration(path, content, overwrite=run.options.overwrite)
     run.output.result({"path": path, "content": content}, f"written to {plain(path)}")
     return OK
 

@@ -11,20 +11,19 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
-from litegrip_client.ctl import files
 from litegrip_client.ctl.commands import is_name
 from litegrip_client.ctl.parser import LateParser, positive
 from litegrip_client.ctl.render import figure, plain
-from litegrip_client.ctl.run import OK, Commands, Run, installing
+from litegrip_client.ctl.run import OK, Commands, Run, installing, put_file, refuse_existing
 from litegrip_client.errors import CommandError
-from litegrip_client.protocol.lgt import MAGIC
+from litegrip_client.protocol.trajectory import MAGIC
 from litegrip_client.trajectory import Trajectory
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
-    from litegrip_client.protocol.grips import TaughtGrip
+    from litegrip_client.protocol.trajectory import TaughtGrip
 
 
 _EIGHTHS = " ▁▂▃▄▅▆▇█"
@@ -114,12 +113,12 @@ def dump(run: Run) -> int:
     """Have the recorder written; copy the file where that is wanted."""
     target, note = run.options.output, run.options.note
     if target is not None:
-        files.refuse_existing(target, "take another name")
+        refuse_existing(target, "take another name")
     params = {} if note is None else {"note": note}
     data = run.connection.call("recorder.dump", params, ACTION_TIMEOUT_S)
     path = data["path"]
     if target is not None:
-        files.put(target, _content(run, path))
+        put_file(target, _content(run, path))
         path, data = target, {**data, "file": target}
     size = figure(data["bytes"] / 1e6, ".1f", "MB")
     length = figure(data["seconds"], ".0f", "s")
@@ -178,7 +177,7 @@ def plot(run: Run) -> int:
     target = options.output or f"{Path(options.file).stem}.png"
     if here is not None and not options.output:
         target = str(here.with_suffix(".png"))
-    files.put(target, picture)
+    put_file(target, picture)
     run.output.result({"path": target}, f"drawn in {plain(target)}")
     return OK
 
@@ -264,23 +263,16 @@ def _grip_line(grip: TaughtGrip) -> str:
 def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
     options = run.options
     try:
-        from litegrip_client.ctl.plot.drawing import png  # noqa: PLC0415 - needs the extra
-
-        if trajectory is not None:
-            from litegrip_client.ctl.plot.drawing import (  # noqa: PLC0415 - needs the extra
-                draw_trajectory,
-            )
-
-            return png(draw_trajectory(trajectory, Path(options.file).stem))
-        from litegrip_client.ctl.plot.drawing import draw  # noqa: PLC0415 - needs the extra
-        from litegrip_client.ctl.plot.dump import read  # noqa: PLC0415 - needs the extra
+        from litegrip_client.ctl.plot import drawing  # noqa: PLC0415 - needs the extra
     except ModuleNotFoundError as error:
         raise CommandError(
             f"plot needs the library {error.name}, which is not installed",
             reason="library_missing",
             data={"hint": installing(*_LIBRARIES)},
         ) from error
-    return png(draw(read(options.file), options.last))
+    if trajectory is not None:
+        return drawing.png(drawing.draw_trajectory(trajectory, Path(options.file).stem))
+    return drawing.png(drawing.draw(drawing.read(options.file), options.last))
 
 
 COMMANDS: Commands = {

@@ -10,21 +10,38 @@ from dataclasses import asdict
 from litegrip_client.blocking import BlockingWire, complete, pause
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.core.trajectories import Recording, fetch, fetch_grips, send
-from litegrip_client.ctl import files
-from litegrip_client.ctl.motion import bar, finish, opening_of, verdict
-from litegrip_client.ctl.output import say
 from litegrip_client.ctl.parser import LateParser, count, positive
-from litegrip_client.ctl.render import Data, aligned, date, figure, plain
-from litegrip_client.ctl.run import INTERRUPTED, OK, Command, Commands, Run
+from litegrip_client.ctl.render import (
+    Data,
+    aligned,
+    bar,
+    date,
+    figure,
+    finish,
+    opening_of,
+    plain,
+    verdict,
+)
+from litegrip_client.ctl.run import (
+    INTERRUPTED,
+    OK,
+    Command,
+    Commands,
+    Run,
+    put_file,
+    refuse_existing,
+    say,
+)
 from litegrip_client.errors import CancelledError, CommandError
-from litegrip_client.trajectory import Trajectory, grips_counted
-from litegrip_client.trajectory_files import (
+from litegrip_client.trajectory import (
+    Trajectory,
     directory,
+    grips_counted,
     list_trajectories,
     path_of,
-    read,
+    read_file,
     read_grips,
-    write,
+    write_file,
 )
 
 TYPE_CHECKING = False
@@ -167,9 +184,9 @@ def get(run: Run) -> int:
     target = options.output or options.name
     path = path_of(target)
     if not options.overwrite:
-        files.refuse_existing(str(path), _REPLACE)
+        refuse_existing(str(path), _REPLACE)
     trajectory, content = fetched_whole(run, {"name": options.name})
-    write(target, content, trajectory.grip_bytes())
+    write_file(target, content, trajectory.grip_bytes())
     run.output.result({"name": options.name, "path": str(path)}, f"written to {plain(path)}")
     return OK
 
@@ -177,7 +194,7 @@ def get(run: Run) -> int:
 def put(run: Run) -> int:
     """Copy one of this side to the daemon."""
     options = run.options
-    content = read(options.file)
+    content = read_file(options.file)
     name = options.name or path_of(options.file).stem
     if not options.overwrite:
         refuse_kept(run, name)
@@ -200,10 +217,10 @@ def export(run: Run) -> int:
     """Show one of the daemon's as CSV, or write that to a file."""
     name, target = run.options.name, run.options.output
     if target is not None:
-        files.refuse_existing(target, "take another name")
+        refuse_existing(target, "take another name")
     content = fetched(run, {"name": name, "format": "csv"})
     if target is not None:
-        files.put(target, content)
+        put_file(target, content)
         run.output.result({"name": name, "path": target}, f"written to {plain(target)}")
         return OK
     text = content.decode()
@@ -494,9 +511,9 @@ def played_text(data: Data) -> str:
 
 def _uploaded(run: Run) -> int:
     from litegrip_client.core.trajectories import send  # noqa: PLC0415 - seldom needed
-    from litegrip_client.trajectory_files import read, read_grips  # noqa: PLC0415
+    from litegrip_client.trajectory import read_file, read_grips  # noqa: PLC0415
 
-    wire, content = BlockingWire(run.connection), read(run.options.name)
+    wire, content = BlockingWire(run.connection), read_file(run.options.name)
     grips = b"" if run.options.force == "path" else read_grips(run.options.name)
     with showing(run) as share:
         return int(complete(send(wire, content, None, share, grips))["upload"])

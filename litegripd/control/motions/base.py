@@ -1,4 +1,8 @@
-"""What every action has: one method `step`, called once per tick, until there is an outcome."""
+"""What every action has: one method `step`, called once per tick, until there is an outcome.
+
+The shortest ones are here: changes of the motor itself, each confirmed by it. None moves the jaws.
+A new zero changes what the positions of a calibration mean: its result says by how much.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -7,9 +11,26 @@ from litegripd.control.holds import Idle
 from litegripd.control.limiter import Bounds
 from litegripd.model.calibration import Calibration
 from litegripd.model.errors import Refusal
-from litegripd.model.motor import Feedback, MitCommand, MotorRequest, MotorView
-from litegripd.model.results import Progress, Result
-from litegripd.model.state import HelperTask
+from litegripd.model.motor import ClearFault as ClearFaultRequest
+from litegripd.model.motor import (
+    DisableMotor,
+    EnableMotor,
+    Feedback,
+    MitCommand,
+    MotorPhase,
+    MotorRequest,
+    MotorView,
+)
+from litegripd.model.motor import SetZero as SetZeroRequest
+from litegripd.model.state import (
+    ClearFaultResult,
+    DisableResult,
+    EnableResult,
+    HelperTask,
+    Progress,
+    Result,
+    SetZeroResult,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,3 +105,163 @@ class PlainAction:
 
     def close(self) -> None:
         """Release nothing."""
+
+
+_DISABLE_WITHIN_S = 1.0
+_CLEAR_WITHIN_S = 0.5
+_SCAN_WITHIN_S = 3.0
+"""How long reading all registers again may take, with a third of the frames lost."""
+
+
+class Enable(PlainAction):
+    """Enables the motor; ends when the motor confirms it, or with the reason why it does not."""
+
+    needs_power = False
+
+    def __init__(self, request: EnableMotor) -> None:
+        self._request: EnableMotor | None = request
+        self._began_s: float | None = None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Wait for the end of a disabling, ask once, then watch."""
+        if self._began_s is None:
+            self._began_s = now_s
+        if motor.phase is MotorPhase.ENABLED:
+            return Step(outcome=EnableResult(ok=True, tries=motor.enable_tries))
+        if self._request is not None and motor.phase is MotorPhase.DISABLING:
+            waits = now_s - self._began_s < _DISABLE_WITHIN_S
+            return Step(outcome=None if waits else _STILL_DISABLING)
+        if self._request is not None:
+            request, self._request = self._request, None
+            return Step(request=request)
+        if motor.phase is MotorPhase.ENABLING:
+            return Step()
+        failure = motor.failure or motor.problem
+        if failure is not None and failure.reason != "not_confirmed":
+            return Step(outcome=failure)
+        why = "the motor was not enabled" if failure is None else failure.message
+        tries, reason = motor.enable_tries, "not_confirmed"
+        return Step(outcome=EnableResult(ok=False, tries=tries, reason=reason, message=why))
+
+
+class Disable(PlainAction):
+    """Disables the motor; ends when the motor confirms it, or as not confirmed."""
+
+    needs_power = False
+
+    def __init__(self) -> None:
+        self._asked_s: float | None = None
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Ask once, then watch; a motor with a fault is not energised either."""
+        if self._asked_s is None:
+            self._asked_s = now_s
+            return Step(request=DisableMotor())
+        if motor.phase in (MotorPhase.DISABLED, MotorPhase.FAULT):
+            return Step(outcome=DisableResult(ok=True))
+        if now_s - self._asked_s < _DISABLE_WITHIN_S:
+            return Step()
+        return Step(outcome=motor.failure or motor.problem or _NOT_CONFIRMED)
+
+
+class ClearFault(PlainAction):
+    """Clears the latched fault; ends when the motor confirms it, or with the fault that stays.
+
+    It never energises: a motor without a fault is left as it is.
+    """
+
+    needs_power = False
+
+    def __init__(self) -> None:
+        self._asked_s: float | None = None
+        self._cleared: str | None = None
+        self._had_fault = False
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Ask, then watch; after a fault is gone, ask again to clear another problem."""
+        if self._asked_s is None:
+            self._had_fault = motor.fault is not None
+            latched = motor.fault or motor.problem
+            self._cleared = None if latched is None else _name_of(latched)
+            return self._ask(now_s)
+        if motor.phase is MotorPhase.DISABLED and motor.problem is not None and self._had_fault:
+            self._had_fault = False
+            return self._ask(now_s)
+        if motor.phase is MotorPhase.DISABLED:
+            return Step(outcome=motor.problem or ClearFaultResult(True, self._cleared))
+        is_scanned = motor.phase is MotorPhase.UNKNOWN
+        within_s = _SCAN_WITHIN_S if is_scanned else _CLEAR_WITHIN_S
+        if motor.failure is None and now_s - self._asked_s < within_s:
+            return Step()
+        return Step(outcome=motor.failure or motor.fault or motor.problem or _NOT_CLEARED)
+
+    def _ask(self, now_s: float) -> Step:
+        self._asked_s = now_s
+        return Step(request=ClearFaultRequest())
+
+
+def _name_of(refusal: Refusal) -> str:
+    return str(refusal.data.get("status", refusal.reason))
+
+
+_NOT_CLEARED = Refusal("not_confirmed", "the motor does not confirm that its fault is cleared")
+_STILL_DISABLING = Refusal("not_confirmed", "the motor is still being disabled: try again")
+
+_NOT_CONFIRMED = Refusal(
+    "not_confirmed", "the motor does not confirm that it is disabled: cut its power"
+)
+"""The outcome if the motor answers but stays enabled."""
+
+
+_ZERO_WITHIN_S = 2.0
+_NOT_DISABLED = Refusal(
+    "not_confirmed", "the motor does not confirm that it is disabled, so its zero was not set"
+)
+_NO_END = Refusal(
+    "not_confirmed",
+    "the motor's zero was not confirmed in time: find out where the jaws are before they are moved",
+)
+
+
+class SetZero(PlainAction):
+    """Makes the present position the zero of the motor's positions; the motor ends disabled.
+
+    The motor continues the setting if this is ended early; `MotorView.zero` has its end.
+    """
+
+    needs_power = False
+
+    def __init__(self) -> None:
+        self._began_s: float | None = None
+        self._asked_to_disable = False
+        self._asked_s: float | None = None
+        self._was_begun = False
+
+    def step(self, now_s: float, motor: MotorView) -> Step:
+        """Disable the motor if it is not disabled, ask once for the zero, then watch."""
+        if self._began_s is None:
+            self._began_s = now_s
+        if self._asked_s is not None:
+            return self._watch(now_s - self._asked_s, motor)
+        problem = motor.fault or motor.problem
+        if problem is not None:
+            return Step(outcome=problem)
+        if motor.phase is MotorPhase.DISABLED:
+            self._asked_s = now_s
+            return Step(request=SetZeroRequest())
+        if not self._asked_to_disable:
+            self._asked_to_disable = True
+            return Step(request=DisableMotor())
+        waits = now_s - self._began_s < _DISABLE_WITHIN_S
+        return Step(outcome=None if waits else motor.failure or _NOT_DISABLED)
+
+    def _watch(self, asked_for_s: float, motor: MotorView) -> Step:
+        """Take the end of the setting that was begun here, never that of an earlier one."""
+        zero = motor.zero
+        self._was_begun = self._was_begun or zero.state == "pending"
+        if zero.state == "done" and self._was_begun:
+            return Step(outcome=SetZeroResult(True, zero.shift_rad, zero.position_rad))
+        if zero.state == "failed":
+            why = None if zero.is_uncertain else motor.problem
+            return Step(outcome=why or zero.failure or _NO_END)
+        return Step(outcome=_NO_END if asked_for_s >= _ZERO_WITHIN_S else None)

@@ -33,14 +33,13 @@ from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
 from litegripd.control.calibration import Saving, failed
-from litegripd.control.gains import Gains
 from litegripd.control.holds import Slack
-from litegripd.control.limiter import Bounds, probe_bounds
+from litegripd.control.limiter import Bounds, Gains, probe_bounds
 from litegripd.control.motions.base import PlainAction, Step, progress_of
 from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.results import Progress, ZeroResult
+from litegripd.model.state import Progress, ZeroResult
 
 ProbeVerdict: TypeAlias = Literal["found", "not_found"]
 

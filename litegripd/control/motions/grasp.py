@@ -14,14 +14,13 @@ from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
 from litegripd.control.detectors import Lasting, SpeedWindow, StallDetector
-from litegripd.control.gains import Gains, budgeted, clamp_lead
 from litegripd.control.holds import FrictionGauge, Grip, GripSettings, Hold, HoldBy, Idle
+from litegripd.control.limiter import Gains, budgeted, clamp_lead
 from litegripd.control.motions.base import PlainAction, Step, progress_of
-from litegripd.model.geometry import FORCE_PER_TORQUE_N_NM, Geometry
+from litegripd.model.gripper import DM4310, FORCE_PER_TORQUE_N_NM, Geometry, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback, MitCommand, MotorView
-from litegripd.model.motor_types import DM4310, MotorType
-from litegripd.model.results import GraspOutcome, GraspResult, Progress
+from litegripd.model.state import GraspOutcome, GraspResult, Progress
 
 Verdict: TypeAlias = Literal["contact", "stalled", "empty", "timed_out"]
 

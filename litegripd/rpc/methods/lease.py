@@ -10,9 +10,8 @@ from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
 from litegripd.model.state import OnLost
-from litegripd.rpc.method import LEASE, Answer, Call, Deferred, Method
+from litegripd.rpc.method import LEASE, Answer, Call, Deferred, Method, Param
 from litegripd.rpc.reports import OwnerView, Reporter, StateView
-from litegripd.rpc.schema import Param
 
 NO_GRANT = 0
 """Grants are numbered from one: this number is none's, and so never the present one's."""

@@ -11,17 +11,19 @@ from litegripd.control.motions.move import Direction
 from litegripd.control.requests import MotionRequests, Pace
 from litegripd.model.errors import Refusal
 from litegripd.model.motion_config import MotionConfig, ranges_of
-from litegripd.model.results import (
+from litegripd.model.state import (
+    STOP_LEVELS,
     ClearFaultResult,
     DisableResult,
     EnableResult,
     ForceResult,
     GraspResult,
     HoldResult,
+    Job,
     MoveResult,
     SlackResult,
+    StopLevel,
 )
-from litegripd.model.state import STOP_LEVELS, Job, StopLevel
 from litegripd.rpc.method import (
     CONFIG,
     DETACH,
@@ -32,6 +34,7 @@ from litegripd.rpc.method import (
     Answer,
     Call,
     Method,
+    Param,
     Refused,
     accepted,
     config_param,
@@ -41,7 +44,6 @@ from litegripd.rpc.method import (
     target_params,
 )
 from litegripd.rpc.reports import JobNumber, Reporter, StateView
-from litegripd.rpc.schema import Param
 
 QUANTITIES: tuple[Literal["opening_mm", "position_rad", "openness"], ...] = (
     "opening_mm",

@@ -8,10 +8,17 @@ from typing import Any, TypedDict
 from litegripd.control.controller import Controller
 from litegripd.model.errors import Refusal
 from litegripd.model.state import GripperState, Job
-from litegripd.rpc.facts import Facts, Figures, Hello, Info, Judged
-from litegripd.rpc.method import JOB, Answer, Call, Later, Method, Refused, accepted
-from litegripd.rpc.reports import NumberedEvent, Reporter, StateView
-from litegripd.rpc.schema import Param, Shape
+from litegripd.rpc.method import JOB, Answer, Call, Later, Method, Param, Refused, Shape, accepted
+from litegripd.rpc.reports import (
+    Facts,
+    Figures,
+    Hello,
+    Info,
+    Judged,
+    NumberedEvent,
+    Reporter,
+    StateView,
+)
 from litegripd.rpc.sessions import Clients, Role
 from litegripd.rpc.subscriptions import (
     EVENT_KINDS,

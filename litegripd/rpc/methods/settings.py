@@ -10,13 +10,11 @@ from litegripd.control.controller import Controller
 from litegripd.control.requests import CalibrationRequests
 from litegripd.model.calibration import CalibrationError, Saved, from_plain, read_content
 from litegripd.model.errors import Refusal
-from litegripd.model.geometry import Mount
+from litegripd.model.gripper import Mount
 from litegripd.model.motion_config import fast_conflict, ranges_of
 from litegripd.model.motor import RegisterReply
-from litegripd.model.results import SetZeroResult, ZeroResult
-from litegripd.model.state import HelperTask, Owner, TaskResult
+from litegripd.model.state import HelperTask, Owner, SetZeroResult, TaskResult, ZeroResult
 from litegripd.motor.codec import REGISTERS, Register
-from litegripd.rpc.facts import MotionFields
 from litegripd.rpc.method import (
     AT_ONCE,
     CONFIG,
@@ -27,12 +25,13 @@ from litegripd.rpc.method import (
     Call,
     Deferred,
     Method,
+    Param,
     Refused,
+    Shape,
     accepted,
     later,
 )
-from litegripd.rpc.reports import JobNumber
-from litegripd.rpc.schema import Param, Shape
+from litegripd.rpc.reports import JobNumber, MotionFields
 
 Authority: TypeAlias = Callable[[], "Refusal | None"]
 """Returns why what was asked for may not take effect any more, or None."""

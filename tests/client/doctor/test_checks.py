@@ -6,7 +6,7 @@ from collections import defaultdict
 import damiao_motor
 import pytest
 
-from litegrip_client.ctl.commands.doctor import CHECKS
+from litegrip_client.ctl.commands.machine import CHECKS
 from litegrip_client.doctor.findings import Finding
 from litegrip_client.doctor.gripper_checks import (
     CAN_BR_1_MBIT_S,
@@ -17,7 +17,7 @@ from litegrip_client.doctor.gripper_checks import (
 )
 from litegrip_client.doctor.link_checks import BITRATE
 from litegripd.control import admission
-from litegripd.model.motor_types import MOTOR_TYPES
+from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.motor import codec, identity
 from tests.client.doctor.case import Case
 from tests.client.doctor.daemon_cases import DAEMON_CASES

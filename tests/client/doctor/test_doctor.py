@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import litegrip_client
-from litegrip_client.ctl.commands.doctor import findings_text
+from litegrip_client.ctl.commands.machine import findings_text
 from litegrip_client.ctl.main import main
 from litegrip_client.doctor import gather
 from litegrip_client.doctor.findings import Configuration, System, User, error, ok, warning

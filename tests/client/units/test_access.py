@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from litegrip_client.errors import CommandError
-from litegrip_client.units import access, plan
-from litegrip_client.units.access import Reader, obstacle, reader_of
+from litegrip_client.units import install
+from litegrip_client.units.install import Reader, obstacle, reader_of
 
 OWNER = Reader(os.getuid(), frozenset(os.getgroups()))
 FOLDERS = {"scripts": "bin", "purelib": "lib", "platlib": "lib"}
@@ -102,13 +102,13 @@ def test_a_user_that_there_is_not_yet_is_as_all_others() -> None:
 def test_the_installation_is_refused_with_the_remedy(
     environment: Path, monkeypatch: pytest.MonkeyPatch, name: str, remedy: str
 ) -> None:
-    monkeypatch.setattr(plan, "_HIDDEN", ())
-    monkeypatch.setattr(access, "reader_of", lambda: OWNER)
+    monkeypatch.setattr(install, "_HIDDEN", ())
+    monkeypatch.setattr(install, "reader_of", lambda: OWNER)
     closed = environment / name
     closed.chmod(0o255 if closed.is_file() else 0o655)
     try:
         with pytest.raises(CommandError, match="the user litegrip cannot run") as refused:
-            plan.program_directory()
+            install.program_directory()
     finally:
         closed.chmod(0o755)
     assert remedy.format(prefix=environment) in (refused.value.hint or "")

@@ -11,7 +11,7 @@ import pytest
 
 from litegrip_client.ctl.main import main
 from litegrip_client.errors import CommandError
-from litegrip_client.units import install, plan
+from litegrip_client.units import install
 from litegrip_client.units.install import Wishes
 from litegripd.app.main import EXIT_NO_PACKAGES, EXIT_USAGE
 
@@ -61,7 +61,7 @@ def test_the_unit_runs_the_programs_of_the_environment(tmp_path: Path) -> None:
 
 
 def test_what_only_a_person_can_mend_is_not_tried_again() -> None:
-    unit = plan.units(PROGRAMS)[0].content
+    unit = install.units(PROGRAMS)[0].content
     named = " ".join(re.findall(r"^RestartPreventExitStatus=(.*)$", unit, re.M)).split()
     assert named[:2] == [str(EXIT_USAGE), str(EXIT_NO_PACKAGES)]
     no_program, no_such_group, no_such_user, no_namespace = "203", "216", "217", "226"
@@ -73,7 +73,7 @@ def test_what_only_a_person_can_mend_is_not_tried_again() -> None:
 
 def test_no_unit_gives_directories_of_all_to_its_own_group() -> None:
     """systemd would give all that is in them to the Group= of the unit that starts."""
-    unit = plan.units(PROGRAMS)[0].content
+    unit = install.units(PROGRAMS)[0].content
     assert not re.findall(r"^(Runtime|State|Cache|Logs)Directory=", unit, re.M)
     assert "\nReadWritePaths=-/run/litegripd -/var/lib/litegripd\n" in unit
 
@@ -112,10 +112,10 @@ def test_all_may_read_it_whatever_the_umask(tmp_path: Path) -> None:
 
 
 def test_what_is_installed_is_what_the_sources_have() -> None:
-    assert sorted(path.name for path in (plan.DATA / "systemd").iterdir()) == sorted(
+    assert sorted(path.name for path in (install.DATA / "systemd").iterdir()) == sorted(
         path.name for path in (SOURCES / "systemd").iterdir()
     )
-    assert plan.units(plan.PROGRAMS.rstrip("/"))[0].content == (
+    assert install.units(install.PROGRAMS.rstrip("/"))[0].content == (
         SOURCES / "systemd/litegripd@.service"
     ).read_text(encoding="utf-8")
 
@@ -291,7 +291,7 @@ def test_an_environment_that_the_unit_cannot_use_is_refused(
     monkeypatch.setattr("sysconfig.get_path", lambda _name: directory)
     monkeypatch.setattr(Path, "is_file", lambda _path: True)
     with pytest.raises(CommandError, match=complaint):
-        plan.program_directory()
+        install.program_directory()
 
 
 def test_an_environment_without_the_daemon_is_refused(
@@ -299,12 +299,12 @@ def test_an_environment_without_the_daemon_is_refused(
 ) -> None:
     monkeypatch.setattr("sysconfig.get_path", lambda _name: str(tmp_path))
     with pytest.raises(CommandError, match="there is no program litegripd"):
-        plan.program_directory()
+        install.program_directory()
 
 
 @pytest.fixture
 def usable(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan, "program_directory", lambda: PROGRAMS)
+    monkeypatch.setattr(install, "program_directory", lambda: PROGRAMS)
 
 
 @pytest.mark.usefixtures("usable")

@@ -7,7 +7,7 @@ import pytest
 
 from litegrip_client.ctl.main import main
 from litegrip_client.errors import CommandError
-from litegrip_client.units import access, install, plan
+from litegrip_client.units import install
 from litegrip_client.units.install import Wishes
 
 RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
@@ -18,8 +18,8 @@ CONFIGURATION = "etc/litegripd/litegripd.toml"
 @pytest.fixture
 def versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A directory of two versions, this program being of the first."""
-    monkeypatch.setattr(plan, "_HIDDEN", ())  # the directory is one of those
-    monkeypatch.setattr(access, "obstacle", lambda *_arguments: None)  # and closed to others
+    monkeypatch.setattr(install, "_HIDDEN", ())  # the directory is one of those
+    monkeypatch.setattr(install, "obstacle", lambda *_arguments: None)  # and closed to others
     folder = tmp_path / "litegripd-versions"
     for version in ("1.0", "2.0"):
         programs = folder / version / "bin"
@@ -32,7 +32,7 @@ def versions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_the_unit_has_the_path_by_the_link(versions: Path) -> None:
     link = versions.with_name("litegripd")
     link.symlink_to("litegripd-versions/1.0")
-    assert plan.program_directory() == f"{link}/bin"
+    assert install.program_directory() == f"{link}/bin"
 
 
 def test_the_program_of_a_version_that_the_link_does_not_lead_to_installs_nothing(
@@ -45,7 +45,7 @@ def test_the_program_of_a_version_that_the_link_does_not_lead_to_installs_nothin
         with pytest.raises(
             CommandError, match=f"{link} does not lead to {versions}/1.0"
         ) as refused:
-            plan.program_directory()
+            install.program_directory()
         switch = f"ln -s litegripd-versions/1.0 {link}.new && mv -T {link}.new {link}"
         assert str(refused.value.hint).endswith(switch)
 
@@ -53,8 +53,8 @@ def test_the_program_of_a_version_that_the_link_does_not_lead_to_installs_nothin
 @pytest.fixture
 def packaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A system on which the package is installed."""
-    monkeypatch.setattr(plan, "program_directory", lambda: "/opt/litegripd/bin")
-    for path in (plan.PACKAGED, CONFIGURATION):
+    monkeypatch.setattr(install, "program_directory", lambda: "/opt/litegripd/bin")
+    for path in (install.PACKAGED, CONFIGURATION):
         (tmp_path / path).parent.mkdir(parents=True)
         (tmp_path / path).touch()
     return tmp_path
@@ -68,21 +68,21 @@ def test_beside_the_package_only_the_interfaces_are_installed(
     packaged: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["install-units", "--root", str(packaged), "--can", "can1", "--serial"]) == 0
-    assert files(packaged) == {plan.PACKAGED, CONFIGURATION, RULES, SERIAL}
+    assert files(packaged) == {install.PACKAGED, CONFIGURATION, RULES, SERIAL}
     assert "note: the units are those of the Debian package" in capsys.readouterr().out
 
 
 def test_copies_of_the_units_that_would_shadow_the_packages_are_removed(
     tmp_path: Path, packaged: Path
 ) -> None:
-    unit = packaged / plan.PACKAGED
+    unit = packaged / install.PACKAGED
     unit.unlink()
     install.install(packaged, Wishes(("can0",)), "/opt/litegripd/bin")
     assert len(files(packaged)) == 6
     unit.touch()
     done = {one.path: one.what for one in install.install(packaged, Wishes(), "")}
     assert sorted(done.values()) == ["kept", *["removed"] * 4, "unchanged"]
-    assert files(packaged) == {plan.PACKAGED, CONFIGURATION, RULES}
+    assert files(packaged) == {install.PACKAGED, CONFIGURATION, RULES}
 
 
 def test_what_is_beside_the_package_is_removed_while_a_unit_is_enabled(
@@ -91,9 +91,9 @@ def test_what_is_beside_the_package_is_removed_while_a_unit_is_enabled(
     install.install(packaged, Wishes(("can0",), serial=True), "/opt/litegripd/bin")
     link = packaged / "etc/systemd/system/litegripd.target.wants/litegripd@can0.service"
     link.parent.mkdir(parents=True)
-    link.symlink_to(f"/{plan.PACKAGED}")
+    link.symlink_to(f"/{install.PACKAGED}")
     assert main(["install-units", "--root", str(packaged), "--uninstall", "--json"]) == 0
     removed = [one["what"] for one in json.loads(capsys.readouterr().out)["files"]]
     assert sorted(removed) == ["kept", "removed", "removed"]
-    assert files(packaged) == {plan.PACKAGED, CONFIGURATION}
+    assert files(packaged) == {install.PACKAGED, CONFIGURATION}
     assert link.is_symlink()

@@ -1,0 +1,135 @@
+"""Commands on the world of a simulated gripper: an object, a hand, faults, heat."""
+
+from __future__ import annotations
+
+from argparse import ArgumentTypeError
+
+from litegrip_client.ctl.parser import LateParser, not_negative, number, positive
+from litegrip_client.ctl.render import Data, figure
+from litegrip_client.ctl.run import OK, Commands, Run
+from litegrip_client.errors import CommandError
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # see the package: importing typing is slow
+    from typing import Any
+
+_SIM = """\
+Change the world of a simulated gripper: what is between its jaws, a hand that
+pushes them, faults of its motor. Without an action it is shown as it really is.
+A gripper on a real bus has no such world.
+"""
+
+
+def sim_options(parser: LateParser) -> None:
+    """Take what happens."""
+    parser.description = _SIM
+    add = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser).add_parser
+    add("show", help="show the world as it really is")
+    add("object", help="put an object between the jaws, or take it away", fill=_object_options)
+    add("push", help="push the jaws by a hand, until the next push", fill=_push_options)
+    add("hold", help="hold the jaws fast, until 'push' or 'reset'")
+    add("fault", help="let the motor report a fault, or lose its power", fill=_fault_options)
+    add("heat", help="let the motor's coil have a temperature", fill=_heat_options)
+    add("reset", help="take object, hand, heat and faults away")
+
+
+def _object_options(parser: LateParser) -> None:
+    parser.description = "Put an object between the jaws, in place of any other, or take it away."
+    parser.epilog = (
+        "examples:\n  litegripctl sim object 40 --stiffness 10\n  litegripctl sim object none"
+    )
+    parser.add_argument("width", type=_width, metavar="MM|none", help="its width, or none")
+    parser.add_argument(
+        "--stiffness", type=positive, metavar="NM_RAD", help="250 is rigid (default), 10 is foam"
+    )
+    parser.add_argument(
+        "--slip", type=not_negative, metavar="MM_S", help="how fast it gives way under pressure"
+    )
+
+
+def _push_options(parser: LateParser) -> None:
+    parser.description = "Push the jaws by a hand, until the next push."
+    parser.add_argument(
+        "torque", type=number, metavar="NM", help="positive closes, negative opens, 0 lets go"
+    )
+
+
+def _fault_options(parser: LateParser) -> None:
+    parser.description = "Let the motor latch a fault, or lose its power (silent)."
+    parser.add_argument("name", metavar="NAME", help="overload, coil_hot, silent, ...")
+
+
+def _heat_options(parser: LateParser) -> None:
+    parser.description = "Let the motor's coil have a temperature; it then cools as ever."
+    parser.add_argument("coil", type=number, metavar="C", help="in °C")
+
+
+def _width(text: str) -> float | None:
+    if text == "none":
+        return None
+    width_mm = number(text)
+    if not width_mm > 0.0:
+        raise ArgumentTypeError(f"{text!r} is no width: say millimetres above 0, or none")
+    return width_mm
+
+
+def sim(run: Run) -> int:
+    """Change the world, and show it."""
+    if not run.connection.call("hello")["simulated"]:
+        raise CommandError(
+            "this gripper is not simulated: its world is the real one",
+            reason="not_simulated",
+            data={"hint": "start one that is: litegripd sim0 --simulate"},
+        )
+    action = run.options.action or "show"
+    method = "sim.get" if action == "show" else f"sim.{action}"
+    data = run.connection.call(method, _params(run, action))
+    run.output.result(data, _world_text(data))
+    return OK
+
+
+def _params(run: Run, action: str) -> dict[str, Any] | None:
+    options = run.options
+    if action == "object":
+        named = (
+            ("width_mm", options.width),
+            ("stiffness_nm_rad", options.stiffness),
+            ("slip_mm_s", options.slip),
+        )
+        return {name: value for name, value in named if value is not None}
+    return {
+        "push": lambda: {"torque_nm": options.torque},
+        "fault": lambda: {"name": options.name},
+        "heat": lambda: {"coil_c": options.coil},
+    }.get(action, dict)()
+
+
+def _world_text(data: Data) -> str:
+    item = data["object"]
+    what = "none" if item is None else _object_text(item)
+    hand = "holds the jaws fast" if data["held"] else _hand_text(data["push_nm"])
+    power = "on" if data["powered"] else "off"
+    return "\n".join(
+        (
+            f"object   {what}",
+            f"opening  {figure(data['opening_mm'], '.1f', 'mm')}",
+            f"hand     {hand}",
+            f"motor    power {power}, coil {figure(data['coil_c'], '.0f', '°C')}",
+        )
+    )
+
+
+def _object_text(item: Data) -> str:
+    slips = f", slips at {item['slip_mm_s']:g} mm/s" if item["slip_mm_s"] else ""
+    return f"{item['width_mm']:g} mm, {item['stiffness_nm_rad']:g} N·m/rad{slips}"
+
+
+def _hand_text(push_nm: float) -> str:
+    if not push_nm:
+        return "none"
+    return f"pushes {'closed' if push_nm > 0 else 'open'} with {abs(push_nm):g} N·m"
+
+
+COMMANDS: Commands = {
+    "sim": (sim, sim_options),
+}

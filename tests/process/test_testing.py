@@ -1,0 +1,86 @@
+"""`litegrip_client.testing`: a daemon on a simulated gripper for the tests of a user's program."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from litegrip_client import ConnectError, LiteGrip, ParameterError
+from litegrip_client.testing import SimulatedDaemon, simulated
+
+
+def enabled(daemon: SimulatedDaemon) -> LiteGrip:
+    gripper = daemon.gripper()
+    gripper.connect()
+    assert gripper.enable()
+    return gripper
+
+
+def test_a_program_grasps_loses_and_finds_again() -> None:
+    with simulated(object_mm=40.0) as daemon:
+        gripper = enabled(daemon)
+        assert gripper.grasp(10.0, until="verdict")
+        assert daemon.world()["object"]["width_mm"] == 40.0
+        with gripper.events(("object_lost",)) as events:
+            assert daemon.remove_object()["object"] is None
+            assert next(events).kind == "object_lost"
+        assert gripper.open()
+        with pytest.raises(ParameterError, match="does not fit"):
+            daemon.put_object(150.0)
+        daemon.put_object(50.0, stiffness_nm_rad=100.0)
+        assert gripper.grasp(10.0, until="verdict").width_mm == pytest.approx(50.0, abs=1.5)
+        gripper.disconnect()
+
+
+def test_the_block_of_the_page_runs() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "simulator.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
+    exec(compile(code, "simulator.md", "exec"), {})
+
+
+def test_two_of_one_process_do_not_meet_and_nothing_is_left() -> None:
+    with simulated(mount="reverse") as one, simulated() as other:
+        for daemon, mount in ((one, "reverse"), (other, "normal")):
+            with daemon.gripper() as gripper:
+                assert gripper.mount == mount
+        one.heat(60.0)
+        assert (one.world()["coil_c"] > 50.0, other.world()["coil_c"] > 50.0) == (True, False)
+        assert one.hold()["held"]
+        assert one.push(-0.2)["push_nm"] == -0.2
+        assert not one.fault("silent")["powered"]
+        assert one.reset()["powered"]
+        folders = [Path(each.socket_path).parent for each in (one, other)]
+        assert all(folder.exists() for folder in folders)
+    assert not any(folder.exists() for folder in folders)
+
+
+def test_why_a_daemon_did_not_begin_is_said() -> None:
+    with pytest.raises(ConnectError, match=r"its log: .*sideways"), simulated(mount="sideways"):
+        pass
+
+
+def test_without_the_daemons_program_there_is_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("shutil.which", lambda *_arguments, **_more: None)
+    with pytest.raises(ConnectError, match="no program litegripd"), simulated():
+        pass
+
+
+def test_the_fixture_is_there_for_pytest(tmp_path: Path) -> None:
+    (tmp_path / "conftest.py").write_text('pytest_plugins = ["litegrip_client.testing"]\n')
+    (tmp_path / "test_mine.py").write_text(
+        "def test_mine(simulated_gripper):\n"
+        "    with simulated_gripper.gripper() as gripper:\n"
+        "        assert gripper.get_state().motor == 'disabled'\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", str(tmp_path)],
+        env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert "1 passed" in done.stdout, done.stdout + done.stderr
