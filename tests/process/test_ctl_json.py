@@ -41,3 +41,4 @@ def test_every_command(
             reason = (shown[0].get("error") or {"data": {"reason": None}})["data"]["reason"]
             assert reason in LETTING_GO, (line, code, shown)
             main(["--socket", str(simulated.socket_path), "enable"])
+            capsys.readouterr()
