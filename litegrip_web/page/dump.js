@@ -1,0 +1,66 @@
+/* A dump that is dropped onto the page: its plots and its events. Nothing of it leaves the browser. */
+
+import { time } from "./format.js";
+import { readDump } from "./mcap.js";
+import { Plots } from "./plots.js";
+
+const NM_PER_N = 0.1;
+
+/* Return 1 where closing runs by increasing radians, else -1: a torque that closes is a force. */
+function closingSign(ticks) {
+  const first = ticks.find((tick) => tick.opening_mm !== undefined);
+  const other = ticks.find((tick) => Math.abs(tick.opening_mm - first?.opening_mm) > 0.1);
+  if (other === undefined) return 1;
+  const opens = (other.opening_mm - first.opening_mm) * (other.position_rad - first.position_rad);
+  return opens > 0 ? -1 : 1;
+}
+
+/* Show `file` in `place`; say in `notice` what is wrong with one that is no dump. */
+export async function showDump(file, place, notice) {
+  let dump;
+  try {
+    dump = readDump(new Uint8Array(await file.arrayBuffer()));
+  } catch (error) {
+    notice(`${file.name} cannot be shown: ${error.message}`);
+    return;
+  }
+  const { ticks, events } = dump;
+  const title = document.createElement("h2");
+  title.id = "dump-title";
+  const seconds = (ticks.at(-1).time - ticks[0].time).toFixed(1);
+  title.textContent = `${file.name}: ${seconds} s, ${ticks.length} ticks`;
+  const close = document.createElement("button");
+  close.type = "button";
+  close.textContent = "Close";
+  close.onclick = () => {
+    place.hidden = true;
+    place.replaceChildren();
+  };
+  const plots = document.createElement("div");
+  plots.className = "plots";
+  const list = document.createElement("ol");
+  list.className = "events";
+  for (const event of events) {
+    const line = document.createElement("li");
+    const when = document.createElement("time");
+    when.textContent = time(event.time);
+    const words = document.createElement("span");
+    words.textContent = event.message;
+    line.append(when, words);
+    list.append(line);
+  }
+  place.replaceChildren(title, close, plots, list);
+  place.hidden = false;
+  const column = (name, factor = 1) =>
+    ticks.map((tick) => (tick[name] === undefined ? null : tick[name] * factor));
+  const nPerNm = closingSign(ticks) / NM_PER_N;
+  new Plots(plots, file.name).show({
+    time: ticks.map((tick) => tick.time),
+    opening: column("opening_mm"),
+    command: column("command_mm"),
+    force: column("torque_nm", nPerNm),
+    set: column("command_torque_nm", nPerNm),
+  });
+  place.scrollIntoView();
+  notice("");
+}

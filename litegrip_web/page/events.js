@@ -1,0 +1,54 @@
+/* The list of events, the newest first; how a job ended stands with its end. */
+
+import { outcome, time } from "./format.js";
+
+const MOST = 100;
+const WARNINGS = new Set(["stop", "object_lost", "heat", "refused", "lease_lost", "second_master"]);
+
+export class Events {
+  #place;
+  #wire;
+  #last = 0;
+
+  constructor(place, wire) {
+    this.#place = place;
+    this.#wire = wire;
+  }
+
+  /* Begin again, with what a new subscription told. */
+  begin(events, offsetS) {
+    this.#place.replaceChildren();
+    this.#last = 0;
+    for (const event of events) this.add(event, offsetS);
+  }
+
+  /* Add an event; `offsetS` makes the daemon's clock the time of day. */
+  add(event, offsetS) {
+    if (event.seq <= this.#last) return;
+    this.#last = event.seq;
+    const line = document.createElement("li");
+    const when = document.createElement("time");
+    when.textContent = time(event.monotonic_s + offsetS);
+    const text = document.createElement("span");
+    text.textContent = event.message;
+    line.append(when, text);
+    line.dataset.kind = event.kind;
+    line.classList.toggle("warning", WARNINGS.has(event.kind));
+    this.#place.prepend(line);
+    while (this.#place.children.length > MOST) this.#place.lastChild.remove();
+    if (event.kind === "job_ended") this.#tellOutcome(event, line, text);
+  }
+
+  async #tellOutcome(event, line, text) {
+    let job;
+    try {
+      job = await this.#wire.call("job.get", { job: event.data.job });
+    } catch {
+      return; // the daemon keeps no job for ever; the event says how it ended, too
+    }
+    const took = job.ended_s === null ? "" : `, ${(job.ended_s - job.started_s).toFixed(1)} s`;
+    const how = job.error ? `${job.kind}: ${job.error.message}` : outcome(job.kind, job.result ?? {});
+    text.textContent = `job ${job.job}, ${how}${took}`;
+    line.classList.toggle("warning", job.state === "failed");
+  }
+}

@@ -1,0 +1,26 @@
+/* How figures, times and outcomes read. Unknown is "--", never 0. */
+
+export const isNumber = (value) => typeof value === "number" && Number.isFinite(value);
+
+export function figure(value, digits, unit) {
+  return isNumber(value) ? `${value.toFixed(digits)} ${unit}` : `-- ${unit}`;
+}
+
+export function time(seconds) {
+  return new Date(seconds * 1000).toLocaleTimeString("en-GB");
+}
+
+export function owner(program) {
+  return program ? `${program.program} (pid ${program.pid})` : "nobody";
+}
+
+/* What a motion ended with, in words: "grasp: held, 40.1 mm, 10.0 N". */
+export function outcome(kind, result) {
+  const parts = [];
+  if (result.outcome) parts.push(result.outcome.replaceAll("_", " "));
+  else if (result.ok !== undefined) parts.push(result.ok ? "done" : "failed");
+  if (isNumber(result.width_mm)) parts.push(figure(result.width_mm, 1, "mm"));
+  if (isNumber(result.force_n)) parts.push(figure(result.force_n, 1, "N"));
+  if (result.message) parts.push(result.message);
+  return `${kind}: ${parts.join(", ") || "done"}`;
+}
