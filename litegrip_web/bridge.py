@@ -177,6 +177,8 @@ class Bridge:
         """Return a browser's request; raises `RefusedError` for one that goes no further."""
         request = _parse(text)
         identity, method = request.get("id"), request.get("method")
+        if not isinstance(method, str):
+            raise RefusedError(_INVALID_REQUEST, "invalid_request", "it names no method", identity)
         if method == "stop" or method in self._allowed:
             return request
         if method in ACT:
