@@ -31,7 +31,7 @@ export function askZero(panel) {
     }
     job = null;
     start.disabled = false;
-    cancel.textContent = "Close";
+    cancel.textContent = "Done";
   };
   cancel.onclick = async () => {
     if (start.disabled && job !== null) {

@@ -38,9 +38,19 @@ sys.exit(main.main(arguments))
 class Page:
     """A running `litegripd-web`; `uid` is the user it runs as, if not this one."""
 
-    def __init__(self, *arguments: str, uid: int | None = None) -> None:
+    def __init__(
+        self, *arguments: str, uid: int | None = None, channels: tuple[str, ...] = (CHANNEL,)
+    ) -> None:
         self.process = subprocess.Popen(
-            [sys.executable, "-c", START, str(uid or os.getuid()), CHANNEL, "--port=0", *arguments],
+            [
+                sys.executable,
+                "-c",
+                START,
+                str(uid or os.getuid()),
+                *channels,
+                "--port=0",
+                *arguments,
+            ],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -84,8 +94,10 @@ class Page:
 
 
 @contextlib.contextmanager
-def page(*arguments: str, uid: int | None = None) -> Iterator[Page]:
-    running = Page(*arguments, uid=uid)
+def page(
+    *arguments: str, uid: int | None = None, channels: tuple[str, ...] = (CHANNEL,)
+) -> Iterator[Page]:
+    running = Page(*arguments, uid=uid, channels=channels)
     try:
         yield running
         assert "Traceback" not in running.close()

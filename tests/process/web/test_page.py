@@ -1,0 +1,454 @@
+"""The page in a real browser: what is seen on it, and what is done."""
+
+import contextlib
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import BrowserContext, Locator, expect
+from playwright.sync_api import Page as Tab
+
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
+from tests.process.web.page_process import CHANNEL, page
+
+expect.set_options(timeout=DEADLINE_S * 1000)
+
+OBJECT_MM = 40.0
+
+
+@contextlib.contextmanager
+def opened(window: BrowserContext, socket_path: Path, *arguments: str) -> Iterator[Tab]:
+    """Show the page of a gripper, as soon as that is known."""
+    with page("--socket", str(socket_path), *arguments) as running:
+        tab = window.new_page()
+        tab.goto(running.told)
+        expect(part(tab, "mode")).not_to_have_text(re.compile("connecting|no daemon"))
+        yield tab
+
+
+@pytest.fixture
+def client(simulated: DaemonProcess) -> Iterator[Client]:
+    with simulated.connect() as connected:
+        connected.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+        yield connected
+
+
+@pytest.fixture
+def shown(window: BrowserContext, simulated: DaemonProcess, client: Client) -> Iterator[Tab]:
+    with opened(window, simulated.socket_path) as tab:
+        yield tab
+
+
+@pytest.fixture
+def operated(window: BrowserContext, simulated: DaemonProcess, client: Client) -> Iterator[Tab]:
+    with opened(window, simulated.socket_path, "--operate") as tab:
+        yield tab
+
+
+def part(tab: Tab, name: str) -> Locator:
+    return tab.locator(f"[data-is={name}]")
+
+
+def button(tab: Tab, name: str) -> Locator:
+    return tab.get_by_role("button", name=name, exact=True)
+
+
+def fact(tab: Tab, name: str) -> Locator:
+    """Find the figure behind a name."""
+    return tab.locator(f"dt:text-is('{name}') + dd")
+
+
+def take_control(tab: Tab) -> None:
+    button(tab, "Take control").click()
+    expect(button(tab, "Open")).to_be_enabled()
+
+
+def enable(tab: Tab, client: Client) -> None:
+    take_control(tab)
+    button(tab, "Enable").click()
+    client.until(lambda state: bool(state["enabled"]))
+
+
+def grasp(client: Client) -> None:
+    """Grasp as another program would."""
+    client.despite_silence("motor.enable")
+    client.despite_silence("motion.open")
+    client.result("sim.object", width_mm=OBJECT_MM)
+    assert client.despite_silence("motion.grasp", force_n=10, until="verdict")["ok"]
+
+
+def near(text: str, value: float, within: float) -> bool:
+    return abs(float(text.split(maxsplit=1)[0]) - value) <= within
+
+
+def test_a_grasp_of_another_program_is_watched(shown: Tab, client: Client) -> None:
+    grasp(client)
+    expect(part(shown, "mode")).to_have_text("holding")
+    expect(part(shown, "why")).to_contain_text("something is held")
+    expect(fact(shown, "Set force")).to_have_text("10.0 N")
+    expect(fact(shown, "On the object")).to_contain_text("to")
+    assert near(fact(shown, "Opening").inner_text(), OBJECT_MM, 1.0)
+    line = part(shown, "events").locator("li", has_text="grasp: object held")
+    expect(line).to_contain_text("10.0 N")
+    jaws = shown.locator("svg.jaws")
+    expect(jaws).to_have_attribute("aria-label", re.compile("something is held"))
+    left, right = (jaws.locator(".jaw").nth(index).bounding_box() for index in (0, 1))
+    rail = jaws.locator(".rail").bounding_box()
+    assert left is not None
+    assert right is not None
+    assert rail is not None
+    # To scale: the rail is as wide as the travel and the two fingers, but for its margins.
+    mm = rail["width"] / (120.1 + 2 * 12 + 4)
+    assert (right["x"] - left["x"] - left["width"]) / mm == pytest.approx(OBJECT_MM, abs=1.5)
+
+
+def test_who_only_looks_finds_nothing_to_act_with_but_the_stop(shown: Tab, client: Client) -> None:
+    for name in ("Take control", "Enable", "Open", "Grasp", "Put in"):
+        expect(button(shown, name)).to_be_hidden()
+    expect(part(shown, "slider")).to_be_disabled()
+    shown.keyboard.press("o")
+    shown.get_by_role("button", name="STOP Esc").click()
+    expect(part(shown, "stop-text")).to_contain_text("Stopped (hold)")
+    expect(part(shown, "stop-text")).to_contain_text(": STOP on the page")
+    expect(part(shown, "stop-text")).to_contain_text("litegripctl clear")
+    state = client.result("state.get")
+    assert state["stop"]["level"] == "hold"
+    assert state["job"] is None
+
+
+def test_control_is_taken_kept_and_given_back(operated: Tab, client: Client) -> None:
+    expect(button(operated, "Open")).to_be_disabled()
+    take_control(operated)
+    owner = client.result("lease.get")["owner"]
+    assert owner["purpose"] == "the page in a browser"
+    assert owner["ttl_s"] == 3
+    assert client.refusal("motor.enable") == "lease_held"
+    expect(fact(operated, "Lease")).to_contain_text("the page in a browser")
+    button(operated, "Give control back").click()
+    expect(button(operated, "Open")).to_be_disabled()
+    assert client.result("lease.get")["owner"] is None
+
+
+def test_control_ends_when_nobody_sees_the_page(operated: Tab, client: Client) -> None:
+    take_control(operated)
+    operated.wait_for_timeout(4000)  # longer than the lease lives by itself
+    assert client.result("lease.get")["owner"] is not None
+    operated.evaluate("Object.defineProperty(document, 'hidden', {get: () => true})")
+    events = client.result("events.subscribe", kinds=["lease_lost"])
+    if not events["events"]:
+        while client.read().get("method") != "event":
+            continue
+    assert client.result("lease.get")["owner"] is None
+
+
+def test_control_of_another_program_can_be_taken_over(operated: Tab, client: Client) -> None:
+    client.result("lease.acquire", purpose="a script")
+    expect(fact(operated, "Lease")).to_contain_text("a script")
+    expect(button(operated, "Take control")).to_be_hidden()
+    button(operated, "Take it over").click()
+    expect(button(operated, "Open")).to_be_enabled()
+    assert client.refusal("motion.hold") == "lease_lost"
+    client.result("lease.take", why="back")
+    expect(button(operated, "Open")).to_be_disabled()
+
+
+def test_the_slider_moves_the_jaws(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    slider = part(operated, "slider")
+    slider.fill("80")
+    state = client.until(lambda state: state["job"] is None and state["opening_mm"] > 79)
+    assert state["opening_mm"] == pytest.approx(80, abs=1)
+    expect(part(operated, "outcome")).to_contain_text("move: ")
+    slider.press("ArrowLeft")
+    client.until(lambda state: bool(state["opening_mm"] < 79.8))
+
+
+def test_keys_move_and_escape_stops_a_motion(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    operated.keyboard.press("o")
+    client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "open"))
+    operated.keyboard.press("Escape")
+    state = client.until(lambda state: state["stop"] is not None)
+    assert state["opening_mm"] < 119
+    expect(part(operated, "stopped")).to_be_visible()
+    operated.keyboard.press("c")
+    expect(part(operated, "outcome")).to_contain_text("close: ")
+    assert client.result("state.get")["job"] is None
+    button(operated, "Clear the stop").click()
+    expect(part(operated, "stopped")).to_be_hidden()
+    operated.keyboard.press("c")
+    client.until(lambda state: bool(state["opening_mm"] < 1))
+
+
+def test_a_letter_in_a_field_is_a_letter(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    before = client.result("job.list")["jobs"]
+    part(operated, "name").fill("")
+    part(operated, "name").press_sequentially("coge")
+    expect(part(operated, "name")).to_have_value("coge")
+    assert len(client.result("job.list")["jobs"]) == len(before)
+
+
+def test_a_grasp_with_a_force_and_letting_go(operated: Tab, client: Client) -> None:
+    client.result("sim.object", width_mm=OBJECT_MM)
+    enable(operated, client)
+    part(operated, "force").fill("6")
+    button(operated, "Grasp").click()
+    expect(part(operated, "outcome")).to_contain_text("grasp: object held")
+    assert client.result("state.get")["force_set_n"] == 6
+    part(operated, "force").fill("8")
+    button(operated, "Set force").click()
+    client.until(lambda state: bool(state["force_set_n"] == 8))
+    button(operated, "Let go").click()
+    client.until(lambda state: bool(state["mode"] == "relaxed"))
+    part(operated, "force").fill("99")
+    button(operated, "Grasp").click()
+    expect(part(operated, "outcome")).to_contain_text("force_n")
+    expect(part(operated, "outcome")).to_contain_text("30")
+
+
+def test_what_another_client_does_meanwhile_is_said(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    client.result("stop", level="hold", why="lunch")
+    expect(part(operated, "stop-text")).to_contain_text("lunch")
+    button(operated, "Open").click()
+    expect(part(operated, "outcome")).to_contain_text("lunch")
+
+
+def test_the_daemon_goes_and_comes_back(
+    window: BrowserContext, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    def run() -> "contextlib.AbstractContextManager[DaemonProcess]":
+        return daemon(tmp_path, "sim9", "--simulate")
+
+    with contextlib.ExitStack() as stack:
+        with run() as first:
+            first.connect().close()
+            tab = stack.enter_context(opened(window, first.socket_path, "--operate"))
+            take_control(tab)
+        expect(part(tab, "mode")).to_have_text("no daemon")
+        expect(part(tab, "why")).not_to_be_empty()
+        expect(fact(tab, "Opening")).to_have_text("-- mm")
+        expect(button(tab, "Open")).to_be_disabled()
+        tab.keyboard.press("Escape")
+        expect(part(tab, "outcome")).to_contain_text("STOP did not reach")
+        with run() as second, second.connect() as client:
+            client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
+            expect(part(tab, "mode")).to_have_text("disabled")
+            expect(button(tab, "Take control")).to_be_visible()
+            enable(tab, client)
+
+
+def test_the_object_is_dragged_and_the_jaws_are_pushed(operated: Tab, client: Client) -> None:
+    grasp(client)
+    item = operated.locator(".jaws .item")
+    expect(item).to_be_visible()
+    drag(operated, item, 0, 200)
+    expect(part(operated, "world-text")).to_contain_text("no object")
+    assert client.result("sim.get")["object"] is None
+    client.until(lambda state: not state["is_grasped"])
+    client.despite_silence("motion.open")
+    drag(operated, item, 0, -200)
+    expect(part(operated, "world-text")).to_contain_text("an object of 40 mm")
+    assert client.result("sim.get")["object"]["width_mm"] == OBJECT_MM
+    client.result("sim.object")
+    client.result("motion.zero_gravity")
+    before = client.result("state.get")["opening_mm"]
+    right = operated.locator(".jaws .jaw").nth(1)
+    drag(operated, right, -100, 0, until=lambda: client.result("sim.get")["push_nm"] > 0)
+    client.until(lambda state: bool(state["opening_mm"] < before - 1))
+    assert client.result("sim.get")["push_nm"] == 0
+
+
+def drag(tab: Tab, node: Locator, dx: float, dy: float, until: Any = lambda: True) -> None:
+    """Drag a node's middle by so many pixels; let it go when a condition holds."""
+    node.scroll_into_view_if_needed()
+    box = node.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    tab.mouse.move(x, y)
+    tab.mouse.down()
+    tab.mouse.move(x + dx, y + dy, steps=5)
+    while not until():
+        tab.wait_for_timeout(20)
+    tab.mouse.up()
+
+
+def test_the_world_by_its_buttons(operated: Tab, client: Client) -> None:
+    part(operated, "object").fill("25")
+    button(operated, "Put in").click()
+    expect(part(operated, "world-text")).to_contain_text("an object of 25 mm")
+    button(operated, "Take away").click()
+    expect(part(operated, "world-text")).to_contain_text("no object")
+    push = button(operated, "Push closed")
+    push.focus()
+    operated.keyboard.down(" ")
+    expect(part(operated, "world-text")).to_contain_text("a hand closes with 0.8 N·m")
+    operated.keyboard.up(" ")
+    expect(part(operated, "world-text")).not_to_contain_text("a hand")
+    button(operated, "Fault").click()
+    expect(part(operated, "mode")).to_have_text("fault")
+    expect(part(operated, "why")).to_contain_text("overload")
+    take_control(operated)
+    button(operated, "Clear the fault").click()
+    expect(part(operated, "mode")).to_have_text("disabled")
+
+
+def test_zeroing_asks_before_it_moves(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    dialog = operated.get_by_role("dialog", name="Measure the travel")
+    button(operated, "Zero …").click()
+    expect(dialog).to_contain_text("fingers away")
+    button(operated, "Cancel").click()
+    expect(dialog).to_be_hidden()
+    kinds = [job["kind"] for job in client.result("job.list")["jobs"]]
+    assert "zero" not in kinds
+    button(operated, "Zero …").click()
+    button(operated, "The jaws are free: move them").click()
+    expect(operated.locator("#zero-progress")).to_contain_text(re.compile(r"Measured: 1[12]\d"))
+    button(operated, "Done").click()
+    expect(dialog).to_be_hidden()
+
+
+def test_measuring_can_be_cancelled(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    button(operated, "Zero …").click()
+    button(operated, "The jaws are free: move them").click()
+    expect(operated.locator("#zero-progress")).to_contain_text("step")
+    button(operated, "Stop measuring").click()
+    expect(operated.locator("#zero-progress")).to_contain_text("Not measured")
+    client.until(lambda state: state["job"] is None)
+
+
+def test_a_motion_is_taught_kept_and_replayed(operated: Tab, client: Client) -> None:
+    enable(operated, client)
+    part(operated, "name").fill("wave")
+    button(operated, "Teach").click()
+    client.until(lambda state: bool(state["mode"] == "relaxed"))
+    client.result("sim.push", torque_nm=0.6)
+    client.until(lambda state: bool(state["opening_mm"] < 40))
+    client.result("sim.push", torque_nm=0)
+    button(operated, "End and keep").click()
+    expect(part(operated, "outcome")).to_contain_text("kept as wave")
+    assert [kept["name"] for kept in client.result("trajectory.list")["trajectories"]] == ["wave"]
+    button(operated, "Replay").click()
+    expect(part(operated, "outcome")).to_contain_text("replay: completed")
+
+
+def test_a_dump_is_shown_and_anything_else_is_not(
+    shown: Tab, client: Client, tmp_path: Path
+) -> None:
+    grasp(client)
+    dumped = client.result("recorder.dump")
+    field = shown.locator("#dump-file")
+    field.set_input_files(dumped["path"])
+    section = shown.locator("#dump")
+    expect(section.get_by_role("heading")).to_contain_text(f"{dumped['ticks']} ticks")
+    expect(section.locator(".events")).to_contain_text("object_held")
+    expect(section.locator("canvas")).to_have_count(2)
+    content = Path(dumped["path"]).read_bytes()
+    for name, wrong in {"notes": b"hello", "cut": content[: len(content) // 2]}.items():
+        damaged = tmp_path / f"{name}.mcap"
+        damaged.write_bytes(wrong)
+        field.set_input_files(str(damaged))
+        expect(shown.locator("#notice")).to_contain_text(f"{name}.mcap cannot be shown: ")
+    button(shown, "Close").last.click()
+    expect(section).to_be_hidden()
+
+
+def test_a_wrong_secret_is_said(window: BrowserContext, simulated: DaemonProcess) -> None:
+    with page("--socket", str(simulated.socket_path)) as running:
+        tab = window.new_page()
+        tab.goto(f"{running.url}#{'x' * 43}")
+        expect(part(tab, "why")).to_contain_text("open the address that litegripd-web printed")
+        other = window.new_page()
+        other.goto(running.url)
+        expect(other.locator("#notice")).to_contain_text("lacks its secret")
+        expect(other.get_by_role("button", name="STOP Esc")).to_be_disabled()
+
+
+def test_the_secret_leaves_the_address_and_survives_a_reload(shown: Tab) -> None:
+    assert "#" not in shown.url
+    shown.reload()
+    expect(part(shown, "mode")).to_have_text("disabled")
+
+
+def test_two_grippers_stand_on_one_page_and_stop_together(
+    window: BrowserContext, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    sockets = tmp_path / "litegripd"
+    sockets.mkdir()
+    names = (f"{CHANNEL}-left", f"{CHANNEL}-right")
+    with contextlib.ExitStack() as stack:
+        clients = []
+        for name in names:
+            running = stack.enter_context(daemon(tmp_path / name, name, "--simulate"))
+            clients.append(stack.enter_context(running.connect()))
+            (sockets / f"{name}.sock").symlink_to(running.socket_path)
+            stop = running.socket_path.with_suffix(".stop.sock")
+            (sockets / f"{name}.stop.sock").symlink_to(stop)
+        with page(channels=names) as shown:
+            tab = window.new_page()
+            tab.goto(shown.told)
+            for name in names:
+                panel = tab.get_by_role("article", name=f"Gripper {name}")
+                expect(panel.locator("[data-is=mode]")).to_have_text("disabled")
+            tab.get_by_role("article", name=names[0]).get_by_role("button", name="STOP").click()
+            clients[0].until(lambda state: state["stop"] is not None)
+            assert clients[1].result("state.get")["stop"] is None
+            tab.keyboard.press("Escape")
+            clients[1].until(lambda state: state["stop"] is not None)
+
+
+def test_on_a_phone_nothing_is_cut_off_and_the_stop_stays_in_sight(operated: Tab) -> None:
+    operated.set_viewport_size({"width": 360, "height": 640})
+    assert operated.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    operated.evaluate("scrollTo(0, document.body.scrollHeight)")
+    expect(operated.get_by_role("button", name="STOP")).to_be_in_viewport()
+
+
+NAMELESS = """
+() => [...document.querySelectorAll("button, input, select, textarea, svg, figure")]
+  .filter((node) => !node.textContent.trim() && !node.getAttribute("aria-label"))
+  .filter((node) => !node.labels?.length)
+  .map((node) => node.outerHTML)
+"""
+CONTRAST = """
+() => {
+  const linear = (part) => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4;
+  const light = (color) => {
+    const [r, g, b] = color.match(/[0-9.]+/g).map((part) => linear(Number(part) / 255));
+    return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+  };
+  const behind = (node) => {
+    for (let at = node; at; at = at.parentElement) {
+      const color = getComputedStyle(at).backgroundColor;
+      if (!color.startsWith("rgba(0, 0, 0, 0")) return color;
+    }
+    return "rgb(255, 255, 255)";
+  };
+  const ratio = (node) => {
+    const both = [light(getComputedStyle(node).color), light(behind(node))];
+    return (Math.max(...both) + 0.05) / (Math.min(...both) + 0.05);
+  };
+  const words = "h1, h2, h3, p, dt, dd, label, legend, button:enabled, .mode, time, output";
+  return [...document.querySelectorAll(words)]
+    .filter((node) => node.checkVisibility() && node.textContent.trim() && ratio(node) < 4.5)
+    .map((node) => `${ratio(node)}: ${node.outerHTML.slice(0, 100)}`);
+}
+"""
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_everything_has_a_name_and_can_be_read(operated: Tab, client: Client, scheme: Any) -> None:
+    operated.emulate_media(color_scheme=scheme)
+    client.result("stop", level="hold")
+    expect(part(operated, "stopped")).to_be_visible()
+    assert operated.evaluate(NAMELESS) == []
+    assert operated.evaluate(CONTRAST) == []  # WCAG 2.2, 1.4.3
+    assert operated.evaluate("matchMedia('(prefers-color-scheme: dark)').matches") == (
+        scheme == "dark"
+    )
