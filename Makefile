@@ -4,13 +4,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+RUNS := $(VENV)/.runs
 SEED ?= $(shell date -u +%Y%m%d)
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
 .PHONY: help run demo test check nightly format bench chaos deb clean
 
 help:
-	@echo "make run     the daemon on a simulated gripper, in the foreground"
+	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
 	@echo "make demo    that daemon, and two processes that use it; ends by itself"
 	@echo "make test    the tests"
 	@echo "make check   format, lint, types, import layers, generated files, tests"
@@ -21,16 +22,21 @@ help:
 	@echo "make deb     Debian packages for this release of Debian, in dist/ (two minutes)"
 	@echo "make clean   remove the virtual environment and all caches"
 
-$(STAMP): pyproject.toml
+# What the programs need, and, for work on them, what the checks need as well.
+$(RUNS): pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.10 or newer is needed, this is " + sys.version.split()[0] if sys.version_info < (3, 10) else 0)'
 	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[watch,web]'
+	@touch $@
+
+$(STAMP): pyproject.toml $(RUNS)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
-run: $(STAMP)
+run: $(RUNS)
 	@$(BIN)/python examples/run_simulated.py
 
-demo: $(STAMP)
+demo: $(RUNS)
 	@$(BIN)/python examples/demo.py
 
 # Where the environment forbids bytecode, each program that a test starts would be compiled again.

@@ -186,7 +186,9 @@ export class Control {
   }
 
   async #play() {
-    await this.#move("replay", "trajectory.play", { name: this.#panel.node("name").value });
+    const name = this.#panel.node("name").value;
+    const speed = Number(this.#panel.node("speed").value);
+    await this.#move("replay", "trajectory.play", { name, speed });
   }
 
   #showRecording(isOn) {

@@ -326,13 +326,14 @@ def test_a_motion_is_taught_kept_and_replayed(operated: Tab, client: Client) -> 
     enable(operated, client)
     part(operated, "name").fill("wave")
     button(operated, "Teach").click()
-    client.until(lambda state: bool(state["mode"] == "relaxed"))
+    client.until(lambda state: bool(state["job"] and state["job"]["kind"] == "record"))
     client.result("sim.push", torque_nm=0.6)
     client.until(lambda state: bool(state["opening_mm"] < 40))
     client.result("sim.push", torque_nm=0)
     button(operated, "End and keep").click()
     expect(part(operated, "outcome")).to_contain_text("kept as wave")
     assert [kept["name"] for kept in client.result("trajectory.list")["trajectories"]] == ["wave"]
+    part(operated, "speed").fill("0.3")
     button(operated, "Replay").click()
     expect(part(operated, "outcome")).to_contain_text("replay: completed")
 
