@@ -9,14 +9,13 @@ from textwrap import dedent
 
 from docs.configuration_page import has_default, sentence
 from litegrip_client.ctl.parser import (
-    CHANNEL_VARIABLE,
     CLOSING,
     EXIT_CODES,
     LateParser,
     common,
     whole_parser,
 )
-from litegrip_client.discovery import SOCKET_VARIABLE
+from litegrip_client.discovery import CHANNEL_VARIABLE, SOCKET_VARIABLE
 from litegrip_client.trajectory import DIRECTORY_VARIABLE
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator

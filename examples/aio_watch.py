@@ -33,7 +33,7 @@ async def print_events(gripper: LiteGrip) -> None:
 async def main(arguments: Sequence[str] | None = None) -> None:
     """Print both until interrupted, or until the daemon ends."""
     parser = argparse.ArgumentParser(description="Show states and events until Ctrl-C.")
-    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--channel", help="default: LITEGRIP_CHANNEL, else can0")
     parser.add_argument("--socket", metavar="PATH", help="another socket than the channel's")
     options = parser.parse_args(arguments)
     async with LiteGrip(options.channel, socket_path=options.socket) as gripper:

@@ -21,7 +21,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the example; return 0 when no tick is missing in the file."""
     parser = argparse.ArgumentParser(description="Write what the gripper does to a file.")
     parser.add_argument("file")
-    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--channel", help="default: LITEGRIP_CHANNEL, else can0")
     parser.add_argument("--seconds", type=float, default=10.0)
     options = parser.parse_args(arguments)
     rows, missing, last_s = 0, 0, None

@@ -24,7 +24,7 @@ def show(progress: MoveProgress) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the example; return 0 when something was held for as long as asked."""
     parser = argparse.ArgumentParser(description="Grasp something, and hold on to it.")
-    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--channel", help="default: LITEGRIP_CHANNEL, else can0")
     parser.add_argument("--socket", metavar="PATH", help="another socket than the channel's")
     parser.add_argument("--force", type=float, default=10.0, metavar="N")
     parser.add_argument("--hold", type=float, default=3.0, metavar="S")

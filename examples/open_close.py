@@ -27,7 +27,7 @@ def show(progress: MoveProgress) -> None:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the example; return 0 when both motions pressed home."""
     parser = argparse.ArgumentParser(description="Open and close once.")
-    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--channel", help="default: LITEGRIP_CHANNEL, else can0")
     parser.add_argument("--socket", metavar="PATH", help="another socket than the channel's")
     options = parser.parse_args(arguments)
     with LiteGrip(options.channel, socket_path=options.socket) as gripper:

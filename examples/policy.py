@@ -30,7 +30,7 @@ def policy(observation: dict[str, float], elapsed_s: float) -> float:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the example."""
     parser = argparse.ArgumentParser(description="Let a policy drive the jaws at 50 Hz.")
-    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--channel", help="default: LITEGRIP_CHANNEL, else can0")
     parser.add_argument("--seconds", type=float, default=5.0)
     options = parser.parse_args(arguments)
     with LiteGrip(options.channel) as gripper:

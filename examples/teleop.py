@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the example."""
     parser = argparse.ArgumentParser(description="Run one end of a teleoperation.")
     parser.add_argument("--mode", choices=("master", "slave"), required=True)
-    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--channel", help="default: LITEGRIP_CHANNEL, else can0")
     parser.add_argument("--host", help="the leader's machine")
     parser.add_argument("--link", choices=("zenoh", "udp"))
     parser.add_argument("--fake-leader", action="store_true")

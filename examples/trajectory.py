@@ -29,7 +29,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--save", metavar="NAME", default="taught")
     parser.add_argument("--repeat", type=int, default=1)
     parser.add_argument("--speed", type=float, default=1.0)
-    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--channel", help="default: LITEGRIP_CHANNEL, else can0")
     options = parser.parse_args(arguments)
     if options.list:
         for path in list_trajectories():

@@ -16,7 +16,7 @@ BAR_WIDTH = 40
 def main(arguments: Sequence[str] | None = None) -> None:
     """Print the state five times a second until interrupted or until the daemon ends."""
     parser = argparse.ArgumentParser(description="Show the state until Ctrl-C.")
-    parser.add_argument("--channel", default="can0")
+    parser.add_argument("--channel", help="default: LITEGRIP_CHANNEL, else can0")
     parser.add_argument("--socket", metavar="PATH", help="another socket than the channel's")
     options = parser.parse_args(arguments)
     with LiteGrip(options.channel, socket_path=options.socket) as gripper:

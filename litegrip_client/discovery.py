@@ -32,6 +32,8 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from litegrip_client.core.session import DaemonSession, Wire
 
 SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
+CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
+DEFAULT_CHANNEL = "can0"
 SYSTEM_DIRECTORY = "/run/litegripd"
 ENABLED_DIRECTORY = "/etc/systemd/system/litegripd.target.wants"
 UNIT_DIRECTORIES = (
@@ -44,6 +46,13 @@ UNIT_DIRECTORIES = (
 GROUP = "litegrip"
 
 _CHANNEL = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
+
+
+def chosen_channel(channel: str | None) -> str:
+    """Return `channel`, or else that of LITEGRIP_CHANNEL, or can0; raises `CommandError`."""
+    if channel is None:
+        channel = os.environ.get(CHANNEL_VARIABLE) or DEFAULT_CHANNEL
+    return check_channel(channel)
 
 
 def check_channel(channel: str) -> str:
@@ -151,6 +160,8 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
         )
     elif is_enabled(channel):
         hint = f"see why it does not run: systemctl status litegripd@{channel}"
+    elif others := [other for other in running_channels() if other != channel]:
+        hint = f"there is one for {', '.join(others)}: name that; or {hint}"
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
         group = _group_of(denied[0])

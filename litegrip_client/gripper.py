@@ -24,7 +24,8 @@ if TYPE_CHECKING:  # importing dataclasses is slow
 class LiteGrip(SdkGripper):
     """The gripper on `channel`, as `with LiteGrip("can0") as gripper:`.
 
-    The constructor does not connect. `can_id` must be the id of the daemon's motor; None accepts
+    Without a `channel` it is that of LITEGRIP_CHANNEL in the environment, else can0. The
+    constructor does not connect. `can_id` must be the id of the daemon's motor; None accepts
     any. The end of the `with` block disables the motor if this object enabled it. If
     `disable_on_disconnect` is false, the daemon continues to hold instead. Threads may share an
     object; a child process must make its own after a fork.
@@ -42,7 +43,7 @@ class LiteGrip(SdkGripper):
 
     def __init__(
         self,
-        channel: str = "can0",
+        channel: str | None = None,
         can_id: int | None = None,
         *,
         mount: str | None = None,

@@ -461,7 +461,7 @@ class LiteGrip(Gripper):
 
     def __init__(
         self,
-        channel: str = "can0",
+        channel: str | None = None,
         can_id: int | None = None,
         *,
         mount: str | None = None,

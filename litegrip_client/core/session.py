@@ -12,7 +12,7 @@ from types import TracebackType
 from typing import Any, Protocol
 
 from litegrip_client.checks import given_numbers
-from litegrip_client.discovery import check_channel
+from litegrip_client.discovery import chosen_channel
 from litegrip_client.errors import (
     CommandError,
     ConnectError,
@@ -114,7 +114,7 @@ class DaemonSession:
 
     def __init__(
         self,
-        channel: str,
+        channel: str | None,
         can_id: int | None,
         socket_path: str | None,
         *,
@@ -123,7 +123,7 @@ class DaemonSession:
     ) -> None:
         """Expect what `expected` says of the daemon's `GripperConfig`, by its fields."""
         self._expected = expected or {}
-        self.channel = check_channel(channel)
+        self.channel = chosen_channel(channel)
         self.can_id = can_id
         self.socket_path = socket_path
         self.disable_on_disconnect = disable_on_disconnect

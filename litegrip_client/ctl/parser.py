@@ -14,7 +14,11 @@ import shlex
 from argparse import ArgumentTypeError
 
 from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE, CommandRow
-from litegrip_client.discovery import check_channel
+from litegrip_client.discovery import (
+    CHANNEL_VARIABLE,
+    DEFAULT_CHANNEL,
+    check_channel,
+)
 from litegrip_client.errors import CommandError
 
 TYPE_CHECKING = False
@@ -24,8 +28,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from litegrip_client.ctl.run import Fill
 
 PROGRAM = "litegripctl"
-CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
-DEFAULT_CHANNEL = "can0"
 EXIT_CODES: tuple[tuple[int, str], ...] = (
     (0, 'ok; the verdict "ok" of health'),
     (

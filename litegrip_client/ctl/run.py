@@ -17,7 +17,12 @@ from pathlib import Path
 
 from litegrip_client.blocking import connect
 from litegrip_client.connection import Connection
-from litegrip_client.discovery import socket_paths
+from litegrip_client.discovery import (
+    DEFAULT_CHANNEL,
+    is_socket_given,
+    running_channels,
+    socket_paths,
+)
 from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.voices import in_shell, is_said
 
@@ -241,7 +246,10 @@ class Way:
         self.close()
 
     def _connected(self) -> Connection:
-        return connect(self.options.channel, self.options.socket)
+        options = self.options
+        if not options.channel_chosen and not is_socket_given(options.socket):
+            _take_the_only_one(options)
+        return connect(options.channel, options.socket)
 
     def _check(self, hello: Mapping[str, Any], path: str) -> None:
         options = self.options
@@ -253,6 +261,18 @@ class Way:
                 reason="wrong_gripper",
                 data={"hint": "see the variable LITEGRIPD_SOCKET"},
             )
+
+
+READING = ("state", "watch", "clients", "jobs", "health", "metrics", "info", "discover")
+"""Commands that change nothing: they may go to the only daemon there is, whichever that is."""
+
+
+def _take_the_only_one(options: Namespace) -> None:
+    """Let a command that only reads ask the only daemon, and say so."""
+    running = running_channels() if options.command in READING else []
+    if len(running) == 1 and running[0] != DEFAULT_CHANNEL:
+        say(f"{running[0]}, the only daemon here:")
+        options.channel, options.channel_chosen = running[0], True
 
 
 def way_of(options: Namespace) -> Way:

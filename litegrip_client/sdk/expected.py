@@ -22,13 +22,13 @@ _HINT = "leave it out, or have the daemon's configuration or calibration changed
 
 
 def expectations(  # noqa: PLR0917 - the arguments of the SDK's LiteGrip
-    channel: str,
+    channel: str | None,
     can_id: int | None,
     mst_id: int | None,
     canfd_mode: bool | None,
     motor_type: str | int | None,
     config: GripperConfig | None,
-) -> tuple[str, int | None, dict[str, Any]]:
+) -> tuple[str | None, int | None, dict[str, Any]]:
     """Return channel, CAN id, and what else the daemon's gripper must be.
 
     An argument counts more than the same in `config`. Raises `ParameterError` for CAN FD.
@@ -43,7 +43,8 @@ def expectations(  # noqa: PLR0917 - the arguments of the SDK's LiteGrip
             )
         expected = _changed(config)
         canfd_mode = config.canfd_mode if canfd_mode is None else canfd_mode
-        channel = config.channel if channel == GripperConfig().channel else channel
+        if channel is None and config.channel != GripperConfig().channel:
+            channel = config.channel
         can_id = expected.pop("can_id", None) if can_id is None else can_id
     if canfd_mode:
         raise ParameterError(

@@ -15,7 +15,7 @@ from litegrip_client.ctl.main import main
 from litegripd.model.errors import ERROR_TABLE
 from tests.client.ctl_commands import ACTIONS
 from tests.client.ctl_terminal import COMMAND, ROOT, Terminal, start
-from tests.client.fake_daemon import DEADLINE_S, MOVE, STATE, FakeDaemon, Request
+from tests.client.fake_daemon import DEADLINE_S, HELLO, MOVE, STATE, FakeDaemon, Request
 from tests.client.helpers import processor_time_of_children_s
 
 
@@ -158,7 +158,26 @@ def test_without_a_channel_the_running_ones_are_named_and_none_is_guessed(
     hint = "there are: sim7; name one: litegripctl -c sim7 ..."
     assert capsys.readouterr().err.splitlines()[1].strip() == hint
     assert main(["-c", "can0", "enable"]) == 3
-    assert "sim7" not in capsys.readouterr().err
+    assert "there is one for sim7: name that; or start one" in capsys.readouterr().err
+
+
+def test_a_command_that_only_reads_takes_the_only_daemon_and_says_which(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = tmp_path / "xdg" / "litegripd"
+    own.mkdir(parents=True)
+    monkeypatch.setattr("litegrip_client.discovery.SYSTEM_DIRECTORY", str(tmp_path))
+    with FakeDaemon(own / "sim7.sock") as daemon:
+        daemon.handlers["hello"] = lambda request: {**HELLO, "channel": "sim7"}
+        assert main(["state", "--json"]) == 0
+        shown = capsys.readouterr()
+        assert shown.err == "sim7, the only daemon here:\n"
+        assert json.loads(shown.out)["mode"]
+        assert main(["-c", "can0", "state"]) == 3
+        assert "there is one for sim7" in capsys.readouterr().err
+        with FakeDaemon(own / "sim8.sock"):
+            assert main(["state"]) == 3
+    assert "there are: sim7, sim8" in capsys.readouterr().err
 
 
 def test_a_closed_socket_of_the_default_channel_is_no_matter_of_its_name(

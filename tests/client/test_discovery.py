@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_client import blocking, discovery
+from litegrip_client import GripperConfig, LiteGrip, blocking, discovery
+from litegrip_client.aio import LiteGrip as AioLiteGrip
 from litegrip_client.blocking import connect
 from litegrip_client.discovery import check_channel, socket_paths
 from litegrip_client.errors import CommandError, ConnectError
@@ -131,6 +132,32 @@ def test_the_group_is_that_of_the_socket(monkeypatch: pytest.MonkeyPatch, tmp_pa
     groups[robots.gr_gid] = grp.struct_group(("root", "x", robots.gr_gid, []))
     with pytest.raises(ConnectError, match=GROUP_HINT):
         connect("can0", str(closed))
+
+
+def test_the_daemons_that_run_are_named_where_another_one_was_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(discovery, "SYSTEM_DIRECTORY", str(tmp_path))
+    (tmp_path / "can7.sock").touch()
+    (tmp_path / "can7.stop.sock").touch()
+    with pytest.raises(ConnectError, match="there is one for can7: name that; or start one"):
+        connect("can3")
+
+
+def test_the_channel_is_the_argument_or_the_environments_or_can0(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("LITEGRIP_CHANNEL", "can5")
+    for kind in (LiteGrip, AioLiteGrip):
+        assert kind()._session.channel == "can5"
+        assert kind("can0")._session.channel == "can0"
+        assert kind(config=GripperConfig(channel="can6"))._session.channel == "can6"
+        assert kind("can0", config=GripperConfig(channel="can6"))._session.channel == "can0"
+    monkeypatch.setenv("LITEGRIP_CHANNEL", "../etc")
+    with pytest.raises(CommandError, match="cannot be a channel"):
+        LiteGrip()
+    monkeypatch.delenv("LITEGRIP_CHANNEL")
+    assert LiteGrip()._session.channel == "can0"
 
 
 def test_a_path_that_is_too_long_is_told(tmp_path: Path) -> None:
