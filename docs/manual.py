@@ -17,6 +17,7 @@ from litegrip_client.ctl.parser import (
 )
 from litegrip_client.discovery import CHANNEL_VARIABLE, SOCKET_VARIABLE
 from litegrip_client.trajectory import DIRECTORY_VARIABLE
+from litegrip_web import main as web
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator
 from litegripd.app.config import KEYS, TABLES
@@ -40,6 +41,11 @@ DAEMON_FILES = (
     *CLIENT_FILES,
     ("/run/litegripd/CHANNEL.stop.sock", "takes stops before everything else; any line is one"),
     ("/var/lib/litegripd", "what the daemon keeps: calibration, trajectories, dumps"),
+)
+WEB_FILES = (
+    ("/etc/litegripd/web.env", "CHANNELS=can0 can1 and OPTIONS=--operate for the unit"),
+    ("/run/litegripd-web/token", "the secret of the page that the unit serves"),
+    ("/run/litegripd/CHANNEL.sock", "where the daemon of a channel listens"),
 )
 SIGNALS = (
     ("SIGTERM, SIGINT, SIGHUP", "end, with the motor disabled"),
@@ -97,6 +103,21 @@ def daemon_page() -> str:
         [".SH FILES", *_tagged(DAEMON_FILES)],
         _section("NOTES", NOT_AN_EMERGENCY_STOP),
         _see_also("litegripctl(1)", "litegrip-sim(1)", "systemctl(1)", "ip(8)"),
+    )
+
+
+def web_page() -> str:
+    """Make litegripd-web(8)."""
+    parser = web.make_parser()
+    return _page(
+        ("litegripd-web", 8, "a page in the browser for LiteGrip grippers"),
+        f"{_bold('litegripd-web')} {_synopsis(parser._actions)}",  # noqa: SLF001
+        _section("DESCRIPTION", _text(parser.description or "")),
+        [".SH OPTIONS", *_options(parser._actions)],  # noqa: SLF001
+        [".SH EXIT STATUS", *_tagged((str(code), text) for code, text in web.EXIT_CODES)],
+        [".SH FILES", *_tagged(WEB_FILES)],
+        _section("NOTES", NOT_AN_EMERGENCY_STOP),
+        _see_also("litegripd(8)", "litegripctl(1)", "systemctl(1)"),
     )
 
 

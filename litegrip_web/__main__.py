@@ -1,8 +1,21 @@
-"""Runs `litegripd-web` as a module: python -m litegrip_web."""
+"""Runs `litegripd-web`, also as a module: python -m litegrip_web."""
 
 import sys
 
-from litegrip_web.main import main
+EXIT_PACKAGES = 5
+"""As of the daemon: systemd does not start again what lacks a package."""
+
+
+def main() -> int:
+    """Run it; return its exit code, or 5 where a package is missing."""
+    try:
+        from litegrip_web.main import main as serve  # noqa: PLC0415 - what it needs may be missing
+    except ModuleNotFoundError as missing:
+        remedy = f"{sys.executable} -m pip install 'litegripd[web]'"
+        sys.stderr.write(f"litegripd-web: {missing.name} is not installed: {remedy}\n")
+        return EXIT_PACKAGES
+    return serve()
+
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -24,6 +24,7 @@ EXIT_CODES = (
     (EXIT_OK, "a signal ended it"),
     (EXIT_ADDRESS, "it cannot listen at the address, or keep the token"),
     (EXIT_USAGE, "wrong usage"),
+    (5, "a package is missing"),
 )
 """The meaning of each, for the help and the manual page."""
 

@@ -165,7 +165,7 @@ def units(programs: str) -> list[Planned]:
     return [
         *(
             Planned(f"{_UNITS}/{name}", _in_environment(_read(f"systemd/{name}"), programs))
-            for name in ("litegripd@.service", "litegripd.target")
+            for name in ("litegripd@.service", "litegripd.target", "litegripd-web.service")
         ),
         Planned("usr/local/lib/sysusers.d/litegripd.conf", _read("systemd/litegripd.sysusers")),
         Planned("usr/local/lib/tmpfiles.d/litegripd.conf", _read("systemd/litegripd.tmpfiles")),
@@ -258,8 +258,8 @@ def _read(name: str) -> str:
 
 
 _MODE = 0o644
-_ENABLED = "etc/systemd/system/*.wants/litegripd[@.]*"
-_RUNNING = "run/systemd/units/invocation:litegripd@*.service"
+_ENABLED = "etc/systemd/system/*.wants/litegripd[-@.]*"
+_RUNNING = "run/systemd/units/invocation:litegripd[-@]*.service"
 """systemd's own notes, from a unit's start until it has stopped or failed."""
 
 _DROP_INS = "systemd/system/litegripd@*.service.d/*.conf"
@@ -318,7 +318,7 @@ def foreign_users(root: Path) -> list[str]:
 
 def hiding(root: Path) -> list[str]:
     """Return the files that systemd takes in place of those that are installed."""
-    names = ("litegripd@.service", "litegripd.target")
+    names = ("litegripd@.service", "litegripd.target", "litegripd-web.service")
     paths = [root / "etc/systemd/system" / name for name in names]
     return [str(path) for path in paths if path.is_file()]
 

@@ -47,6 +47,7 @@ def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> N
         "man/litegripctl.1 is stale",
         "man/litegrip-sim.1 is stale",
         "man/litegripd.8 is stale",
+        "man/litegripd-web.8 is stale",
         "",
     ]
     assert not (root / "docs/errors.md").exists()

@@ -44,6 +44,7 @@ def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
     assert set(files) == {
         install.PACKAGED,
         "usr/lib/systemd/system/litegripd.target",
+        "usr/lib/systemd/system/litegripd-web.service",
         "usr/lib/sysusers.d/litegripd.conf",
         "usr/lib/tmpfiles.d/litegripd.conf",
         "etc/litegripd/litegripd.toml",
@@ -164,6 +165,7 @@ def test_an_upgrade_reloads_whoever_runs_and_never_restarts(system: System, relo
     assert system.calls == [
         "systemd-sysusers litegripd.conf",
         "systemctl daemon-reload",
+        "systemctl try-restart litegripd-web.service",
         "systemctl list-units --plain --no-legend --state=active litegripd@*.service",
         f"systemctl reload {UNIT}",
     ]
@@ -192,7 +194,7 @@ def test_a_copy_that_shadows_the_unit_is_told(system: System) -> None:
 def test_removal_stops_what_runs(system: System) -> None:
     assert system.run("litegripd/prerm", "remove").returncode == 0
     assert system.run("litegripd/postrm", "remove").returncode == 0
-    stop = "systemctl stop litegripd@*.service litegripd.target"
+    stop = "systemctl stop litegripd@*.service litegripd.target litegripd-web.service"
     assert system.calls == [stop, "systemctl daemon-reload"]
 
 
@@ -200,6 +202,7 @@ def test_only_a_purge_forgets_which_units_are_enabled(system: System) -> None:
     wants = system.folder / "etc/system/litegripd.target.wants"
     wants.mkdir(parents=True)
     (wants / UNIT).symlink_to("/usr/lib/systemd/system/litegripd@.service")
+    (wants / "litegripd-web.service").symlink_to("/usr/lib/systemd/system/litegripd-web.service")
     system.run("litegripd/postrm", "remove")
     assert (wants / UNIT).is_symlink()
     system.run("litegripd/postrm", "purge")

@@ -49,6 +49,7 @@ def test_the_unit_runs_the_programs_of_the_environment(tmp_path: Path) -> None:
     assert done == {
         f"{UNITS}/litegripd@.service": "installed",
         f"{UNITS}/litegripd.target": "installed",
+        f"{UNITS}/litegripd-web.service": "installed",
         "usr/local/lib/sysusers.d/litegripd.conf": "installed",
         "usr/local/lib/tmpfiles.d/litegripd.conf": "installed",
         CONFIGURATION: "installed",
@@ -57,7 +58,9 @@ def test_the_unit_runs_the_programs_of_the_environment(tmp_path: Path) -> None:
     assert f"ExecStart={PROGRAMS}/litegripd %i\n" in unit
     assert f"ExecReload={PROGRAMS}/litegripctl -c %i restart --hold\n" in unit
     assert "Documentation=file:///opt/grippers/share/man/man8/litegripd.8\n" in unit
-    assert "/opt/litegripd/" not in unit
+    page = (tmp_path / UNITS / "litegripd-web.service").read_text()
+    assert f"ExecStart={PROGRAMS}/litegripd-web --token-file" in page
+    assert "/opt/litegripd/" not in unit + page
 
 
 def test_what_only_a_person_can_mend_is_not_tried_again() -> None:

@@ -386,6 +386,20 @@ def test_a_port_that_is_taken_is_said(shown: Page) -> None:
     assert "--port takes another" in done.stderr
 
 
+def test_a_missing_package_is_named_with_what_installs_it() -> None:
+    program = "import sys; sys.modules['websockets'] = None; import litegrip_web.__main__ as page"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{program}; sys.exit(page.main())", CHANNEL],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+    assert done.returncode == 5
+    assert "websockets" in done.stderr
+    assert "-m pip install 'litegripd[web]'" in done.stderr
+
+
 @pytest.mark.skipif(os.getuid() != 0, reason="only root can become another user")
 def test_the_daemons_roles_bound_the_page_a_second_time(tmp_path: Path) -> None:
     tmp_path.chmod(0o755)
