@@ -7,11 +7,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import select
 import signal
 import sys
+import termios
 import time
+import tty
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -33,6 +36,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from litegrip_client.ctl.run import Way
 
 _EVENTS = 8
+_TRACE_COLUMNS, _COLUMN_S = 40, 1.5
 _LOOK_EVERY_S = 1.0
 _TRY_EVERY_S = 0.5
 
@@ -40,16 +44,27 @@ _TRY_EVERY_S = 0.5
 class Scene:
     """What is known now; None for what is not. `trouble` says why no daemon answers.
 
+    `trace` has the latest opening (mm) and force (N) of each column of the last minute.
     `others` is how many other clients are connected, `lease` and `health` are the daemon's answers.
     """
 
     def __init__(self) -> None:
         self.state: dict[str, Any] | None = None
         self.events: deque[Event] = deque(maxlen=_EVENTS)
+        self.trace: dict[int, tuple[float | None, float | None]] = {}
         self.others: int | None = None
         self.lease: dict[str, Any] | None = None
         self.health: dict[str, Any] | None = None
         self.trouble: str | None = None
+
+    def take(self, state: dict[str, Any]) -> None:
+        """Take a new state."""
+        self.state = state
+        now = int(state["monotonic_s"] / _COLUMN_S)
+        known = (None, None) if state["stale"] else (state["opening_mm"], state["force_n"])
+        self.trace[now] = known
+        began = now - _TRACE_COLUMNS
+        self.trace = {at: value for at, value in self.trace.items() if began < at <= now}
 
 
 def scenes(way: Way, connection: Connection, hz: float) -> Iterator[Scene]:
@@ -82,7 +97,7 @@ def _connected(scene: Scene, connection: Connection, hz: float) -> Iterator[Scen
             scene.events.clear()
             scene.events.extend(feed.recent)
             for sample in samples:
-                scene.state = sample.state
+                scene.take(sample.state)
                 while feed.inbox:  # filled by whoever reads the samples
                     event = feed.take()
                     if event is not None:
@@ -103,7 +118,7 @@ def _look(scene: Scene, connection: Connection) -> None:
 
 _BAR_WIDTH = 40
 _STYLES = {"ok": "bold green", "degraded": "bold yellow", "down": "bold red"}
-_ALARMING = {"stop", "limited", "age"}
+_ALARMING = {"stop", "age"}
 
 
 def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) -> RenderableType:
@@ -111,13 +126,14 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
     parts: list[RenderableType] = [_head(scene, name), Text()]
     if scene.state is not None:
         parts += [_bar(scene.state), _figures(scene.state, for_gripper)]
+        parts += [Text(), _traces(scene)]
     parts += [Text(), _company(scene)]
     if scene.health is not None:
         parts += [
             Text(f"- {render.plain(for_gripper(in_shell(str(reason))))}", "yellow")
             for reason in scene.health.get("reasons", ())
         ]
-    return Group(*parts, Text(), *_events(scene))
+    return Group(*parts, Text(), *_events(scene), Text(), Text("q ends it", "dim"))
 
 
 def _head(scene: Scene, name: str) -> Text:
@@ -147,6 +163,37 @@ def _figures(state: dict[str, Any], for_gripper: Callable[[str], str]) -> Render
     return grid
 
 
+_LEVELS = "▁▂▃▄▅▆▇█"
+_LEAST_SPAN = {"mm": 10.0, "N": 6.0}
+
+
+def _traces(scene: Scene) -> RenderableType:
+    """Show opening and force of the last minute, the newest at the right."""
+    newest = max(scene.trace, default=0)
+    columns = range(newest - _TRACE_COLUMNS + 1, newest + 1)
+    grid = Table.grid(padding=(0, 2))
+    for index, (label, unit) in enumerate((("opening", "mm"), ("force", "N"))):
+        values = [scene.trace.get(column, (None, None))[index] for column in columns]
+        line, low, high = _trace(values, _LEAST_SPAN[unit])
+        span = f"{low:.0f} to {high:.0f} {unit}" if line.strip() else "--"
+        grid.add_row(Text(f"{label:<11}", "cyan"), Text(line), Text(span, "dim"))
+    return grid
+
+
+def _trace(values: Sequence[float | None], least: float) -> tuple[str, float, float]:
+    """Draw values between the lowest and the highest, which are `least` apart at least."""
+    known = [value for value in values if value is not None]
+    low, high = min(known, default=0.0), max(known, default=0.0)
+    missing = max(0.0, least - (high - low))
+    low, high = low - missing / 2, high + missing / 2
+    top = len(_LEVELS) - 1
+    drawn = (
+        " " if value is None else _LEVELS[round((value - low) / (high - low) * top)]
+        for value in values
+    )
+    return "".join(drawn), low, high
+
+
 def _company(scene: Scene) -> RenderableType:
     grid = Table.grid(padding=(0, 2))
     lease = "--" if scene.lease is None else render.lease(scene.lease)
@@ -174,32 +221,74 @@ _TERMINATED = 128 + signal.SIGTERM
 
 
 def show(scenes: Iterable[Scene], name: str, for_gripper: Callable[[str], str]) -> None:
-    """Show scenes of the gripper `name` until there are no more of them; see `Output`."""
+    """Show scenes of the gripper `name` until there are no more of them, or q is pressed.
+
+    See `Output` for `for_gripper`.
+    """
     shown_s = 0.0
+    keyboard = _Keyboard()
     with (
         Live(console=Console(), screen=True, auto_refresh=False) as live,
-        _giving_back(live),
+        _giving_back(live, keyboard),
     ):
         for scene in scenes:
+            if keyboard.is_q_pressed():
+                return
             now_s = time.monotonic()
             if now_s - shown_s >= _SHORTEST_S:
                 live.update(picture(scene, name, for_gripper), refresh=True)
                 shown_s = now_s
 
 
+class _Keyboard:
+    """Reads keys as they are pressed, where a terminal is ours to read; Ctrl-C remains a signal."""
+
+    def __init__(self) -> None:
+        self._file: int | None = None
+        self._before: list[Any] = []
+
+    def start(self) -> None:
+        """Begin to read single keys."""
+        if sys.stdin is None or not sys.stdin.isatty():
+            return
+        keyboard = sys.stdin.fileno()
+        with contextlib.suppress(OSError):  # it is nobody's controlling terminal
+            if os.tcgetpgrp(keyboard) != os.getpgrp():
+                return  # it runs in the background: the keys are somebody else's
+        self._file, self._before = keyboard, termios.tcgetattr(keyboard)
+        tty.setcbreak(keyboard)
+
+    def stop(self) -> None:
+        """Leave the terminal as it was."""
+        if self._file is not None:
+            termios.tcsetattr(self._file, termios.TCSADRAIN, self._before)
+        self._file = None
+
+    def is_q_pressed(self) -> bool:
+        """Return True if q has been pressed, or nobody is there any more."""
+        while self._file is not None and select.select([self._file], [], [], 0.0)[0]:
+            if os.read(self._file, 1) in (b"q", b"Q", b""):
+                return True
+        return False
+
+
 @contextlib.contextmanager
-def _giving_back(live: Live) -> Iterator[None]:
+def _giving_back(live: Live, keyboard: _Keyboard) -> Iterator[None]:
     """Give the terminal back on SIGTERM, and while Ctrl-Z stops this program."""
 
     def pause(*_: object) -> None:
         live.stop()
+        keyboard.stop()
         os.kill(os.getpid(), signal.SIGSTOP)
+        keyboard.start()
         live.start(refresh=True)
 
     handlers = {signal.SIGTERM: lambda *_: sys.exit(_TERMINATED), signal.SIGTSTP: pause}
     before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
+    keyboard.start()
     try:
         yield
     finally:
+        keyboard.stop()
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -41,6 +41,9 @@ def whole_scene() -> Scene:
     scene = Scene()
     job = {"job": 4, "kind": "grasp", "phase": "approach", "owner": OWNER}
     stop = {"level": "hold", "by": OWNER, "why": "smoke\x1b[2J"}
+    for second in range(60):
+        opening = None if second < 20 else 30.0 + second / 4
+        scene.take({**STATE, "opening_mm": opening, "force_n": 0.0, "monotonic_s": 41.0 + second})
     scene.state = {**STATE, "job": job, "stop": stop, "limited": ["heat"], "monotonic_s": 100.0}
     scene.others = 2
     scene.lease = {"owner": OWNER, "mine": False, "waiting": 1}
@@ -66,6 +69,9 @@ def test_the_view_shows_all_of_it() -> None:
         "4 grasp, approach, by pick.py (pid 77)",
         "hold, by pick.py (pid 77): smoke?[2J",
         "limited      heat",
+        f"opening      {' ' * 13}▁▁▂▂▂",
+        "▇██  35 to 45 mm",
+        f"force        {'▅' * 39}  -3 to 3 N",
         "pick.py (pid 77), uid 1000, has it for picking?[2J; 1 waiting",
         "2 besides this one",
         "- late ticks",
@@ -89,6 +95,38 @@ def shown_before_anything_is_known() -> str:
     assert "can0  --" in shown(scene)
     scene.trouble = "x"
     return shown(scene)
+
+
+def test_a_trace_forgets_what_is_older_than_a_minute() -> None:
+    scene = Scene()
+    for second in range(100):
+        scene.take({**STATE, "opening_mm": float(second), "monotonic_s": float(second)})
+    assert (min(scene.trace), max(scene.trace)) == (27, 66)
+    assert "41 to 99 mm" in shown(scene)
+    scene.take({**STATE, "stale": True, "monotonic_s": 5.0})  # another daemon's clock
+    assert scene.trace == {3: (None, None)}
+
+
+def test_what_is_normal_is_not_red() -> None:
+    console = Console(file=io.StringIO(), width=80, force_terminal=True, color_system="standard")
+    scene = whole_scene()
+    assert scene.state is not None
+    scene.state["stop"] = None
+    console.print(picture(scene, "can0"))
+    assert isinstance(console.file, io.StringIO)
+    assert "\x1b[1;31m" not in console.file.getvalue()
+
+
+@pytest.mark.parametrize("key", ["q", "Q"])
+def test_q_ends_the_view_and_other_keys_do_not(daemon: FakeDaemon, key: str) -> None:
+    terminal = Terminal("--socket", live(daemon).path, "watch", start_new_session=False)
+    terminal.expect("besides this one")
+    terminal.type("x\n")
+    terminal.expect("besides this one")
+    terminal.type(key)
+    code, out = terminal.end()
+    assert code == 0
+    assert out.endswith(f"{GIVEN_BACK}{LAST_LINE}\n")
 
 
 def test_on_a_terminal_it_is_a_view_and_leaves_the_last_line(daemon: FakeDaemon) -> None:

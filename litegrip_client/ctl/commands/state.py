@@ -320,8 +320,9 @@ def state_line(data: Data) -> str:
 
 _WATCH = """\
 Show the state again and again, until Ctrl-C. In a terminal this is a live view
-of the whole gripper, which waits for a daemon that goes; it needs the library
-rich: pip install rich. Elsewhere, and with --plain, a line for each state.
+of the whole gripper, with a trace of the last minute, which waits for a daemon
+that goes; q ends it. It needs the library rich: pip install rich. Elsewhere,
+and with --plain, a line for each state.
 """
 
 
