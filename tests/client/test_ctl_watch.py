@@ -71,7 +71,7 @@ def test_the_view_shows_all_of_it() -> None:
         "limited      heat",
         f"opening      {' ' * 13}▁▁▂▂▂",
         "▇██  35 to 45 mm",
-        f"force        {'▅' * 39}  -3 to 3 N",
+        f"force        {'▅' * 40}  -3 to 3 N",
         "pick.py (pid 77), uid 1000, has it for picking?[2J; 1 waiting",
         "2 besides this one",
         "- late ticks",
