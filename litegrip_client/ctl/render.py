@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from argparse import Namespace
 from collections.abc import Callable, Mapping, Sequence
-from time import localtime, strftime
+from time import localtime, strftime, time
 
 from litegrip_client.blocking import BlockingWire, complete
 from litegrip_client.core.motion import Motion
@@ -20,6 +20,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
+    from litegrip_client.connection import Connection
+
 Data: TypeAlias = "Mapping[str, Any]"
 
 
@@ -27,6 +29,23 @@ def figure(value: object, form: str, unit: str) -> str:
     """Show a number with its unit, or `--` when it is not known."""
     shown = format(value, form) if isinstance(value, int | float) else "--"
     return f"{shown} {unit}".rstrip()
+
+
+Clock: TypeAlias = "Callable[[object], str]"
+"""Shows a time of the daemon's clock as the time of day."""
+
+
+def clock_of(connection: Connection) -> Clock:
+    """Return what shows the times of a daemon, which counts from its machine's start."""
+    now_s = connection.call("hello").get("monotonic_s")
+    asked_s = time()
+
+    def show(at_s: object) -> str:
+        if not isinstance(at_s, int | float) or not isinstance(now_s, int | float):
+            return "--"
+        return strftime("%H:%M:%S", localtime(asked_s + at_s - now_s))
+
+    return show
 
 
 def plain(text: object) -> str:

@@ -263,7 +263,9 @@ class Way:
             )
 
 
-READING = ("state", "watch", "clients", "jobs", "health", "metrics", "info", "discover")
+READING = (
+    "state", "watch", "events", "clients", "jobs", "job", "health", "metrics", "info", "discover",
+)  # fmt: skip
 """Commands that change nothing: they may go to the only daemon there is, whichever that is."""
 
 

@@ -50,8 +50,8 @@ function _shtab_litegripctl_using
   test "$_shtab_litegripctl_cmdpath" = "$argv"
 end
 
-set -g _shtab_litegripctl_commands state watch enable disable clear-fault open close grasp release move force slack hold teleop 'teleop master' 'teleop slave' 'teleop status' 'teleop stop' stop clear clients lease 'lease show' 'lease take' jobs cancel zero calibration 'calibration show' 'calibration templates' 'calibration load' 'calibration save' 'calibration manual' config 'config get' 'config set' register record play trajectories 'trajectories list' 'trajectories get' 'trajectories put' 'trajectories delete' 'trajectories keep' 'trajectories export' dump plot doctor health metrics restart install-units info sim 'sim show' 'sim object' 'sim push' 'sim hold' 'sim fault' 'sim heat' 'sim reset' completion discover
-set -g _shtab_litegripctl_opts_with_value --as --by --can --channel --count --duration --force --force-limit --grip-id --hold --host --hz --last --level --link --mount --note --output --port --rate --reflect-force --reflect-gain --repeat --retries --root --seconds --slip --socket --speed --stiffness --tolerance --torque-limit --watchdog --why --width -c -o
+set -g _shtab_litegripctl_commands state watch events enable disable clear-fault open close grasp release move force slack hold teleop 'teleop master' 'teleop slave' 'teleop status' 'teleop stop' stop clear clients lease 'lease show' 'lease take' jobs job cancel zero calibration 'calibration show' 'calibration templates' 'calibration load' 'calibration save' 'calibration manual' config 'config get' 'config set' register record play trajectories 'trajectories list' 'trajectories get' 'trajectories put' 'trajectories delete' 'trajectories keep' 'trajectories export' dump plot doctor health metrics restart install-units info sim 'sim show' 'sim object' 'sim push' 'sim hold' 'sim fault' 'sim heat' 'sim reset' completion discover
+set -g _shtab_litegripctl_opts_with_value --as --by --can --channel --count --duration --force --force-limit --grip-id --hold --host --hz --kind --last --level --link --mount --note --output --port --rate --reflect-force --reflect-gain --repeat --retries --root --seconds --slip --socket --speed --stiffness --tolerance --torque-limit --watchdog --why --width -c -o
 
 complete -c litegripctl -e
 complete -c litegripctl -f
@@ -77,6 +77,14 @@ complete -c litegripctl -n '_shtab_litegripctl_using watch' -l json -d 'print re
 complete -c litegripctl -n '_shtab_litegripctl_using watch' -l hz -x -d '0.1 to 200 (5)'
 complete -c litegripctl -n '_shtab_litegripctl_using watch' -l count -x -d 'end after N states'
 complete -c litegripctl -n '_shtab_litegripctl_using watch' -l plain -d 'lines, and no live view, in a terminal as well'
+complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a events -d 'show what has happened, and with -f what happens'
+complete -c litegripctl -n '_shtab_litegripctl_using events' -s h -l help -d 'show this help message and exit'
+complete -c litegripctl -n '_shtab_litegripctl_using events' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
+complete -c litegripctl -n '_shtab_litegripctl_using events' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
+complete -c litegripctl -n '_shtab_litegripctl_using events' -l host -x -d 'the daemon of another machine, reached by ssh; --socket is a path there'
+complete -c litegripctl -n '_shtab_litegripctl_using events' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using events' -s f -l follow -d 'go on until Ctrl-C'
+complete -c litegripctl -n '_shtab_litegripctl_using events' -l kind -x -d 'only these; may be given again'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a enable -d 'enable the motor; it stays enabled'
 complete -c litegripctl -n '_shtab_litegripctl_using enable' -s h -l help -d 'show this help message and exit'
 complete -c litegripctl -n '_shtab_litegripctl_using enable' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
@@ -251,6 +259,12 @@ complete -c litegripctl -n '_shtab_litegripctl_using jobs' -s c -l channel -xka 
 complete -c litegripctl -n '_shtab_litegripctl_using jobs' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
 complete -c litegripctl -n '_shtab_litegripctl_using jobs' -l host -x -d 'the daemon of another machine, reached by ssh; --socket is a path there'
 complete -c litegripctl -n '_shtab_litegripctl_using jobs' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a job -d 'show one motion: how it ended, or where it is'
+complete -c litegripctl -n '_shtab_litegripctl_using job' -s h -l help -d 'show this help message and exit'
+complete -c litegripctl -n '_shtab_litegripctl_using job' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
+complete -c litegripctl -n '_shtab_litegripctl_using job' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
+complete -c litegripctl -n '_shtab_litegripctl_using job' -l host -x -d 'the daemon of another machine, reached by ssh; --socket is a path there'
+complete -c litegripctl -n '_shtab_litegripctl_using job' -l json -d 'print results and errors as JSON'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a cancel -d 'cancel a motion; the jaws then hold'
 complete -c litegripctl -n '_shtab_litegripctl_using cancel' -s h -l help -d 'show this help message and exit'
 complete -c litegripctl -n '_shtab_litegripctl_using cancel' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'

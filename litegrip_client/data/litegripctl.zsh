@@ -23,12 +23,14 @@ _shtab_litegripctl_commands() {
     doctor:'check link, daemon, motor and calibration; say what mends them'
     dump:'write the last minute, tick by tick, to a file'
     enable:'enable the motor; it stays enabled'
+    events:'show what has happened, and with -f what happens'
     force:'change the force of a grasp, or begin to squeeze'
     grasp:'close until something is held, and hold it with a force'
     health:'show how the daemon is; the exit code is the verdict'
     hold:'hold the present position'
     info:'show what does not change: versions, motor, calibration'
     install-units:'install what lets systemd run the daemons'
+    job:'show one motion: how it ended, or where it is'
     jobs:'list the running motions and the last ended ones'
     lease:'show who has the gripper to itself, or take it away'
     metrics:'print the figures of health as OpenMetrics text, for Prometheus'
@@ -361,6 +363,19 @@ _shtab_litegripctl_enable_options=(
 # guard to ensure default positional specs are added only once per session
 _shtab_litegripctl_enable_defaults_added=0
 
+_shtab_litegripctl_events_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+  {-f,--follow}"[go on until Ctrl-C]"
+  "*--kind[only these\; may be given again]:KIND:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_events_defaults_added=0
+
 _shtab_litegripctl_force_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
@@ -438,6 +453,18 @@ _shtab_litegripctl_install_units_options=(
 
 # guard to ensure default positional specs are added only once per session
 _shtab_litegripctl_install_units_defaults_added=0
+
+_shtab_litegripctl_job_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+  ":the number that \'jobs\' shows:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_job_defaults_added=0
 
 _shtab_litegripctl_jobs_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
@@ -960,12 +987,14 @@ _shtab_litegripctl() {
         doctor) _arguments -C -s $_shtab_litegripctl_doctor_options ;;
         dump) _arguments -C -s $_shtab_litegripctl_dump_options ;;
         enable) _arguments -C -s $_shtab_litegripctl_enable_options ;;
+        events) _arguments -C -s $_shtab_litegripctl_events_options ;;
         force) _arguments -C -s $_shtab_litegripctl_force_options ;;
         grasp) _arguments -C -s $_shtab_litegripctl_grasp_options ;;
         health) _arguments -C -s $_shtab_litegripctl_health_options ;;
         hold) _arguments -C -s $_shtab_litegripctl_hold_options ;;
         info) _arguments -C -s $_shtab_litegripctl_info_options ;;
         install-units) _arguments -C -s $_shtab_litegripctl_install_units_options ;;
+        job) _arguments -C -s $_shtab_litegripctl_job_options ;;
         jobs) _arguments -C -s $_shtab_litegripctl_jobs_options ;;
         lease) _shtab_litegripctl_lease ;;
         metrics) _arguments -C -s $_shtab_litegripctl_metrics_options ;;

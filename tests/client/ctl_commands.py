@@ -38,6 +38,8 @@ LINES: tuple[str, ...] = (
     "lease show",
     "lease take because",
     "jobs",
+    "job 1",
+    "events --kind bus",
     "enable",
     "open --speed 140",
     "enable --retries 3",

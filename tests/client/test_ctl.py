@@ -1,6 +1,7 @@
 """Every command of litegripctl: what it asks, what it shows, how it ends."""
 
 import json
+import time
 from typing import Any
 
 import pytest
@@ -21,10 +22,36 @@ JOBS = {
     ]
 }
 JOBS_SHOWN = """\
-JOB  KIND   STATE    PHASE   OWNER
-4    open   running  travel  pick.py?[2J (pid 77)
-3    close  done     -       unknown (pid None)
+JOB  KIND   BEGAN  TOOK  OUTCOME          OWNER
+4    open   --     -- s  running, travel  pick.py?[2J (pid 77)
+3    close  --     -- s  done             unknown (pid None)
 """
+ENDED = {
+    "job": 5,
+    "kind": "move",
+    "state": "done",
+    "owner": {"client": 1, "pid": 77, "uid": 0, "program": "pick.py"},
+    "detached": True,
+    "started_s": 1000.0,
+    "ended_s": 1002.25,
+    "phase": None,
+    "error": None,
+    "result": {"job": 5, "ok": False, "outcome": "blocked", "target_rad": 0.123456, "state": STATE},
+}
+FAILED = {
+    **ENDED,
+    "job": 6,
+    "state": "failed",
+    "detached": False,
+    "error": {
+        "code": -32030,
+        "message": "the motor is not enabled: call motor.enable first",
+        "data": {"reason": "not_enabled", "retryable": False},
+    },
+    "result": None,
+}
+AT_NOON_S = 43_200.0
+"""Unix time, which is noon in UTC, when the daemon's clock shows 1000 s."""
 HEALTH = {"verdict": "ok", "control": {"late_us": {"p99": 120}}, "bus": {"errors": []}}
 DOCUMENT = {"openrpc": "1.2.6", "methods": [{"name": "stop", "summary": "Stop."}]}
 STOP = {"level": "relax", "generation": 4, "state": STATE}
@@ -95,6 +122,69 @@ def test_what_is_shown(
     assert (code, err) == (0, "")
     assert json.loads(out) == (result["state"] if method == "state.subscribe" else result)
     assert out.count("\n") == 1
+
+
+@pytest.fixture
+def noon(daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "UTC")
+    time.tzset()
+    monkeypatch.setattr("litegrip_client.ctl.render.time", lambda: AT_NOON_S)
+    daemon.handlers["hello"] = lambda request: {**HELLO, "monotonic_s": 1000.0}
+
+
+@pytest.mark.usefixtures("noon")
+def test_jobs_are_shown_with_the_time_of_day_and_how_they_ended(
+    daemon: FakeDaemon, ctl: Ctl
+) -> None:
+    daemon.handlers["job.list"] = lambda request: {"jobs": [ENDED, FAILED]}
+    _, out, _ = ctl("jobs")
+    assert out.splitlines()[1:] == [
+        "5    move  12:00:00  2.2 s  NOT ok: blocked      pick.py (pid 77)",
+        "6    move  12:00:00  2.2 s  failed: not enabled  pick.py (pid 77)",
+    ]
+
+
+@pytest.mark.usefixtures("noon")
+def test_a_job_is_shown_whole(daemon: FakeDaemon, ctl: Ctl) -> None:
+    daemon.handlers["job.get"] = lambda request: ENDED if request.params["job"] == 5 else FAILED
+    code, out, _ = ctl("job", "5")
+    assert code == 0
+    assert out.splitlines() == [
+        "job         5, move",
+        "outcome     NOT ok: blocked",
+        "began       12:00:00",
+        "ended       12:00:02",
+        "took        2.2 s",
+        "owner       pick.py (pid 77), detached",
+        "target_rad  0.1235",
+    ]
+    _, out, _ = ctl("job", "6")
+    assert "outcome  failed: not enabled\n" in out
+    assert "why      the motor is not enabled: call litegripctl enable first\n" in out
+    _, out, _ = ctl("job", "6", "--json")
+    assert json.loads(out) == FAILED
+
+
+@pytest.mark.usefixtures("noon")
+def test_events_are_shown_and_followed(daemon: FakeDaemon, ctl: Ctl) -> None:
+    event = {"seq": 7, "monotonic_s": 1060.0, "kind": "motor", "message": "x\x1b[2J", "data": {}}
+    subscribed = {"subscription": 1, "state": STATE, "events": [event]}
+    daemon.handlers["events.subscribe"] = lambda request: subscribed
+    daemon.handlers["events.unsubscribe"] = lambda request: {"subscription": 1}
+    assert ctl("events", "--kind", "motor") == (0, "12:01:00  x?[2J\n", "")
+    assert daemon.wait_for("events.subscribe")[0].params == {"kinds": ["motor"]}
+    _, out, _ = ctl("events", "--json")
+    assert json.loads(out) == event
+
+    def follow(request: Request) -> None:
+        request.reply(subscribed)
+        request.notify("event", {**event, "seq": 8, "subscription": 1})
+        request.hang_up()
+
+    daemon.handlers["events.subscribe"] = follow
+    code, out, err = ctl("events", "-f")
+    assert (code, out) == (3, "12:01:00  x?[2J\n" * 2)
+    assert "connection" in err
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ class CommandRow:
 COMMANDS = (
     CommandRow("state", "show the state once", "state"),
     CommandRow("watch", "show the state again and again", "state"),
+    CommandRow("events", "show what has happened, and with -f what happens", "state"),
     CommandRow("enable", "enable the motor; it stays enabled", "motions"),
     CommandRow("disable", "disable the motor: no torque", "motions"),
     CommandRow("clear-fault", "clear a fault of the motor; it stays disabled", "motions"),
@@ -60,6 +61,7 @@ COMMANDS = (
     CommandRow("clients", "list who is connected, and what each has cost", "state"),
     CommandRow("lease", "show who has the gripper to itself, or take it away", "state"),
     CommandRow("jobs", "list the running motions and the last ended ones", "motions"),
+    CommandRow("job", "show one motion: how it ended, or where it is", "motions"),
     CommandRow("cancel", "cancel a motion; the jaws then hold", "motions"),
     CommandRow("zero", "measure the travel: moves to both stops", "calibration"),
     CommandRow(

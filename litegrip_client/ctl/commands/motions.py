@@ -10,8 +10,10 @@ from collections.abc import Iterable, Mapping
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import LateParser, count, not_negative, positive, target
 from litegrip_client.ctl.render import (
+    Clock,
     Data,
     aligned,
+    clock_of,
     figure,
     finish,
     opening_of,
@@ -19,9 +21,11 @@ from litegrip_client.ctl.render import (
     plain,
     start,
     verdict,
+    words,
 )
 from litegrip_client.ctl.run import ENDING, NOT_OK, OK, Commands, Run
 from litegrip_client.errors import CommandError, HardwareError
+from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -314,25 +318,73 @@ def hold(run: Run) -> int:
 
 def jobs(run: Run) -> int:
     """List the jobs."""
+    clock = clock_of(run.connection)
     data = run.connection.call("job.list")
-    run.output.result(data, _jobs_text(data["jobs"]) if data["jobs"] else "no jobs")
+    run.output.result(data, _jobs_text(data["jobs"], clock) if data["jobs"] else "no jobs")
     return OK
 
 
-def _jobs_text(rows: list[Data]) -> str:
+def _jobs_text(rows: list[Data], clock: Clock) -> str:
     """Show jobs as a table."""
-    table = [("JOB", "KIND", "STATE", "PHASE", "OWNER")]
+    table = [("JOB", "KIND", "BEGAN", "TOOK", "OUTCOME", "OWNER")]
     table += [
         (
             str(row.get("job")),
             plain(row.get("kind")),
-            plain(row.get("state")),
-            plain(row.get("phase") or "-"),
+            clock(row.get("started_s")),
+            _took(row),
+            _outcome(row),
             plain(owner(row.get("owner") or {})),
         )
         for row in rows
     ]
     return aligned(table)
+
+
+def _took(row: Data) -> str:
+    begun, ended = row.get("started_s"), row.get("ended_s")
+    if not isinstance(begun, int | float) or not isinstance(ended, int | float):
+        return figure(None, ".1f", "s")
+    return figure(ended - begun, ".1f", "s")
+
+
+def _outcome(row: Data) -> str:
+    """Show how a job ended, or where it is."""
+    error, result = row.get("error"), row.get("result") or {}
+    if error:
+        return f"{plain(row.get('state'))}: {words((error.get('data') or {}).get('reason'))}"
+    if "outcome" in result:
+        return verdict(result)
+    phase = f", {words(row['phase'])}" if row.get("phase") else ""
+    return f"{'NOT ok' if result.get('ok') is False else plain(row.get('state'))}{phase}"
+
+
+def job_options(parser: LateParser) -> None:
+    """Take the job."""
+    parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
+
+
+def job(run: Run) -> int:
+    """Show one job: how it ended, or where it is, and its figures."""
+    clock = clock_of(run.connection)
+    data = run.connection.call("job.get", {"job": run.options.job})
+    rows = [
+        ("job", f"{data['job']}, {plain(data['kind'])}"),
+        ("outcome", _outcome(data)),
+        ("began", clock(data["started_s"])),
+        ("ended", clock(data["ended_s"])),
+        ("took", _took(data)),
+        ("owner", plain(owner(data["owner"])) + (", detached" if data["detached"] else "")),
+    ]
+    if data["error"]:
+        rows.append(("why", plain(in_shell(str(data["error"]["message"])))))
+    rows += [
+        (name, plain(f"{value:.4g}" if isinstance(value, float) else value))
+        for name, value in (data["result"] or {}).items()
+        if name not in ("job", "state", "ok", "outcome") and value is not None
+    ]
+    run.output.result(data, aligned(rows))
+    return OK
 
 
 def cancel_options(parser: LateParser) -> None:
@@ -363,5 +415,6 @@ COMMANDS: Commands = {
     "slack": (slack, None),
     "hold": (hold, None),
     "jobs": (jobs, None),
+    "job": (job, job_options),
     "cancel": (cancel, cancel_options),
 }

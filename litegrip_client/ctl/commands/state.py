@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from itertools import islice
+from itertools import chain, islice
 
 from litegrip_client.ctl import render
 from litegrip_client.ctl.parser import LateParser, count, positive
@@ -13,6 +13,7 @@ from litegrip_client.ctl.render import Data, figure, owner, plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run, confirm, installing, may_ask
 from litegrip_client.discovery import is_taken_as_meant, stop_at
 from litegrip_client.errors import CommandError
+from litegrip_client.voices import in_shell
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
@@ -384,7 +385,36 @@ def _lines(run: Run) -> int:
     return OK
 
 
+_EVENTS = """\
+Show the latest events, the oldest first, and with --follow all that come, until
+Ctrl-C. Without --kind these are all kinds but refused, which tells of requests
+of other clients that were refused.
+"""
+
+
+def events_options(parser: LateParser) -> None:
+    """Take which, and how long."""
+    parser.description = _EVENTS
+    parser.add_argument("-f", "--follow", action="store_true", help="go on until Ctrl-C")
+    parser.add_argument(
+        "--kind", action="append", metavar="KIND", help="only these; may be given again"
+    )
+
+
+def events(run: Run) -> int:
+    """Show events."""
+    from dataclasses import asdict  # noqa: PLC0415 - takes long to import
+
+    clock = render.clock_of(run.connection)
+    with run.connection.subscribe_events(run.options.kind) as events:
+        for event in chain(events.recent, events if run.options.follow else ()):
+            text = plain(in_shell(event.message))
+            run.output.result(asdict(event), f"{clock(event.monotonic_s)}  {text}")
+    return OK
+
+
 COMMANDS: Commands = {
+    "events": (events, events_options),
     "clients": (clients, None),
     "lease": (lease, lease_options),
     "stop": (stop, stop_options),
