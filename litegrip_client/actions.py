@@ -521,6 +521,25 @@ class GripperActions:
         """
         return complete(self._core.play_stop(timeout))
 
+    def play_pause(self) -> dict[str, Any]:
+        """Let the replay wait where it is; the jaws hold there. Return `trajectory_status()`.
+
+        Raises `CommandError` when none runs. As `play_resume` and `play_speed` it acts on whatever
+        replay runs, from another thread or program, too, unless another program has the lease.
+        """
+        return complete(self._core.play_pause())
+
+    def play_resume(self) -> dict[str, Any]:
+        """Let the replay continue; return `trajectory_status()`. Raises as `play_pause`."""
+        return complete(self._core.play_resume())
+
+    def play_speed(self, speed: float) -> dict[str, Any]:
+        """Replay at `speed` from now on, 0.1 to 4 times the taught one; as `play_pause`.
+
+        It is refused (`CommandError`) where the path would be faster than the jaws may be.
+        """
+        return complete(self._core.play_speed(speed))
+
     def trajectory_status(self) -> dict[str, Any]:
         """Return the status of the running recording or replay, else of the latest one.
 
@@ -529,6 +548,37 @@ class GripperActions:
         `frames`, `speed`, `openness`, `completed`, `loops`, `phase` and `grips`.
         """
         return complete(self._core.trajectory_status())
+
+    def kept_trajectories(self) -> list[dict[str, Any]]:
+        """Return what the daemon keeps, by name: `litegripctl trajectories` shows the same.
+
+        Of each `name`, `samples`, `duration_s` (s), `sample_hz`, `created_s` (Unix time), `grips`,
+        `bytes`, `uid`, and `error`, which says why it cannot be used, or is None.
+        """
+        return complete(self._core.kept_trajectories())
+
+    def fetch_trajectory(self, name: str) -> Trajectory:
+        """Return what the daemon keeps under `name`, to be replayed or saved to a file.
+
+        Raises `TrajectoryNotFoundError` when there is none.
+        """
+        return complete(self._core.fetch_trajectory(name))
+
+    def keep_trajectory(self, name: str, trajectory: Trajectory) -> dict[str, Any]:
+        """Have the daemon keep a trajectory under `name`, in place of any before.
+
+        All programs can replay it then, and it outlives this one. Return its description, with its
+        `path` on the daemon's machine. Raises `CommandError` for a name that cannot be, and when
+        this user's room is used up.
+        """
+        return complete(self._core.keep_trajectory(name, trajectory))
+
+    def delete_trajectory(self, name: str) -> None:
+        """Have the daemon remove what it keeps under `name`.
+
+        Raises `TrajectoryNotFoundError` when there is none.
+        """
+        complete(self._core.delete_trajectory(name))
 
     def teleop_start(
         self,
@@ -860,6 +910,14 @@ class BlockingGripper(GripperActions):
     def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""
         return complete(self._core.info())
+
+    def dump(self, note: str | None = None) -> str:
+        """Write the last minute, tick by tick, to a file; return its path on the daemon's machine.
+
+        `litegripctl plot` draws it, and so does the page in the browser; it is an MCAP file. `note`
+        says in it what it is of. Raises `CommandError` when it cannot be written.
+        """
+        return complete(self._core.dump(note))
 
     def jobs(self) -> list[dict[str, Any]]:
         """Return the running jobs and the ended ones that are still kept, of all clients."""

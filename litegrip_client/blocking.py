@@ -8,28 +8,46 @@ from collections.abc import Callable, Coroutine, Mapping
 from litegrip_client.connection import Connection
 from litegrip_client.core.session import DaemonSession
 from litegrip_client.discovery import reach
+from litegrip_client.errors import LiteGripError
 from litegrip_client.exchange import DEFAULT_TIMEOUT_S
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
+    from types import TracebackType
     from typing import Any, TypeVar
 
     from litegrip_client.core.session import Wire
-    from litegrip_client.errors import LiteGripError
     from litegrip_client.exchange import Call
 
     _Result = TypeVar("_Result")
 
+_PACKAGE = __file__.rpartition("/")[0]
+
 
 def complete(coroutine: Coroutine[Any, Any, _Result]) -> _Result:
-    """Run a coroutine to its end, here and now: nothing that it awaits ever suspends it."""
+    """Run a coroutine to its end, here and now: nothing that it awaits ever suspends it.
+
+    The traceback of a `LiteGripError` ends here: what this package calls on the way to it is in
+    nobody's program. What a callback has called stays.
+    """
     try:
         coroutine.send(None)
     except StopIteration as end:
         result: _Result = end.value
         return result
+    except LiteGripError as error:
+        raise error.with_traceback(  # noqa: B904 - the same error
+            without_us(error.__traceback__)
+        )
     coroutine.close()
     raise RuntimeError(f"{coroutine!r} wants an event loop")
+
+
+def without_us(trace: TracebackType | None) -> TracebackType | None:
+    """Return a traceback without what it begins with in this package."""
+    while trace is not None and trace.tb_frame.f_code.co_filename.startswith(_PACKAGE):
+        trace = trace.tb_next
+    return trace
 
 
 async def pause(seconds: float) -> None:

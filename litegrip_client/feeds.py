@@ -7,6 +7,7 @@ slow reader misses. No I/O: an iterator, for threads, waits through its connecti
 from __future__ import annotations
 
 import math
+import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -30,7 +31,8 @@ class Event:
     """Something that happened in the gripper: `message` describes it for a person.
 
     `kind` and `data` describe it for a program. `seq` counts all events since the daemon's start,
-    so that a gap shows kinds that were not subscribed; `monotonic_s` is CLOCK_MONOTONIC seconds.
+    so that a gap shows kinds that were not subscribed; `monotonic_s` is CLOCK_MONOTONIC seconds,
+    `timestamp` the same as Unix time.
     """
 
     seq: int
@@ -38,6 +40,11 @@ class Event:
     kind: str
     message: str
     data: Mapping[str, Any]
+
+    @property
+    def timestamp(self) -> float:
+        """The Unix time, by the clocks of this machine, which must be the daemon's, too."""
+        return time.time() - time.monotonic() + self.monotonic_s
 
     @classmethod
     def from_wire(cls, data: Mapping[str, Any], voice: Voice = in_python) -> Event:

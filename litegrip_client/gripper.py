@@ -8,7 +8,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from litegrip_client.actions import GripperActions
-from litegrip_client.blocking import BlockingSession
+from litegrip_client.blocking import BlockingSession, without_us
+from litegrip_client.errors import LiteGripError
 from litegrip_client.sdk.gripper import SdkGripper
 
 TYPE_CHECKING = False
@@ -75,8 +76,17 @@ class LiteGrip(SdkGripper):
         super().__init__(Gripper(self._session, mount, motion_config))
 
     def __enter__(self) -> LiteGrip:
-        self.connect()
+        try:
+            self.connect()
+        except LiteGripError as error:
+            raise error.with_traceback(  # noqa: B904 - the same error
+                without_us(error.__traceback__)
+            )
         return self
+
+    def __repr__(self) -> str:
+        what = "connected" if self.is_connected else "not connected"
+        return f"<LiteGrip {self.channel}, {what}>"
 
     @property
     def actions(self) -> GripperActions:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, cast
 
 from litegrip_client.checks import pick
 from litegrip_client.sdk.fields import MoveNames, StateNames
@@ -22,7 +22,22 @@ NEWER_FIELDS = ("clamp_n", "loss_detection", "loss_detection_from_n")
 """Fields that an older daemon does not send."""
 
 
-@dataclass(frozen=True, slots=True)
+class ShortRepr:
+    """Shows the fields that are known, rounded to four digits; whole they are in the fields."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        values = ((one.name, getattr(self, one.name)) for one in fields(cast("Any", self)))
+        known = (
+            f"{name}={value:.4g}" if isinstance(value, float) else f"{name}={value!r}"
+            for name, value in values
+            if value is not None
+        )
+        return f"{type(self).__name__}({', '.join(known)})"
+
+
+@dataclass(frozen=True, slots=True, repr=False)
 class GripperState(StateNames):
     """The daemon's newest state. None stands where something is not known.
 
@@ -77,6 +92,22 @@ class GripperState(StateNames):
     stop: dict[str, Any] | None
     stop_generation: int
 
+    def __repr__(self) -> str:
+        figures = (
+            ("opening_mm", self.opening_mm, ".1f"),
+            ("force_n", self.force_n, ".1f"),
+            ("force_set_n", self.force_set_n, ".1f"),
+            ("coil_temperature_c", self.coil_temperature_c, ".0f"),
+        )
+        parts = [repr(self.mode)]
+        parts += [f"{name}={value:{form}}" for name, value, form in figures if value is not None]
+        parts += [name for name in ("stale", "is_grasped") if getattr(self, name)]
+        if self.job is not None:
+            parts.append(f"job={self.job.get('kind')!r}")
+        if self.stop is not None:
+            parts.append(f"stop={self.stop.get('level')!r}")
+        return f"GripperState({', '.join(parts)})"
+
     @classmethod
     def from_wire(cls, data: Mapping[str, Any]) -> GripperState:
         """Read the wire's form; raises `ProtocolError`."""
@@ -108,8 +139,8 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class EnableResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class EnableResult(ShortRepr):
     """How enabling went; true if the motor's status says that it is enabled.
 
     `tries` counts the enable commands sent. `reason` and `message` explain a failure.
@@ -136,8 +167,8 @@ class EnableResult:
         return cls(**values, reason=data.get("reason"), message=message)
 
 
-@dataclass(frozen=True, slots=True)
-class MoveResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class MoveResult(ShortRepr):
     """How a motion ended; true if it ended as it should.
 
     For open and close that is pressed onto the mechanical stop: then `stalled` is true and
@@ -170,8 +201,8 @@ class MoveResult:
         return cls(final_cmd_rad=values.pop("final_command_rad"), **values)
 
 
-@dataclass(frozen=True, slots=True)
-class GraspResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class GraspResult(ShortRepr):
     """How a grasp ended; true if an object is held, and of the width that was asked for.
 
     On an object `stalled` is true and `reached` is not: the jaws stop short of where they would
@@ -201,8 +232,8 @@ class GraspResult:
         return cls(**_with_state(data, ("ok", "reached", "stalled", *figures), "grasp result"))
 
 
-@dataclass(frozen=True, slots=True)
-class PlayResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class PlayResult(ShortRepr):
     """How a replay ended; true if it came through to the end of its path.
 
     `outcome` is completed, blocked (something keeps the jaws from the end of the path) or
@@ -252,8 +283,8 @@ class PlayResult:
 _PLAY_FIELDS = tuple(field.name for field in fields(PlayResult))
 
 
-@dataclass(frozen=True, slots=True)
-class SetZeroResult:
+@dataclass(frozen=True, slots=True, repr=False)
+class SetZeroResult(ShortRepr):
     """True if the motor counts from its new zero; `shift_rad` is by how much it was moved."""
 
     ok: bool
@@ -270,8 +301,8 @@ class SetZeroResult:
         return cls(**_with_state(data, ("ok", "shift_rad", "position_rad"), "zero"))
 
 
-@dataclass(frozen=True, slots=True)
-class MoveProgress(MoveNames):
+@dataclass(frozen=True, slots=True, repr=False)
+class MoveProgress(ShortRepr, MoveNames):
     """How far a motion is: command `i` of `total_steps`, and what the motor does.
 
     `phase` is "move" on the way of every motion, "hold" while a grasp holds, and else what the

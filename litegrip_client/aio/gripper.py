@@ -490,6 +490,10 @@ class LiteGrip(Gripper):
         await self.connect()
         return self
 
+    def __repr__(self) -> str:
+        what = "connected" if self.is_connected else "not connected"
+        return f"<LiteGrip {self.channel}, {what}>"
+
     @property
     def actions(self) -> GripperActions:
         """The actions by themselves, which this object has as well."""

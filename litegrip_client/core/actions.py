@@ -498,6 +498,29 @@ class GripperActions:
         """
         return await self._trajectories.end_replay(number("timeout", timeout))
 
+    async def play_pause(self) -> dict[str, Any]:
+        """Let the replay wait where it is; the jaws hold there. Return `trajectory_status()`.
+
+        Raises `CommandError` when none runs. As `play_resume` and `play_speed` it acts on whatever
+        replay runs, from another thread or program, too, unless another program has the lease.
+        """
+        return await self._control({"action": "pause"})
+
+    async def play_resume(self) -> dict[str, Any]:
+        """Let the replay continue; return `trajectory_status()`. Raises as `play_pause`."""
+        return await self._control({"action": "resume"})
+
+    async def play_speed(self, speed: float) -> dict[str, Any]:
+        """Replay at `speed` from now on, 0.1 to 4 times the taught one; as `play_pause`.
+
+        It is refused (`CommandError`) where the path would be faster than the jaws may be.
+        """
+        return await self._control({"action": "speed", "speed": number("speed", speed)})
+
+    async def _control(self, params: dict[str, Any]) -> dict[str, Any]:
+        await self._command("trajectory.control", params)
+        return await self.trajectory_status()
+
     async def trajectory_status(self) -> dict[str, Any]:
         """Return the status of the running recording or replay, else of the latest one.
 
@@ -506,6 +529,37 @@ class GripperActions:
         `frames`, `speed`, `openness`, `completed`, `loops`, `phase` and `grips`.
         """
         return await self._trajectories.status()
+
+    async def kept_trajectories(self) -> list[dict[str, Any]]:
+        """Return what the daemon keeps, by name: `litegripctl trajectories` shows the same.
+
+        Of each `name`, `samples`, `duration_s` (s), `sample_hz`, `created_s` (Unix time), `grips`,
+        `bytes`, `uid`, and `error`, which says why it cannot be used, or is None.
+        """
+        return await self._trajectories.kept()
+
+    async def fetch_trajectory(self, name: str) -> Trajectory:
+        """Return what the daemon keeps under `name`, to be replayed or saved to a file.
+
+        Raises `TrajectoryNotFoundError` when there is none.
+        """
+        return await self._trajectories.fetch_named(name)
+
+    async def keep_trajectory(self, name: str, trajectory: Trajectory) -> dict[str, Any]:
+        """Have the daemon keep a trajectory under `name`, in place of any before.
+
+        All programs can replay it then, and it outlives this one. Return its description, with its
+        `path` on the daemon's machine. Raises `CommandError` for a name that cannot be, and when
+        this user's room is used up.
+        """
+        return await self._trajectories.keep(name, trajectory)
+
+    async def delete_trajectory(self, name: str) -> None:
+        """Have the daemon remove what it keeps under `name`.
+
+        Raises `TrajectoryNotFoundError` when there is none.
+        """
+        await self._session.wire.call("trajectory.delete", {"name": name}, ACTION_TIMEOUT_S)
 
     @property
     def _trajectories(self) -> Trajectories:

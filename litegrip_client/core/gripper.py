@@ -9,7 +9,7 @@ from __future__ import annotations
 from types import TracebackType
 
 from litegrip_client.core.actions import GripperActions, state_of
-from litegrip_client.core.session import DaemonSession, Lease
+from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
 from litegrip_client.discovery import stop
 from litegrip_client.errors import BusyError, HardwareError, NotPermittedError, StoppedError
 from litegrip_client.results import GripperState
@@ -197,6 +197,16 @@ class Gripper(GripperActions):
     async def info(self) -> dict[str, Any]:
         """Return what does not change: versions, the motor's registers, ranges, calibration."""
         return await self._session.wire.call("info.get")
+
+    async def dump(self, note: str | None = None) -> str:
+        """Write the last minute, tick by tick, to a file; return its path on the daemon's machine.
+
+        `litegripctl plot` draws it, and so does the page in the browser; it is an MCAP file. `note`
+        says in it what it is of. Raises `CommandError` when it cannot be written.
+        """
+        params = {} if note is None else {"note": str(note)}
+        dumped = await self._session.wire.call("recorder.dump", params, ACTION_TIMEOUT_S)
+        return str(dumped["path"])
 
     async def jobs(self) -> list[dict[str, Any]]:
         """Return the running jobs and the ended ones that are still kept, of all clients."""

@@ -79,23 +79,45 @@ class Trajectories:
         return await self.fetch(await end(self._session.wire, params))
 
     async def fetch(self, kept: Mapping[str, Any]) -> Trajectory:
-        """Return what the daemon has kept, with its grips, by its description."""
+        """Return the latest recording, with its grips, by its description."""
+        source = {"recording": kept["recording"]}
+        return await self._fetch(source, has_grips=bool(kept.get("grips")))
+
+    async def fetch_named(self, name: str) -> Trajectory:
+        """Return what the daemon keeps under a name, with its grips."""
+        return await self._fetch({"name": name}, has_grips=True)
+
+    async def _fetch(self, source: Mapping[str, Any], *, has_grips: bool) -> Trajectory:
         from litegrip_client.trajectory import Trajectory  # noqa: PLC0415 - see the package
 
         session = self._session
-        source = {"recording": kept["recording"]}
         content = await fetch(session.wire, source)
         trajectory = await session.aside(Trajectory.from_bytes, content)
-        if not kept.get("grips"):
+        if not has_grips:
             return trajectory
         beside = await fetch_grips(session.wire, source)
+        if not beside:
+            return trajectory
         return await session.aside(trajectory.with_grips, content, beside)
 
-    async def upload(self, trajectory: Trajectory) -> int:
-        """Send a trajectory, unless the daemon has it from this connection; return its number.
+    async def kept(self) -> list[dict[str, Any]]:
+        """Return what the daemon keeps, by name."""
+        rows: list[dict[str, Any]] = []
+        more = True
+        while more:
+            params = {"after": rows[-1]["name"]} if rows else {}
+            answer = await self._session.wire.call("trajectory.list", params, ACTION_TIMEOUT_S)
+            rows += answer["trajectories"]
+            more = answer["more"] and bool(answer["trajectories"])
+        return rows
 
-        Raises `CommandError` for what is no `Trajectory`.
-        """
+    async def keep(self, name: str, trajectory: Trajectory) -> dict[str, Any]:
+        """Have the daemon keep a trajectory under a name; return its description."""
+        content, grips = await self._content(trajectory)
+        return await send(self._session.wire, content, {"name": name}, grips=grips)
+
+    async def _content(self, trajectory: Trajectory) -> tuple[bytes, bytes]:
+        """Return a trajectory as it is sent; raises `CommandError` for what is none."""
         from litegrip_client.trajectory import Trajectory  # noqa: PLC0415 - see the package
 
         given: object = trajectory
@@ -103,10 +125,16 @@ class Trajectories:
             text = f"{trajectory!r:.60} is no Trajectory"
             hint = {"hint": 'a saved one: Trajectory.load("pick")'}
             raise ParameterError(text, reason="invalid_params", data=hint)
-        session = self._session
-        wire = session.wire
-        content = await session.aside(trajectory.to_bytes)
-        grips = await session.aside(trajectory.grip_bytes)
+        aside = self._session.aside
+        return await aside(trajectory.to_bytes), await aside(trajectory.grip_bytes)
+
+    async def upload(self, trajectory: Trajectory) -> int:
+        """Send a trajectory, unless the daemon has it from this connection; return its number.
+
+        Raises `CommandError` for what is no `Trajectory`.
+        """
+        wire = self._session.wire
+        content, grips = await self._content(trajectory)
         self._uploads = [upload for upload in self._uploads if upload[0] is wire]
         for _, known, upload in self._uploads:
             if known == content + grips:

@@ -6,13 +6,16 @@ import pytest
 
 from litegrip_client import (
     EnableResult,
+    Event,
     GraspResult,
     GripperState,
+    LiteGrip,
     MoveProgress,
     MoveResult,
     ProtocolError,
     SetZeroResult,
 )
+from litegrip_client.aio import LiteGrip as AioLiteGrip
 from litegrip_client.results import NEWER_FIELDS
 from tests.client.fake_daemon import GRASP, MOVE, STATE
 
@@ -119,3 +122,44 @@ def test_values_cannot_be_changed() -> None:
         state.seq = 1  # type: ignore[misc]
     with pytest.raises((AttributeError, TypeError)):
         state.other = 1  # type: ignore[attr-defined]
+
+
+def test_what_an_interpreter_shows_is_one_short_line() -> None:
+    state = GripperState.from_wire(STATE)
+    assert repr(state) == (
+        "GripperState('holding', opening_mm=35.2, force_n=5.0, coil_temperature_c=33)"
+    )
+    busy = {
+        **STATE,
+        "opening_mm": None,
+        "force_n": None,
+        "stale": True,
+        "is_grasped": True,
+        "force_set_n": 12.0,
+        "job": {"kind": "grasp"},
+        "stop": {"level": "hold"},
+    }
+    assert repr(GripperState.from_wire(busy)) == (
+        "GripperState('holding', force_set_n=12.0, coil_temperature_c=33, stale, is_grasped,"
+        " job='grasp', stop='hold')"
+    )
+    assert repr(GraspResult.from_wire({**GRASP, "width_mm": 31.456789})) == (
+        f"GraspResult(ok=True, reached=False, stalled=True, state={state!r}, target_rad=0.95,"
+        " force_n=20, cycles=15, outcome='object_held', width_mm=31.46, held_s=3)"
+    )
+    assert (
+        repr(EnableResult.from_wire(ENABLE)) == f"EnableResult(ok=True, state={state!r}, tries=2)"
+    )
+
+
+def test_a_gripper_says_which_one_it_is_without_asking_anybody() -> None:
+    assert repr(LiteGrip("can7")) == "<LiteGrip can7, not connected>"
+    assert repr(AioLiteGrip("can7")) == "<LiteGrip can7, not connected>"
+
+
+def test_the_time_of_a_state_and_of_an_event_is_also_the_time_of_day() -> None:
+    now_s = time.monotonic()
+    state = GripperState.from_wire({**STATE, "feedback_s": now_s - 5})
+    event = Event(1, now_s - 5, "motor", "", {})
+    for timestamp in (state.timestamp, event.timestamp):
+        assert timestamp == pytest.approx(time.time() - 5, abs=1)

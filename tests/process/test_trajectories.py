@@ -6,8 +6,15 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
-from litegrip_client import LiteGrip, LiteGripError, Trajectory
+from litegrip_client import (
+    CommandError,
+    LiteGrip,
+    LiteGripError,
+    Trajectory,
+    TrajectoryNotFoundError,
+)
 from litegrip_client.ctl.main import main
 from tests.process.daemon_process import DEADLINE_S, SLCAN, DaemonProcess, daemon
 from tests.sim.simulator_process import SimulatorProcess, simulator
@@ -124,3 +131,58 @@ def test_a_programmed_motion_goes_through_the_daemons_store_and_back(
     ctl("trajectories", "delete", "there")
     assert [line.split()[0] for line in ctl("trajectories").splitlines()] == ["NAME", "more", "of"]
     ctl("disable")
+
+
+def test_what_the_daemon_keeps_is_listed_fetched_replayed_and_removed_from_python(
+    simulated: DaemonProcess,
+) -> None:
+    with simulated.connect() as client:
+        channel = client.enabled().result("hello")["channel"]
+    with LiteGrip(channel, socket_path=str(simulated.socket_path)) as gripper:
+
+        def capture() -> None:
+            gripper.goto_openness(0.5, duration=0.5)
+            gripper.record_start(rate_hz=100.0, zero_gravity=False)
+            assert gripper.goto_openness(0.4, duration=2.0)
+            kept = gripper.record_stop()
+            described = gripper.keep_trajectory("swing", kept)
+            assert described["samples"] == len(kept)
+            assert gripper.fetch_trajectory("swing") == kept
+
+        despite_load(gripper, capture)
+        assert [row["name"] for row in gripper.kept_trajectories()] == ["swing"]
+
+        def replay() -> None:
+            gripper.play_start(gripper.fetch_trajectory("swing"), loop=True)
+            assert gripper.play_speed(0.5)["speed"] == 0.5
+            until(lambda: gripper.trajectory_status()["phase"] == "play")
+            gripper.play_pause()
+            held = gripper.trajectory_status()["openness"]
+            frames = gripper.trajectory_status()["frames"]
+            until(lambda: gripper.trajectory_status()["frames"] > frames)
+            assert gripper.trajectory_status()["openness"] == held
+            gripper.play_resume()
+            until(lambda: gripper.trajectory_status()["openness"] != held)
+            gripper.play_stop()
+
+        despite_load(gripper, replay)
+        with pytest.raises(CommandError):
+            gripper.play_pause()
+        with pytest.raises(CommandError, match="speed"):
+            gripper.play_speed(9)
+        gripper.delete_trajectory("swing")
+        assert gripper.kept_trajectories() == []
+        with pytest.raises(TrajectoryNotFoundError):
+            gripper.fetch_trajectory("swing")
+        with pytest.raises(TrajectoryNotFoundError):
+            gripper.delete_trajectory("swing")
+
+
+def test_a_dump_is_written_from_python_with_its_note(simulated: DaemonProcess) -> None:
+    with simulated.connect() as client:
+        channel = client.enabled().result("hello")["channel"]
+    with LiteGrip(channel, socket_path=str(simulated.socket_path)) as gripper:
+        path = Path(gripper.dump("it jerked"))
+        with path.open("rb") as file:
+            notes = {one.name: one.metadata for one in make_reader(file).iter_metadata()}
+    assert notes["litegripd"]["note"] == "it jerked"
