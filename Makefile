@@ -8,7 +8,7 @@ RUNS := $(VENV)/.runs
 SEED ?= $(shell date -u +%Y%m%d)
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run demo test check nightly format bench chaos deb clean
+.PHONY: help run demo test check nightly format pictures bench chaos deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
@@ -17,6 +17,7 @@ help:
 	@echo "make check   format, lint, types, import layers, generated files, tests"
 	@echo "make nightly a million hostile lines and damaged files, longer chaos, property tests with other examples every day"
 	@echo "make format  put all sources into the project's format"
+	@echo "make pictures make the pictures of the pages; needs Chromium"
 	@echo "make bench   measure ticks, requests and clients (about 8 minutes)"
 	@echo "make chaos   random faults and clients for 24 simulated hours, on all cores (about two hours)"
 	@echo "make deb     Debian packages for this release of Debian, in dist/ (two minutes)"
@@ -70,6 +71,9 @@ nightly: $(STAMP)
 format: $(STAMP)
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
+
+pictures: $(STAMP)
+	$(BIN)/python -m docs.pictures
 
 bench: $(STAMP)
 	$(BIN)/python -m bench

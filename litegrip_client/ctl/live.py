@@ -126,7 +126,7 @@ def picture(scene: Scene, name: str, for_gripper: Callable[[str], str] = str) ->
     parts: list[RenderableType] = [_head(scene, name), Text()]
     if scene.state is not None:
         parts += [_bar(scene.state), _figures(scene.state, for_gripper)]
-        parts += [Text(), _traces(scene)]
+        parts += [Text(), Text("the last minute", "cyan"), _traces(scene)]
     parts += [Text(), _company(scene)]
     if scene.health is not None:
         parts += [
@@ -148,7 +148,13 @@ def _bar(state: dict[str, Any]) -> RenderableType:
     openness = state.get("openness")
     known = openness if isinstance(openness, int | float) else 0.0
     grid = Table.grid(padding=(0, 1))
-    bar = ProgressBar(total=1.0, completed=min(max(known, 0.0), 1.0), width=_BAR_WIDTH)
+    bar = ProgressBar(
+        total=1.0,
+        completed=min(max(known, 0.0), 1.0),
+        width=_BAR_WIDTH,
+        complete_style="cyan",
+        finished_style="cyan",
+    )
     grid.add_row("closed", bar, "open")
     return grid
 

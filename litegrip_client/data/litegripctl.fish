@@ -436,7 +436,7 @@ complete -c litegripctl -n '_shtab_litegripctl_using plot' -l host -x -d 'the da
 complete -c litegripctl -n '_shtab_litegripctl_using plot' -l json -d 'print results and errors as JSON'
 complete -c litegripctl -n '_shtab_litegripctl_using plot' -l local -d 'a trajectory of this user'"'"'s'
 complete -c litegripctl -n '_shtab_litegripctl_using plot' -s o -l output -xka "(__fish_complete_path (commandline -ct))" -d 'the picture (default: beside FILE, as .png)'
-complete -c litegripctl -n '_shtab_litegripctl_using plot' -l text -d 'a trajectory'"'"'s quick look, here in the terminal'
+complete -c litegripctl -n '_shtab_litegripctl_using plot' -l text -d 'a quick look at the opening, here in the terminal'
 complete -c litegripctl -n '_shtab_litegripctl_using plot' -l last -x -d 'only the last S seconds of it'
 complete -c litegripctl -n '_shtab_litegripctl_using plot; and test $_shtab_litegripctl_npos -eq 0' -ka "(__fish_complete_path (commandline -ct))" -d 'a dump, or a trajectory'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a doctor -d 'check link, daemon, motor and calibration; say what mends them'

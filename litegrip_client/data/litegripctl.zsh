@@ -577,7 +577,7 @@ _shtab_litegripctl_plot_options=(
   "--json[print results and errors as JSON]"
   "--local[a trajectory of this user\'s]"
   {-o,--output}"[the picture (default\: beside FILE, as .png)]:PNG:_files"
-  "--text[a trajectory\'s quick look, here in the terminal]"
+  "--text[a quick look at the opening, here in the terminal]"
   "--last[only the last S seconds of it]:S:"
   ":a dump, or a trajectory:_files"
 )

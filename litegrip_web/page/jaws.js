@@ -9,7 +9,7 @@ const DEPTH = 46;
 const TOP = 14;
 const TRAY = 82;
 const HEIGHT = 78;
-const HEIGHT_WITH_TRAY = 120;
+const HEIGHT_WITH_TRAY = 108;
 
 function shape(kind, attributes, parent) {
   const node = document.createElementNS(SVG, kind);
@@ -45,12 +45,13 @@ export class Jaws {
       for (const side of mm ? [-1, 1] : [1]) {
         shape("line", { class: "tick", x1: (side * mm) / 2, x2: (side * mm) / 2, y1: 66, y2: 69 }, svg);
       }
+      if (mm % 40) continue;
       const label = shape("text", { class: "scale", x: mm / 2, y: 75 }, svg);
       label.textContent = mm;
     }
     const tray = shape("g", { class: "tray" }, svg);
-    shape("rect", { x: -half + 2, y: TRAY - 4, width: 2 * half - 4, height: 40, rx: 3 }, tray);
-    const words = shape("text", { class: "scale", x: 0, y: TRAY + 33 }, tray);
+    shape("rect", { x: -half + 2, y: TRAY - 3, width: 2 * half - 4, height: 26, rx: 3 }, tray);
+    const words = shape("text", { class: "scale", x: 0, y: TRAY + 12 }, tray);
     words.textContent = "drag the object between the jaws, or out of them to here";
     this.#nodes = {
       tray,
@@ -105,7 +106,8 @@ export class Jaws {
     const shown = isIn && this.#opening !== null ? Math.min(width, this.#opening) : width;
     item.setAttribute("x", -shown / 2);
     item.setAttribute("width", Math.max(shown, 0.5));
-    item.setAttribute("y", isIn ? 24 : TRAY - 2);
+    item.setAttribute("y", isIn ? 24 : TRAY - 1);
+    item.setAttribute("height", isIn ? 28 : 22);
     item.setAttribute("transform", "");
   }
 

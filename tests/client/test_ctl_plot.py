@@ -119,7 +119,7 @@ def test_a_trajectory_is_known_by_its_content(
     [
         ("empty.lgt", lgt([]), "has no samples to draw"),
         ("cut.lgt", CONTENT[:-1], "12065 bytes, but 300 samples make 12066"),
-        ("dump.mcap", b"no trajectory", "is no trajectory, and only these are drawn as text"),
+        ("dump.mcap", b"no trajectory", "it is no whole MCAP file of the recorder"),
     ],
 )
 def test_what_cannot_be_shown_says_why(

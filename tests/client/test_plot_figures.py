@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import struct
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,7 @@ from matplotlib.lines import Line2D
 from mcap.reader import make_reader
 
 from litegrip_client import Trajectory
+from litegrip_client.ctl.main import main
 from litegrip_client.ctl.plot.drawing import Dump, draw, draw_trajectory, png, read
 from litegripd.recorder.files import read as read_memory
 from litegripd.recorder.files import to_mcap
@@ -107,6 +109,43 @@ def test_each_row_of_a_dump_has_a_label_with_its_unit(dump: Dump) -> None:
     assert figure.axes[-1].get_xlabel() == "time before the end of the recording [s]"
     assert figure.get_suptitle().startswith("channel virtual, until 2001-09-0")
     assert figure.get_suptitle().endswith("motor fault")
+
+
+def test_the_colours_of_the_modes_that_occur_are_named(dump: Dump) -> None:
+    figure = draw(dump, None)
+    (legend,) = figure.legends
+    shown = [text.get_text() for text in legend.get_texts()]
+    assert set(shown) == {str(tick["mode"]) for tick in dump.ticks}
+    assert {"fault", "holding", "moving"} <= set(shown)
+    (late,) = draw(dump, 0.2).legends
+    assert len(late.get_texts()) < len(shown)
+
+
+def test_a_gripper_at_rest_is_a_line_and_no_landscape(tmp_path: Path) -> None:
+    world = World()
+    world.enabled()
+    world.run(1.0)
+    figure = draw(read(str(recorded(tmp_path, world))), None)
+    drawn = rows(figure)
+    for label, least in ((OPENING, 10.0), (TORQUE, 0.5), (COIL, 6.0)):
+        low, high = drawn[label].get_ylim()
+        assert high - low >= least * 0.999, label
+    png(figure)  # the texts are known behind this
+    for label in (OPENING, TORQUE, COIL):
+        assert drawn[label].yaxis.get_offset_text().get_text() == ""
+
+
+def test_a_dump_is_shown_as_text(
+    path: Path, dump: Dump, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["plot", "--text", str(path)]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert shown[0] == f"{len(dump.ticks)} ticks; 0 s is the end"
+    assert "mm ┤" in shown[1]
+    assert any(re.match(r" +-\d\.\d\d s  job \d+: grasp done", line) for line in shown)
+    assert main(["plot", "--text", "--last", "0.1", "--json", str(path)]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert all(event["time_s"] >= -0.1 for event in told["events"])
 
 
 def test_the_lines_of_a_dump_are_what_was_recorded(path: Path, dump: Dump) -> None:

@@ -5,6 +5,7 @@ Only pictures need anything but the standard library, and only when they are dra
 
 from __future__ import annotations
 
+import math
 import shutil
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -21,6 +22,7 @@ from litegrip_client.trajectory import Trajectory
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
+    from types import ModuleType
     from typing import Any
 
     from litegrip_client.protocol.trajectory import TaughtGrip
@@ -161,7 +163,7 @@ def plot_options(parser: LateParser) -> None:
         "-o", "--output", metavar="PNG", help="the picture (default: beside FILE, as .png)"
     )
     how.add_argument(
-        "--text", action="store_true", help="a trajectory's quick look, here in the terminal"
+        "--text", action="store_true", help="a quick look at the opening, here in the terminal"
     )
     parser.add_argument("--last", type=positive, metavar="S", help="only the last S seconds of it")
 
@@ -226,11 +228,7 @@ def _begins_as_one(path: str) -> bool:
 def _show(run: Run, trajectory: Trajectory | None) -> int:
     """Draw it in the terminal."""
     if trajectory is None:
-        raise CommandError(
-            f"{run.options.file} is no trajectory, and only these are drawn as text",
-            reason="wrong_usage",
-            data={"hint": "leave --text out to draw a dump as a picture"},
-        )
+        return _show_dump(run)
     travel_mm = trajectory.travel_mm
     lines = block_chart(
         [(one.t, one.openness * travel_mm) for one in trajectory.samples],
@@ -254,6 +252,33 @@ def _show(run: Run, trajectory: Trajectory | None) -> int:
     return OK
 
 
+def _show_dump(run: Run) -> int:
+    """Draw the opening of a dump in the terminal, and list what happened."""
+    dump = _drawing().read(run.options.file)
+    end_s = dump.ticks[-1]["monotonic_s"]
+    from_s = -math.inf if run.options.last is None else -run.options.last
+    points = [
+        (tick["monotonic_s"] - end_s, tick["opening_mm"])
+        for tick in dump.ticks
+        if "opening_mm" in tick and tick["monotonic_s"] - end_s >= from_s
+    ]
+    lines = ["the opening was not known"]
+    if points:
+        width = max(20, min(_WIDEST, shutil.get_terminal_size().columns) - _LABELS)
+        top_mm = max(1.0, *(value for _, value in points))
+        lines = block_chart(points, top=top_mm, unit="mm", width=width)
+    events = [
+        {"time_s": event.at_s - end_s, "kind": event.kind, "message": event.message}
+        for event in dump.events
+        if event.at_s - end_s >= from_s
+    ]
+    head = f"{len(dump.ticks)} ticks; 0 s is the end"
+    told = [f"{event['time_s']:8.2f} s  {plain(event['message'])}" for event in events]
+    data = {"ticks": len(dump.ticks), "lines": lines, "events": events}
+    run.output.result(data, "\n".join([head, *lines, *told]))
+    return OK
+
+
 def _grip_line(grip: TaughtGrip) -> str:
     """Show a grip that is kept with a trajectory."""
     span = f"{grip.start_s:.2f} to {grip.end_s:.2f} s"
@@ -261,7 +286,17 @@ def _grip_line(grip: TaughtGrip) -> str:
 
 
 def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
-    options = run.options
+    options, drawing = run.options, _drawing()
+    if trajectory is not None:
+        figure = drawing.draw_trajectory(trajectory, Path(options.file).stem)
+    else:
+        figure = drawing.draw(drawing.read(options.file), options.last)
+    picture: bytes = drawing.png(figure)
+    return picture
+
+
+def _drawing() -> ModuleType:
+    """Return what reads dumps and draws; raises `CommandError` without its libraries."""
     try:
         from litegrip_client.ctl.plot import drawing  # noqa: PLC0415 - needs the extra
     except ModuleNotFoundError as error:
@@ -270,9 +305,7 @@ def _picture(run: Run, trajectory: Trajectory | None) -> bytes:
             reason="library_missing",
             data={"hint": installing(*_LIBRARIES)},
         ) from error
-    if trajectory is not None:
-        return drawing.png(drawing.draw_trajectory(trajectory, Path(options.file).stem))
-    return drawing.png(drawing.draw(drawing.read(options.file), options.last))
+    return drawing
 
 
 COMMANDS: Commands = {

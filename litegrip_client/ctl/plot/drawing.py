@@ -19,6 +19,7 @@ from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from mcap.exceptions import McapError
 from mcap.reader import McapReader, make_reader
 
@@ -105,9 +106,18 @@ def _unreadable(path: str, why: str) -> CommandError:
     )
 
 
-def finish(axes: Axes, label: str) -> None:
-    """Give them a label, a grid and room; a legend beside them where lines have names."""
+def finish(axes: Axes, label: str, least: float = 0.0) -> None:
+    """Give them a label, a grid and room; a legend beside them where lines have names.
+
+    The axis spans `least` at least, so that noise does not look like motion, and its numbers are
+    whole ones: none is to be added to all of them.
+    """
     axes.set_ylabel(label, fontsize=9)
+    if axes.get_yscale() == "linear":
+        axes.ticklabel_format(axis="y", style="plain", useOffset=False)
+        low, high = axes.get_ylim()
+        missing = max(0.0, least - (high - low))
+        axes.set_ylim(low - missing / 2, high + missing / 2)
     axes.grid(axis="y", color="#eceff1", lw=0.8)
     axes.set_axisbelow(True)
     for side in ("top", "right"):
@@ -213,6 +223,7 @@ _MODES = {
     "fault": "#e57368",
 }
 _GAP_S = 0.05
+_LEAST_MM, _LEAST_RAD, _LEAST_NM, _LEAST_RAD_S = 10.0, 0.1, 0.5, 1.0
 _SIZE_INCHES = (13.0, 9.2)
 _LABELLED_SHARE = 0.06
 """A mode that lasts for less than this share of the time is coloured, but not named."""
@@ -237,8 +248,9 @@ def draw(dump: Dump, last_s: float | None) -> Figure:
     shown = [e for e in dump.events if begin_s <= e.at_s - end_s <= 0.0]
     _draw_events(head, (position, torque, temperature, lateness), shown, end_s, begin_s)
     lateness.set_xlabel("time before the end of the recording [s]")
+    _name_modes(figure, dump, end_s + begin_s)
     figure.suptitle(_title(dump), x=0.075, ha="left", fontsize=11, y=0.985)
-    figure.subplots_adjust(left=0.075, right=0.9, top=0.955, bottom=0.06, hspace=0.14)
+    figure.subplots_adjust(left=0.075, right=0.9, top=0.955, bottom=0.085, hspace=0.14)
     figure.align_ylabels(list(rows))
     return figure
 
@@ -253,6 +265,24 @@ def _title(dump: Dump) -> str:
         note if note.replace("_", " ") != about.get("cause", "").replace("_", " ") else "",
     ]
     return "   ·   ".join(word[:90] for word in words if word)
+
+
+def _name_modes(figure: Figure, dump: Dump, from_s: float) -> None:
+    """Name the colours of the modes that are shown, below the rows."""
+    shown = {str(tick["mode"]) for tick in dump.ticks if tick["monotonic_s"] >= from_s}
+    figure.legend(
+        handles=[
+            Patch(facecolor=color, label=mode) for mode, color in _MODES.items() if mode in shown
+        ],
+        loc="lower left",
+        bbox_to_anchor=(0.065, 0.0),
+        ncols=len(_MODES),
+        fontsize=8,
+        frameon=False,
+        title="mode",
+        title_fontsize=8,
+        alignment="left",
+    )
 
 
 def _draw_modes(axes: Axes, dump: Dump, times: list[float], begin_s: float) -> None:
@@ -280,14 +310,18 @@ def _draw_position(axes: Axes, dump: Dump, times: list[float]) -> None:
     names = ("opening_mm", "command_mm") if is_calibrated else ("position_rad", "command_rad")
     _line(axes, times, dump.column(names[1]), "command", _COMMAND)
     _line(axes, times, dump.measured(names[0]), "measured", _MEASURED)
-    finish(axes, "opening [mm]" if is_calibrated else "position [rad]")
+    finish(
+        axes,
+        "opening [mm]" if is_calibrated else "position [rad]",
+        _LEAST_MM if is_calibrated else _LEAST_RAD,
+    )
 
 
 def _draw_torque(axes: Axes, dump: Dump, times: list[float]) -> None:
     axes.axhline(0.0, color="#d0d4d8", lw=0.8)
     _line(axes, times, dump.column("command_torque_nm"), "feed-forward", _COMMAND)
     _line(axes, times, dump.measured("torque_nm"), "measured", _MEASURED)
-    finish(axes, "torque [N·m]")
+    finish(axes, "torque [N·m]", _LEAST_NM)
 
 
 def _draw_temperature(axes: Axes, dump: Dump, times: list[float]) -> None:
@@ -379,8 +413,14 @@ def draw_trajectory(trajectory: Trajectory, name: str) -> Figure:
     )
     samples, travel_mm = trajectory.samples, trajectory.travel_mm
     _row(opening, trajectory, [one.openness * travel_mm for one in samples], "opening [mm]")
-    _row(velocity, trajectory, [one.velocity_rad_s for one in samples], "velocity [rad/s]")
-    _row(torque, trajectory, [one.torque_nm for one in samples], "torque [N·m]")
+    _row(
+        velocity,
+        trajectory,
+        [one.velocity_rad_s for one in samples],
+        "velocity [rad/s]",
+        _LEAST_RAD_S,
+    )
+    _row(torque, trajectory, [one.torque_nm for one in samples], "torque [N·m]", _LEAST_NM)
     for grip in trajectory.grips:
         _grip((opening, velocity, torque), grip)
     opening.set_ylim(-0.04 * travel_mm, 1.04 * travel_mm)
@@ -399,7 +439,9 @@ def _trajectory_title(trajectory: Trajectory, name: str) -> str:
     return "   ·   ".join(words)
 
 
-def _row(axes: Axes, trajectory: Trajectory, values: list[float], label: str) -> None:
+def _row(
+    axes: Axes, trajectory: Trajectory, values: list[float], label: str, least: float = 0.0
+) -> None:
     longest_s = _LONG_GAP / trajectory.sample_hz
     times: list[float] = []
     drawn: list[float] = []
@@ -410,7 +452,7 @@ def _row(axes: Axes, trajectory: Trajectory, values: list[float], label: str) ->
         times.append(sample.t)
         drawn.append(value)
     axes.plot(times, drawn, color=_LINE, lw=1.2, marker="." if len(times) == 1 else None)
-    finish(axes, label)
+    finish(axes, label, least)
 
 
 def _grip(rows: tuple[Axes, ...], grip: TaughtGrip) -> None:
