@@ -12,6 +12,7 @@ import os
 import re
 import shlex
 from argparse import ArgumentTypeError
+from collections.abc import Iterable
 
 from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE, CommandRow
 from litegrip_client.discovery import (
@@ -82,6 +83,16 @@ class Parser(argparse.ArgumentParser):
         """Raise `UsageError`."""
         raise UsageError(message, self.format_usage(), self.prog)
 
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Raise an error that names what comes close, in place of forty names."""
+        choices = [str(choice) for choice in action.choices or ()]
+        if not choices or str(value) in choices:
+            return
+        meant = _did_you_mean(str(value), choices)
+        if not meant and len(choices) <= _FEW:
+            meant = f": {', '.join(choices)}"
+        raise argparse.ArgumentError(action, f"{str(value)!r} is none of them{meant}")
+
     def arguments(self) -> list[argparse.Action]:
         """Return the options and the positional arguments, in their order."""
         return self._actions
@@ -114,7 +125,20 @@ class LateParser(Parser):
         options, rest = super().parse_known_args(args, namespace)
         if not hasattr(options, "help_of"):  # else an action of this command has noted its own
             options.help_of = self.prog
+            options.known = list(self._option_string_actions)
         return options, rest
+
+
+_FEW = 12
+"""Names that are listed where none comes close."""
+
+
+def _did_you_mean(given: str, names: Iterable[str]) -> str:
+    """Return the question, if a name comes close to what was given, else nothing."""
+    from difflib import get_close_matches  # noqa: PLC0415 - only where something is wrong
+
+    close = get_close_matches(given, list(names), 1)
+    return f"; did you mean {close[0]!r}?" if close else ""
 
 
 def common() -> argparse.ArgumentParser:
@@ -148,6 +172,7 @@ def parse(given: list[str]) -> argparse.Namespace:
     options, rest = parser.parse_known_args([protect_target(argument) for argument in given])
     if rest:
         message = f"unrecognized arguments: {' '.join(rest)}"
+        message += _did_you_mean(rest[0].partition("=")[0], options.known)
         raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None

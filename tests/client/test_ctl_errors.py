@@ -146,6 +146,27 @@ def test_json_has_the_hint_too(ctl: Ctl) -> None:
 
 
 @pytest.mark.parametrize(
+    ("line", "meant"),
+    [
+        ("stae", "COMMAND: 'stae' is none of them; did you mean 'state'?"),
+        ("lease tke", "ACTION: 'tke' is none of them; did you mean 'take'?"),
+        ("lease x", "ACTION: 'x' is none of them: show, take"),
+        ("xyzzy", "COMMAND: 'xyzzy' is none of them\n"),
+        ("grasp --forse 10", "unrecognized arguments: --forse 10; did you mean '--force'?"),
+        ("grasp --forse=10", "; did you mean '--force'?"),
+        ("state --jsn", "; did you mean '--json'?"),
+        ("state xyzzy", "unrecognized arguments: xyzzy\n"),
+        ("stop --level relx", "did you mean 'relax'?"),
+    ],
+)
+def test_what_comes_close_is_proposed(ctl: Ctl, line: str, meant: str) -> None:
+    code, _, err = ctl(*line.split())
+    assert code == 2
+    assert meant in err
+    assert "choose from" not in err
+
+
+@pytest.mark.parametrize(
     ("line", "wrong"),
     [
         ("cancel abc", "'abc' is not a whole number of 1 or more"),
