@@ -139,7 +139,7 @@ def running(folder: Path) -> Iterator[str]:
 
 def test_make_run_is_what_is_run_here() -> None:
     done = subprocess.run(
-        ["make", "--dry-run", "--old-file", ".venv/.runs", "run"],
+        ["make", "--no-print-directory", "--dry-run", "--old-file", ".venv/.runs", "run"],
         cwd=ROOT,
         capture_output=True,
         text=True,
