@@ -17,7 +17,7 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "health": ("gripper.health()", "litegripctl health"),
     "state.get": ("gripper.get_state()", "litegripctl state"),
     "state.subscribe": ("gripper.states()", "litegripctl watch"),
-    "events.subscribe": ("gripper.events()", "litegripctl watch"),
+    "events.subscribe": ("gripper.events()", "litegripctl events"),
     "rpc.discover": ("", "litegripctl discover"),
     "clients.list": ("", "litegripctl clients"),
     "info.get": ("gripper.info()", "litegripctl info"),
@@ -60,6 +60,11 @@ CALLS: Mapping[str, tuple[str, str]] = {
     "teleop.start": ("gripper.teleop_start()", "litegripctl teleop"),
     "teleop.stop": ("gripper.teleop_stop()", "litegripctl teleop stop"),
     "teleop.status": ("gripper.teleop_status()", "litegripctl teleop status"),
+    "sim.object": ("", "litegripctl sim object"),
+    "sim.push": ("", "litegripctl sim push"),
+    "sim.fault": ("", "litegripctl sim fault"),
+    "sim.heat": ("", "litegripctl sim heat"),
+    "sim.reset": ("", "litegripctl sim reset"),
 }
 """By method: the call of `LiteGrip` and the command that do the same; empty where there is none."""
 
@@ -68,6 +73,7 @@ _TARGETS = {name: (name, f"TARGET ({name})") for name in ("opening_mm", "positio
 
 ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
     "state.subscribe": {"hz": ("hz", "--hz")},
+    "events.subscribe": {"kinds": ("kinds", "--kind")},
     "motor.enable": {"retries": ("retries", "--retries")},
     "motor.read_register": {"register": ("register", "NAME|NUMBER")},
     "motion.open": _SPEED,
@@ -97,6 +103,14 @@ ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "align": ("align", "--no-align"),
         "force": ("force", "--force"),
     },
+    "sim.object": {
+        "width_mm": ("width_mm", "MM|none"),
+        "stiffness_nm_rad": ("stiffness_nm_rad", "--stiffness"),
+        "slip_mm_s": ("slip_mm_s", "--slip"),
+    },
+    "sim.push": {"torque_nm": ("torque_nm", "NM")},
+    "sim.fault": {"name": ("name", "NAME")},
+    "sim.heat": {"coil_c": ("coil_c", "C")},
     "trajectory.get": {"name": ("name", "NAME")},
     "trajectory.put": {"name": ("name", "--as")},
     "trajectory.delete": {"name": ("name", "NAME")},

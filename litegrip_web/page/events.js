@@ -1,6 +1,6 @@
 /* The list of events, the newest first; how a job ended stands with its end. */
 
-import { outcome, time } from "./format.js";
+import { inPageWords, outcome, time } from "./format.js";
 
 const MOST = 100;
 const WARNINGS = new Set(["stop", "object_lost", "heat", "refused", "lease_lost", "second_master"]);
@@ -30,7 +30,7 @@ export class Events {
     const when = document.createElement("time");
     when.textContent = time(event.monotonic_s + offsetS);
     const text = document.createElement("span");
-    text.textContent = event.message;
+    text.textContent = inPageWords(event.message);
     line.append(when, text);
     line.dataset.kind = event.kind;
     line.classList.toggle("warning", WARNINGS.has(event.kind));
@@ -47,7 +47,9 @@ export class Events {
       return; // the daemon keeps no job for ever; the event says how it ended, too
     }
     const took = job.ended_s === null ? "" : `, ${(job.ended_s - job.started_s).toFixed(1)} s`;
-    const how = job.error ? `${job.kind}: ${job.error.message}` : outcome(job.kind, job.result ?? {});
+    const how = job.error
+      ? `${job.kind}: ${inPageWords(job.error.message)}`
+      : outcome(job.kind, job.result ?? {});
     text.textContent = `job ${job.job}, ${how}${took}`;
     line.classList.toggle("warning", job.state === "failed");
   }

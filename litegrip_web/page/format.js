@@ -14,6 +14,26 @@ export function owner(program) {
   return program ? `${program.program} (pid ${program.pid})` : "nobody";
 }
 
+/* What the daemon's messages name, as the buttons of this page read. */
+const BUTTONS = {
+  "stop.clear": "Clear the stop",
+  "lease.acquire": "Take control",
+  "lease.take": "Take it over",
+  "lease.release": "Give control back",
+  "motor.enable": "Enable",
+  "motor.disable": "Disable",
+  "motor.clear_fault": "Clear the fault",
+  "motion.hold": "Hold",
+  "motion.zero_gravity": "Let go",
+  "calibration.zero": "Zero",
+  "trajectory.record_stop": "End and keep",
+};
+const NAMED = new RegExp(`\\b(${Object.keys(BUTTONS).join("|").replaceAll(".", "\\.")})\\b`, "g");
+
+export function inPageWords(message) {
+  return message.replace(NAMED, (name) => `“${BUTTONS[name]}”`);
+}
+
 /* What a motion ended with, in words: "grasp: held, 40.1 mm, 10.0 N". */
 export function outcome(kind, result) {
   const parts = [];
@@ -21,6 +41,6 @@ export function outcome(kind, result) {
   else if (result.ok !== undefined) parts.push(result.ok ? "done" : "failed");
   if (isNumber(result.width_mm)) parts.push(figure(result.width_mm, 1, "mm"));
   if (isNumber(result.force_n)) parts.push(figure(result.force_n, 1, "N"));
-  if (result.message) parts.push(result.message);
+  if (result.message) parts.push(inPageWords(result.message));
   return `${kind}: ${parts.join(", ") || "done"}`;
 }

@@ -1,5 +1,7 @@
 /* One gripper's daemon, by way of litegripd-web: a message is a line of the daemon's protocol. */
 
+import { inPageWords } from "./format.js";
+
 const AGAIN_MS = 1000;
 const CLOSED = {
   4401: "The secret in this page's address is not the present one: open the address that litegripd-web printed.",
@@ -9,7 +11,7 @@ const CLOSED = {
 
 export class RpcError extends Error {
   constructor({ message, data }) {
-    super(message);
+    super(inPageWords(message));
     this.reason = data?.reason;
     this.hint = data?.hint;
   }

@@ -21,11 +21,12 @@ from litegripd.model.errors import Refusal
 from litegripd.model.state import Job, Owner
 from litegripd.motor.phases import implausible_refusal
 from litegripd.rpc.jsonrpc import error_object
-from litegripd.rpc.method import check
+from litegripd.rpc.method import check, methods_of
+from litegripd.sim.methods import SimMethods
 from tests.client.fake_daemon import FakeDaemon
 from tests.client.helpers import Ctl
 
-ROWS = {method.name: method for method in METHODS}
+ROWS = {method.name: method for method in (*METHODS, *methods_of(SimMethods))}
 OWNER = Owner(client=3, pid=77, uid=1000, program="pick.py")
 
 

@@ -387,7 +387,7 @@ def _lines(run: Run) -> int:
 
 _EVENTS = """\
 Show the latest events, the oldest first, and with --follow all that come, until
-Ctrl-C. Without --kind these are all kinds but refused, which tells of requests
+Ctrl-C. Without --kind these are all kinds but refused, which reports requests
 of other clients that were refused.
 """
 

@@ -218,7 +218,7 @@ class ReadingMethods:
             Param(
                 "kinds",
                 "strings",
-                "Only these kinds (default: all but refused, which tells of other clients' requests"
+                "Only these kinds (default: all but refused, which reports requests of others"
                 " that were refused).",
                 choices=EVENT_KINDS,
             ),

@@ -133,7 +133,8 @@ def test_control_is_taken_kept_and_given_back(operated: Tab, client: Client) -> 
 
 def test_control_ends_when_nobody_sees_the_page(operated: Tab, client: Client) -> None:
     take_control(operated)
-    operated.wait_for_timeout(4000)  # longer than the lease lives by itself
+    longer_s = client.result("state.get")["monotonic_s"] + 4  # than the lease lives by itself
+    client.until(lambda state: bool(state["monotonic_s"] > longer_s))
     assert client.result("lease.get")["owner"] is not None
     operated.evaluate("Object.defineProperty(document, 'hidden', {get: () => true})")
     events = client.result("events.subscribe", kinds=["lease_lost"])
@@ -175,6 +176,7 @@ def test_keys_move_and_escape_stops_a_motion(operated: Tab, client: Client) -> N
     expect(part(operated, "stopped")).to_be_visible()
     operated.keyboard.press("c")
     expect(part(operated, "outcome")).to_contain_text("close: ")
+    expect(part(operated, "outcome")).to_contain_text("clear it with “Clear the stop”")
     assert client.result("state.get")["job"] is None
     button(operated, "Clear the stop").click()
     expect(part(operated, "stopped")).to_be_hidden()
