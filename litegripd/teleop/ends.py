@@ -359,12 +359,14 @@ def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:
 
 
 def _config(file: str | None) -> zenoh.Config:
-    """Return zenoh's configuration: the file's, but without any discovery."""
+    """Return zenoh's configuration: the file's, but without any discovery or shared memory."""
     config: zenoh.Config = zenoh.Config() if file is None else zenoh.Config.from_file(file)
     config.insert_json5("mode", '"peer"')
     config.insert_json5("scouting/multicast/enabled", "false")
     config.insert_json5("scouting/gossip/enabled", "false")
     config.insert_json5("connect/endpoints", "[]")
+    # Payloads from 3072 bytes are lost by it without a word (zenoh issue 2628).
+    config.insert_json5("transport/shared_memory", '{"enabled": false, "mode": "lazy"}')
     config.insert_json5("transport/link/tx/lease", str(_LEASE_MS))
     config.insert_json5("transport/unicast/open_timeout", str(_OPEN_WITHIN_MS))
     return config

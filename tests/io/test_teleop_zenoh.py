@@ -5,8 +5,11 @@ import os
 import signal
 import socket
 import struct
+import subprocess
+import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 import zenoh
@@ -69,6 +72,34 @@ def test_frames_that_a_stranger_gives_the_leader_are_not_passed_on_to_followers(
     finally:
         leading.close()
         following.close()
+
+
+MAPPED = """
+import sys
+from pathlib import Path
+from litegripd.model.teleop import LinkOptions
+from litegripd.teleop.ends import ZenohFollower, ZenohLeaders
+file, port = sys.argv[1], int(sys.argv[2])
+leader = ZenohLeaders().open(LinkOptions("master", port=port), file, print)
+follower = ZenohFollower(LinkOptions("slave", host="127.0.0.1", port=port), file, print)
+print([line for line in Path("/proc/self/maps").read_text().splitlines() if "/dev/shm/" in line])
+follower.close()
+leader.close()
+"""
+
+
+def test_no_end_shares_memory_though_its_file_asks_for_it(tmp_path: Path) -> None:
+    file = tmp_path / "zenoh.json5"
+    file.write_text('{"transport": {"shared_memory": {"enabled": true, "mode": "init"}}}')
+    port = str(free_port(socket.SOCK_STREAM))
+    done = subprocess.run(
+        [sys.executable, "-c", MAPPED, str(file), port],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=DEADLINE_S,
+    )
+    assert done.stdout == "[]\n"
 
 
 def test_a_leader_that_reflects_can_be_closed_and_opened_on_the_same_session() -> None:
