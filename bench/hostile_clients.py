@@ -24,9 +24,10 @@ from litegripd.app.build import METHODS
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES, Request, parse
 
 STATE_GET = b'{"jsonrpc":"2.0","id":1,"method":"state.get"}\n'
-OTHERS_RIGHT = ("stop", "job.cancel", "lease.take", "config.set")
+OTHERS_RIGHT = ("stop", "job.cancel", "lease.take", "config.set", "daemon.restart")
 """What any user of the same rights may do to whoever has the lease: the polite client beside could
-then not expect that its motions succeed. The fuzzer in virtual time does these as well."""
+then not expect that its motions succeed, and a restart, which begins only between its motions, ends
+every connection. The fuzzer in virtual time does these as well."""
 
 
 class Hostile:
