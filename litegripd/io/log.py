@@ -15,7 +15,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 STUCK_AFTER_S = 1.0
 """A line that has waited this long for its reader counts as stuck."""
@@ -104,7 +104,13 @@ class LineWriter:
         return True
 
 
-class BoundedHandler(logging.StreamHandler[TextIO]):
+if TYPE_CHECKING:
+    _StreamHandler = logging.StreamHandler[TextIO]
+else:  # in Python 3.10 it takes no type
+    _StreamHandler = logging.StreamHandler
+
+
+class BoundedHandler(_StreamHandler):
     """Writes a line if the stream takes it within `WRITE_WITHIN_S`, and drops it otherwise.
 
     After a dropped line it does not wait again until a line can be written.
