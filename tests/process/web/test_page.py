@@ -128,6 +128,7 @@ def test_control_is_taken_kept_and_given_back(operated: Tab, client: Client) -> 
     expect(fact(operated, "Lease")).to_contain_text("the page in a browser")
     button(operated, "Give control back").click()
     expect(button(operated, "Open")).to_be_disabled()
+    expect(fact(operated, "Lease")).to_have_text("free")
     assert client.result("lease.get")["owner"] is None
 
 
@@ -363,6 +364,7 @@ def test_a_dump_is_shown_and_anything_else_is_not(
 
 
 def test_a_wrong_secret_is_said(window: BrowserContext, simulated: DaemonProcess) -> None:
+    simulated.connect().close()
     with page("--socket", str(simulated.socket_path)) as running:
         tab = window.new_page()
         tab.goto(f"{running.url}#{'x' * 43}")
@@ -409,7 +411,8 @@ def test_two_grippers_stand_on_one_page_and_stop_together(
 
 def test_on_a_phone_nothing_is_cut_off_and_the_stop_stays_in_sight(operated: Tab) -> None:
     operated.set_viewport_size({"width": 360, "height": 640})
-    assert operated.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    # The plots follow the width of the window a frame later.
+    operated.wait_for_function("document.documentElement.scrollWidth <= innerWidth")
     operated.evaluate("scrollTo(0, document.body.scrollHeight)")
     expect(operated.get_by_role("button", name="STOP")).to_be_in_viewport()
 
