@@ -32,6 +32,7 @@ function axis(label) {
 function series(label, name, unit, dash) {
   return {
     label,
+    mark: `var(${name})`,
     stroke: () => color(name),
     width: 2,
     dash,
@@ -60,6 +61,7 @@ export class Plots {
           width: Math.max(figure.clientWidth, 200),
           height: HEIGHT,
           cursor: { sync },
+          legend: { markers: { stroke: (_plot, index) => lines[index - 1]?.mark ?? "" } },
           scales: { y: { range: range(unit) } },
           series: [{ label: "time", value: "{HH}:{mm}:{ss}" }, ...lines],
           axes: [
@@ -77,6 +79,8 @@ export class Plots {
       new ResizeObserver(() => {
         plot.setSize({ width: Math.max(figure.clientWidth, 200), height: HEIGHT });
       }).observe(figure);
+      /* What stands still, a dump's, is not drawn again by itself. */
+      matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => plot.redraw());
       return plot;
     };
     this.#plots = [

@@ -459,3 +459,30 @@ def test_everything_has_a_name_and_can_be_read(operated: Tab, client: Client, sc
     assert operated.evaluate("matchMedia('(prefers-color-scheme: dark)').matches") == (
         scheme == "dark"
     )
+
+
+LINE_COLORS = """
+() => ["--measured", "--commanded"].map((name) => {
+  const probe = document.body.appendChild(document.createElement("i"));
+  probe.style.color = `var(${name})`;
+  const color = getComputedStyle(probe).color;
+  probe.remove();
+  return color;
+})
+"""
+LEGEND_COLORS = """
+(plot) => [...plot.querySelectorAll(".u-series .u-marker")].slice(1)
+  .map((mark) => getComputedStyle(mark).borderTopColor)
+"""
+
+
+def test_the_plots_legends_have_the_colors_of_their_lines(shown: Tab) -> None:
+    legends = shown.locator(".u-legend")
+    expect(legends).to_have_count(2)
+    seen = []
+    for scheme in ("light", "dark", "light"):
+        shown.emulate_media(color_scheme=scheme)
+        colors = shown.evaluate(LINE_COLORS)
+        assert [legend.evaluate(LEGEND_COLORS) for legend in legends.all()] == [colors, colors]
+        seen.append(colors)
+    assert seen[0] == seen[2] != seen[1]
