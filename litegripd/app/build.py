@@ -84,6 +84,7 @@ def build_service(
     *,
     dumps: Dumps | None = None,
     role_of: Callable[[Peer], Role] = lambda _peer: "admin",
+    is_gateway: Callable[[Peer], bool] = lambda _peer: False,
     epoch: str = "0",
     restart: OnRestart = no_restart,
     links: Links | None = None,
@@ -118,6 +119,7 @@ def build_service(
             controller.gripper_id.motor_type, simulated=simulated is not None
         ),
         role_of=role_of,
+        is_gateway=is_gateway,
         new_token=new_token,
     )
 

@@ -192,6 +192,14 @@ KEYS = (
     Key("access", "operators", tuple, "[]", "The same for operators."),
     Key("access", "observers", tuple, "[]", "The same for observers."),
     Key(
+        "access",
+        "gateways",
+        tuple,
+        "[]",
+        "Users that may speak for users of other machines (on_behalf of hello), each with at most"
+        " the role that they have themselves. Left out: none.",
+    ),
+    Key(
         "trajectories",
         "most_per_user",
         int,
@@ -235,11 +243,16 @@ class UnknownEntryError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """The roles by uid and by gid; `default` is for every other user who may connect."""
+    """The roles by uid and by gid; `default` is for every other user who may connect.
+
+    `gateways` are the uids, and `gateway_groups` the gids, that may speak for remote users.
+    """
 
     default: Role = "operator"
     users: Mapping[int, Role] = field(default_factory=dict)
     groups: Mapping[int, Role] = field(default_factory=dict)
+    gateways: frozenset[int] = frozenset()
+    gateway_groups: frozenset[int] = frozenset()
 
     def role_of(self, peer: Peer) -> Role:
         """Return the highest role of a client; root and the daemon's user are admins."""
@@ -248,6 +261,11 @@ class Access:
         given = [self.groups.get(gid) for gid in (peer.gid, *peer.groups)]
         given.append(self.users.get(peer.uid))
         return max(filter(None, given), key=ROLES.index, default=self.default)
+
+    def is_gateway(self, peer: Peer) -> bool:
+        """Return True for a client that may speak for users of other machines."""
+        gids = {peer.gid, *peer.groups}
+        return peer.uid in self.gateways or not gids.isdisjoint(self.gateway_groups)
 
 
 def access_of(default: Role, lists: Mapping[str, Sequence[Entry]]) -> Access:
@@ -259,12 +277,21 @@ def access_of(default: Role, lists: Mapping[str, Sequence[Entry]]) -> Access:
     groups: dict[int, Role] = {}
     for role in ROLES:  # the highest role last: it overwrites lower ones
         key = f"{role}s"
-        for entry in lists.get(key, ()):
-            if isinstance(entry, str) and entry.startswith("@"):
-                groups[_gid(key, entry[1:])] = role
-            else:
-                users[_uid(key, entry)] = role
-    return Access(default, users, groups)
+        uids, gids = _ids(key, lists)
+        users |= dict.fromkeys(uids, role)
+        groups |= dict.fromkeys(gids, role)
+    return Access(default, users, groups, *_ids("gateways", lists))
+
+
+def _ids(key: str, lists: Mapping[str, Sequence[Entry]]) -> tuple[frozenset[int], frozenset[int]]:
+    """Return the uids and the gids of a list."""
+    uids, gids = set(), set()
+    for entry in lists.get(key, ()):
+        if isinstance(entry, str) and entry.startswith("@"):
+            gids.add(_gid(key, entry[1:]))
+        else:
+            uids.add(_uid(key, entry))
+    return frozenset(uids), frozenset(gids)
 
 
 def _gid(key: str, name: str) -> int:

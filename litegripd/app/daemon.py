@@ -99,6 +99,7 @@ class Daemon:
             period_s,
             dumps=self._dumps,
             role_of=config.access.role_of,
+            is_gateway=config.access.is_gateway,
             epoch=self._facts.epoch,
             restart=lambda told: self._succession.begin(told, time.monotonic()),
             links=self._links,
@@ -106,7 +107,9 @@ class Daemon:
         )
         self._reactor = Reactor(period_s, self._tick)
         self._urgent = Urgent(period_s)
-        self._stop_listener = StopListener(self._urgent, self._places.stops, self._stop)
+        self._stop_listener = StopListener(
+            self._urgent, self._places.stops, self._stop, config.access.is_gateway
+        )
         self._server = Server(self._reactor, self._places.requests, self._service, room)
         self._server.let_in(False)
         self._machine.controller.stop_latch.on_stop = self._server.note_stop

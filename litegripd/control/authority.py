@@ -8,7 +8,7 @@ from typing import Literal, TypeAlias, TypedDict
 from litegripd.model.errors import Refusal
 from litegripd.model.motor import RegisterWrite
 from litegripd.model.plain import Carried
-from litegripd.model.state import STOP_LEVELS, Event, OnLost, Owner, Stop, StopLevel
+from litegripd.model.state import STOP_LEVELS, Event, OnLost, Owner, Stop, StopLevel, User
 
 
 class StopLatch:
@@ -17,14 +17,14 @@ class StopLatch:
     A request names the generation that its sender knew. One from before the latest stop never runs
     and clears nothing, even if it lay unread in the kernel when the stop came. `repeats` counts the
     stops since the latched one that did not raise the level. `on_stop` is called with the time of
-    each stop: all that has come by then came before it. `stopped_by` are the users (uid, None for
-    the daemon itself) who have stopped since the present level was latched.
+    each stop: all that has come by then came before it. `stopped_by` are the users (None is the
+    daemon itself) who have stopped since the present level was latched.
     """
 
     latched: Carried[Stop | None] = None
     generation: Carried[int] = 0
     repeats: Carried[int] = 0
-    stopped_by: Carried[tuple[int | None, ...]] = ()
+    stopped_by: Carried[tuple[User | None, ...]] = ()
     _latest_s: Carried[float] = float("-inf")
     NOT_CARRIED = ("on_stop", "_latest_client", "_latest_of_others_s")  # connections end
 
@@ -40,20 +40,20 @@ class StopLatch:
         if client != self._latest_client:
             self._latest_client, self._latest_of_others_s = client, self._latest_s
         self._latest_s = now_s
-        latched, uid = self.latched, None if by is None else by.uid
+        latched, user = self.latched, None if by is None else by.user
         if latched is None or STOP_LEVELS.index(level) > STOP_LEVELS.index(latched.level):
             latched = Stop(level, by, now_s, why)
-            self.latched, self.stopped_by = latched, (uid,)
+            self.latched, self.stopped_by = latched, (user,)
         else:
             self.repeats += 1
-            if uid not in self.stopped_by:
-                self.stopped_by += (uid,)
+            if user not in self.stopped_by:
+                self.stopped_by += (user,)
         self.on_stop(now_s)  # called after the latch, in case it fails
         return latched
 
-    def may_be_cleared_by(self, uid: int, *, alone: bool) -> bool:
+    def may_be_cleared_by(self, user: User, *, alone: bool) -> bool:
         """Return True if a user has stopped, and may clear it; `alone`: only if nobody else has."""
-        return self.stopped_by == (uid,) if alone else uid in self.stopped_by
+        return self.stopped_by == (user,) if alone else user in self.stopped_by
 
     def clear(self) -> int:
         """Allow requests for motions again; return the number of repeats."""
@@ -78,13 +78,13 @@ class StopLatch:
         """Return who may clear the stop, for a client that may not: another one has the lease."""
         owner = lease_held.data.get("owner")
         holder = f"{owner['program']} (pid {owner['pid']})" if isinstance(owner, dict) else "nobody"
-        uids = [uid for uid in self.stopped_by if uid is not None]
+        known = [user for user in self.stopped_by if user is not None]
         whose = "" if self.latched is None else f", by {_stopper(self.latched)}"
-        users = "".join(f", uid {uid}, who stopped it" for uid in uids)
+        users = "".join(f", {user}, who stopped it" for user in known)
         return Refusal(
             lease_held.reason,
             f"the stop{whose} may be cleared by {holder}, who has the lease{users}, or an admin",
-            {**lease_held.data, "may_clear_uids": uids},
+            {**lease_held.data, "may_clear_uids": [user.uid for user in known]},
         )
 
     def refusal_of_sent(

@@ -153,7 +153,7 @@ def _is_same_program(one: Owner, other: Owner) -> bool:
     """
     if one.pid == 0 or other.pid == 0:
         return one.client == other.client
-    return (one.pid, one.uid) == (other.pid, other.uid)
+    return (one.pid, one.user) == (other.pid, other.user)
 
 
 MOST_WAITING = 16

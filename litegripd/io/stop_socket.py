@@ -8,6 +8,7 @@ import logging
 import resource
 import socket
 from collections.abc import Callable
+from dataclasses import replace
 from typing import TypeAlias
 
 from litegripd.io.loop import Urgent
@@ -15,6 +16,7 @@ from litegripd.io.sockets import LISTEN_BACKLOG, peer_of
 from litegripd.model.errors import Refusal
 from litegripd.model.state import Owner, StopLevel
 from litegripd.rpc.jsonrpc import encode, error_line, result_line, stop_in
+from litegripd.rpc.sessions import Peer, remote_name
 
 _log = logging.getLogger(__name__)
 
@@ -36,13 +38,21 @@ class StopListener:
     """Accepts every client of a bound socket, and stops the gripper for it.
 
     With too many connections, the one that has been idle the longest is closed: a new client, which
-    may have come to stop, is never rejected.
+    may have come to stop, is never rejected. Those that `is_gateway` names are believed on whose
+    behalf they stop.
     """
 
-    def __init__(self, urgent: Urgent, listener: socket.socket, on_stop: OnStop) -> None:
+    def __init__(
+        self,
+        urgent: Urgent,
+        listener: socket.socket,
+        on_stop: OnStop,
+        is_gateway: Callable[[Peer], bool] = lambda _peer: False,
+    ) -> None:
         self._urgent = urgent
         self._listener = listener
         self._on_stop = on_stop
+        self._is_gateway = is_gateway
         self._connections: dict[StopConnection, None] = {}  # the longest idle first
         listener.setblocking(False)
         listener.listen(LISTEN_BACKLOG)
@@ -65,7 +75,7 @@ class StopListener:
             return
         if len(self._connections) >= MAX_STOP_CONNECTIONS:
             self._make_room()
-        connection = StopConnection(accepted, self)
+        connection = StopConnection(accepted, self, self._is_gateway)
         self._connections[connection] = None
         try:
             self._urgent.add(accepted.fileno(), connection)
@@ -113,9 +123,15 @@ class StopConnection:
     counts as a line, and so does one that is too long.
     """
 
-    def __init__(self, connected: socket.socket, listener: StopListener) -> None:
+    def __init__(
+        self,
+        connected: socket.socket,
+        listener: StopListener,
+        is_gateway: Callable[[Peer], bool],
+    ) -> None:
         connected.setblocking(False)
         peer = peer_of(connected)
+        self._may_be_another = is_gateway(peer)
         self._owner = Owner(0, peer.pid, peer.uid, peer.program)  # it has no session's number
         self._socket = connected
         self._listener = listener
@@ -169,8 +185,11 @@ class StopConnection:
 
     def _stop(self) -> None:
         line, self._line = self._line, b""
-        stop = stop_in(line)
-        level, generation = self._listener.stop(stop.level, self._owner, stop.why)
+        stop, owner = stop_in(line), self._owner
+        if stop.on_behalf is not None and self._may_be_another:
+            name = remote_name(stop.on_behalf)
+            owner = replace(owner, program=name, remote=stop.on_behalf)
+        level, generation = self._listener.stop(stop.level, owner, stop.why)
         result = encode({"level": level, "generation": generation})
         self._send(result_line(stop.identity, result))
 

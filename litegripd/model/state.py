@@ -290,10 +290,22 @@ STOP_LEVELS: tuple[StopLevel, ...] = ("hold", "relax", "disable")
 
 
 @dataclass(frozen=True, slots=True)
+class User:
+    """Whose request it is: a user of this machine, or one of others behind a gateway's user."""
+
+    uid: int
+    remote: str | None = None
+
+    def __str__(self) -> str:
+        return f"uid {self.uid}" if self.remote is None else f"{self.remote}, uid {self.uid}"
+
+
+@dataclass(frozen=True, slots=True)
 class Owner:
     """Who sent a request: the connection's number, and the process as the kernel knows it.
 
-    `grant` is the number of the lease whose token came with the request, None without one.
+    `grant` is the number of the lease whose token came with the request, None without one. `remote`
+    is the user of another machine for whom a gateway sent it, None for everybody else.
     """
 
     client: int
@@ -301,6 +313,12 @@ class Owner:
     uid: int
     program: str
     grant: int | None = None
+    remote: str | None = None
+
+    @property
+    def user(self) -> User:
+        """Whose request it is."""
+        return User(self.uid, self.remote)
 
 
 class JobState(Enum):

@@ -174,11 +174,12 @@ _LAST_STOPS = 32
 
 @dataclass(frozen=True, slots=True)
 class StopLine:
-    """What a line asks for, and the id to answer it with."""
+    """What a line asks for, and the id to answer it with; gateways say on whose behalf."""
 
     level: StopLevel
     why: str | None = None
     identity: RequestId = None
+    on_behalf: str | None = None
 
 
 def stop_in(line: bytes) -> StopLine:
@@ -234,8 +235,13 @@ def _stop_of(params: Any) -> StopLine:
         named = (params.get("level"),)
     levels = [_LEVELS[one] for one in named if isinstance(one, str) and one in _LEVELS]
     level: StopLevel = levels[0] if levels else "hold"
-    why = params.get("why") if isinstance(params, dict) else None
-    return StopLine(level, _shown(why) if isinstance(why, str) else None)
+    if not isinstance(params, dict):
+        return StopLine(level)
+    return StopLine(level, _text(params.get("why")), None, _text(params.get("on_behalf")))
+
+
+def _text(value: object) -> str | None:
+    return _shown(value) if isinstance(value, str) else None
 
 
 def _shown(text: str) -> str | None:

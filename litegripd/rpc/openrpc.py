@@ -125,7 +125,8 @@ PROTOCOL_VERSION = 1
 def document(methods: Iterable[Method]) -> Discovered:
     """Describe methods, with the limits of their rows, notifications and errors.
 
-    OpenRPC has no word for unrequested messages of a server: an extension of the document has.
+    OpenRPC has no word for unrequested messages of a server, nor for what must not be done late,
+    after a stop (`x-stop-voids`): extensions of the document have.
     """
     schemas = Schemas(FORMS)
     return {
@@ -159,6 +160,7 @@ def _method(method: Method, schemas: Schemas) -> dict[str, Any]:
     return {
         "name": method.name,
         "summary": method.summary,
+        **({"x-stop-voids": True} if method.stop_voids else {}),
         "paramStructure": "by-name",
         "params": [_param(param) for param in method.declared.values()],
         "result": {

@@ -142,7 +142,7 @@ class Requests:
         if method.lifts_stop and self._has_stopped(session):
             return None
         if _RANKS[session.role] < _RANKS[method.role]:
-            text = f"{method.name} needs the role {method.role}; uid {owner.uid} is {session.role}"
+            text = f"{method.name} needs the role {method.role}; {owner.user} is {session.role}"
             return Refusal("not_permitted", text, {"needs": method.role, "role": session.role})
         refusal = self._controller.lease.refusal(owner) if method.needs_lease else None
         if refusal is not None and method.lifts_stop:
@@ -152,7 +152,7 @@ class Requests:
 
     def _has_stopped(self, session: Session) -> bool:
         latch, is_observer = self._controller.stop_latch, session.role == "observer"
-        return latch.may_be_cleared_by(session.peer.uid, alone=is_observer)
+        return latch.may_be_cleared_by(session.owner.user, alone=is_observer)
 
 
 def _orphaned(session: Session) -> Refusal:
@@ -225,6 +225,7 @@ class RpcService:
         "_controller",
         "_event_log",
         "_features",
+        "_is_gateway",
         "_methods",
         "_now_s",
         "_requests",
@@ -241,12 +242,14 @@ class RpcService:
         *,
         document: bytes,
         role_of: Callable[[Peer], Role],
+        is_gateway: Callable[[Peer], bool],
         new_token: Callable[[], str],
     ) -> None:
         self.refused = 0
         self.on_event: Callable[[Event, float], None] = lambda _event, _now_s: None
         """Called with every event and its time."""
         self._role_of = role_of
+        self._is_gateway = is_gateway
         self._controller = controller
         self.reporter = Reporter(controller, period_s)
         self._clients = Clients()
@@ -284,6 +287,7 @@ class RpcService:
         self._last_session += 1
         session = Session(self._last_session, peer, now_s)
         session.role = self._role_of(peer)
+        session.is_gateway = self._is_gateway(peer)
         self._clients.add(session)
         return session
 

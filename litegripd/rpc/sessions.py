@@ -46,6 +46,11 @@ class Peer:
     groups: tuple[int, ...] = ()
 
 
+def remote_name(remote: str, name: str | None = None) -> str:
+    """Return how a remote user's program is called; without a `name`, the user."""
+    return f"{remote} via gateway" if name is None else f"{name} of {remote} via gateway"
+
+
 class Session:
     """The data of one connection while it lasts.
 
@@ -54,12 +59,14 @@ class Session:
     dropped instead of queued. `unanswered` counts the requests that wait for a motion,
     `subscriptions` what it gets unrequested. `stream_refused` is the reason why its latest
     set-point was rejected. `is_orphaned`: the process that opened it has ended, or the connection.
+    `is_gateway`: it may speak for users of other machines, `remote` is for whom it does.
     """
 
     __slots__ = (
         "congested",
         "counters",
         "identity",
+        "is_gateway",
         "is_orphaned",
         "name",
         "on_write",
@@ -67,6 +74,7 @@ class Session:
         "outgoing",
         "owner",
         "peer",
+        "remote",
         "role",
         "stream_refused",
         "subscriptions",
@@ -78,6 +86,8 @@ class Session:
         self.peer = peer
         self.opened_s = opened_s
         self.role: Role = "admin"
+        self.is_gateway = False
+        self.remote: str | None = None
         self.counters = Counters()
         self.subscriptions = 0
         self.rename(peer.program)
@@ -91,7 +101,13 @@ class Session:
     def rename(self, name: str) -> None:
         """Set the client's name; `owner` has it as jobs and stops name it."""
         self.name = name
-        self.owner = Owner(self.identity, self.peer.pid, self.peer.uid, name)
+        peer = self.peer
+        self.owner = Owner(self.identity, peer.pid, peer.uid, name, remote=self.remote)
+
+    def speak_for(self, remote: str, role: Role, name: str | None) -> None:
+        """Be the connection of a user of another machine, with a role of its own."""
+        self.remote, self.role = remote, role
+        self.rename(remote_name(remote, name))
 
     def write(self, line: bytes) -> None:
         """Queue `line`, which ends in a newline, for sending."""

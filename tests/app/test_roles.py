@@ -124,3 +124,14 @@ def test_a_session_has_its_peers_role_and_hello_tells_it() -> None:
 def test_without_roles_everybody_is_an_admin() -> None:
     world = World()
     assert world.client().result("hello")["role"] == "admin"
+
+
+def test_gateways_are_those_of_the_list_and_nobody_else_not_even_root() -> None:
+    group = grp.getgrgid(os.getgid())
+    access = access_of("observer", {"gateways": [ALICE, f"@{group.gr_name}"]})
+    assert access.is_gateway(peer(ALICE))
+    assert access.is_gateway(peer(BOB, gid=group.gr_gid))
+    assert access.is_gateway(peer(BOB, group.gr_gid, gid=50_000))
+    assert not access.is_gateway(peer(BOB, gid=50_000))
+    assert not access.is_gateway(peer(0, gid=50_000))
+    assert access.role_of(peer(ALICE)) == "observer"

@@ -33,10 +33,13 @@ class Socket:
 
     def __init__(self, path: Path, period_s: float) -> None:
         self.path = path
+        self.gateways: set[int] = set()
         self.stops: list[Stopped] = []
         self.defect: Exception | None = None
         self.urgent = Urgent(period_s)
-        self.listener = StopListener(self.urgent, listen(path, None), self._stop)
+        self.listener = StopListener(
+            self.urgent, listen(path, None), self._stop, lambda peer: peer.uid in self.gateways
+        )
         self._clients: list[socket.socket] = []
 
     def _stop(self, level: StopLevel, by: Owner, why: str | None) -> tuple[StopLevel, int]:
@@ -124,6 +127,8 @@ LINES: dict[bytes, StopLine] = {
     b"a\x1b[31m": StopLine("hold"),
     b"x" * 500: StopLine("hold", "x" * 80),
     request(): StopLine("hold", None, 7),
+    request(on_behalf="op1@lab"): StopLine("hold", None, 7, "op1@lab"),
+    request(on_behalf=["op1"], why=1): StopLine("hold", None, 7),
     request(level="relax"): StopLine("relax", None, 7),
     request(level="disable", why="smoke"): StopLine("disable", "smoke", 7),
     request(level="disable", sent_s=1.0, more=[1]): StopLine("disable", None, 7),
@@ -400,3 +405,16 @@ def test_closing_closes_all_connections(tmp_path: Path) -> None:
         assert stops.listener.connections == 0
         with pytest.raises(ConnectionRefusedError):
             stops.connect()
+
+
+@pytest.mark.parametrize("is_gateway", [True, False])
+def test_only_a_gateway_is_believed_on_whose_behalf_it_stops(
+    stops: Socket, is_gateway: bool
+) -> None:
+    if is_gateway:
+        stops.gateways.add(os.getuid())
+    stops.say(request(level="relax", on_behalf="op1@lab") + b"\n")
+    ((level, by, _why),) = stops.stops
+    assert (level, by.uid, by.pid) == ("relax", os.getuid(), os.getpid())
+    assert by.remote == ("op1@lab" if is_gateway else None)
+    assert (by.program == "op1@lab via gateway") is is_gateway

@@ -255,11 +255,11 @@ class LeaseMethods:
         controller, params = self._controller, call.params
         holder, running = controller.lease.holder, controller.jobs.running
         owners = [entry.owner for entry in (holder, running) if entry is not None]
-        another = next((owner for owner in owners if owner.uid != call.owner.uid), None)
+        another = next((owner for owner in owners if owner.user != call.owner.user), None)
         if another is not None and call.session.role != "admin":
             text = (
                 f"only an admin takes the gripper from another user: {another.program} (pid"
-                f" {another.pid}, uid {another.uid}) has it, and uid {call.owner.uid} is no admin"
+                f" {another.pid}, {another.user}) has it, and {call.owner.user} is no admin"
             )
             return Refusal("not_permitted", text, {"needs": "admin", "role": call.session.role})
         left = params.get("jaws", "hold")

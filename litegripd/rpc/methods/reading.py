@@ -19,7 +19,7 @@ from litegripd.rpc.reports import (
     Reporter,
     StateView,
 )
-from litegripd.rpc.sessions import Clients, Role
+from litegripd.rpc.sessions import ROLES, Clients, Role
 from litegripd.rpc.subscriptions import (
     EVENT_KINDS,
     MAX_BATCH,
@@ -131,11 +131,32 @@ class ReadingMethods:
         " by the daemon's CLOCK_MONOTONIC (monotonic_s), by which a client of another machine knows"
         " that its own clock is no use for sent_s.",
         Shape("Hello", (Hello, Greeting)),
-        (Param("client", "string", "The program's name, for the log and for other clients."),),
+        (
+            Param("client", "string", "The program's name, for the log and for other clients."),
+            Param(
+                "on_behalf",
+                "string",
+                "The user of another machine for whom this connection asks from now on; only from"
+                " those that the configuration names as gateways, and once.",
+                longest=64,
+            ),
+            Param(
+                "role",
+                "string",
+                "The role that this user has: no higher than the connection's. With on_behalf.",
+                choices=ROLES,
+            ),
+        ),
     )
     def _hello(self, call: Call) -> Answer:
-        call.session.rename(call.params.get("client", call.session.name))
-        session, generation = call.session, self._controller.stop_latch.generation
+        session, name = call.session, call.params.get("client")
+        if "on_behalf" in call.params or "role" in call.params:
+            _speak_for_another(call)
+        elif session.remote is not None:
+            session.speak_for(session.remote, session.role, name)
+        elif name is not None:
+            session.rename(name)
+        generation = self._controller.stop_latch.generation
         own = {"client": session.identity, "role": session.role, "monotonic_s": call.now_s}
         return {**self._facts.hello(), **own, "stop_generation": generation}
 
@@ -288,6 +309,29 @@ class ReadingMethods:
             )
             raise Refused(Refusal("unknown_job", text, {"requested": number}))
         return job
+
+
+def _speak_for_another(call: Call) -> None:
+    """Make a gateway's connection that of a remote user; raises `Refused`."""
+    session, params = call.session, call.params
+    remote, role = params.get("on_behalf"), params.get("role")
+    if remote is None or role is None:
+        text = "hello: on_behalf and role belong together"
+        raise Refused(Refusal("invalid_params", text, {"parameter": "on_behalf"}))
+    if not session.is_gateway:
+        text = (
+            "hello: on_behalf is for gateways; list this user under gateways in [access] of the"
+            " daemon's configuration"
+        )
+        raise Refused(Refusal("not_permitted", text, {"parameter": "on_behalf"}))
+    if session.remote not in (None, remote):
+        text = f"hello: this connection is {session.remote}'s; open another one for {remote}"
+        raise Refused(Refusal("not_permitted", text, {"parameter": "on_behalf"}))
+    if ROLES.index(role) > ROLES.index(session.role):
+        text = f"hello: role is {role}, it can be {session.role} at most"
+        data = {"parameter": "role", "needs": role, "role": session.role}
+        raise Refused(Refusal("not_permitted", text, data))
+    session.speak_for(remote, role, params.get("client"))
 
 
 def _check_fields(names: Sequence[str], batch: int) -> None:
