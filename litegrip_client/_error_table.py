@@ -45,6 +45,8 @@ REASONS: dict[str, tuple[str, int]] = {
     "second_master": ("HardwareError", 5),
     "implausible_feedback": ("HardwareError", 5),
     "motor_hot": ("HardwareError", 5),
+    "unreachable": ("ConnectError", 3),
+    "too_late": ("CommandError", 4),
 }
 """Reason of an error: the name of its exception, the exit code of litegripctl."""
 
@@ -93,5 +95,7 @@ CODES: dict[int, str] = {
     -32036: "second_master",
     -32037: "implausible_feedback",
     -32038: "motor_hot",
+    -32060: "unreachable",
+    -32061: "too_late",
 }
 """JSON-RPC code of an error: its reason."""

@@ -291,6 +291,24 @@ ERROR_TABLE: tuple[ErrorKind, ...] = (
         True,
         "The coil's heat leaves less torque than the motion needs; let the motor cool down.",
     ),
+    ErrorKind(
+        "unreachable",
+        -32060,
+        "ConnectError",
+        3,
+        True,
+        "A gripper of another machine does not answer over the network; what was asked last may"
+        " have been done.",
+    ),
+    ErrorKind(
+        "too_late",
+        -32061,
+        "CommandError",
+        4,
+        True,
+        "A request for a gripper of another machine arrived later than it counts for; it was not"
+        " carried out.",
+    ),
 )
 
 ERRORS: Mapping[str, ErrorKind] = MappingProxyType({kind.reason: kind for kind in ERROR_TABLE})

@@ -1,0 +1,131 @@
+"""A session as its gateway has it: a user's lines in, the daemon's lines out. It knows no clock."""
+
+import re
+from collections.abc import Callable, Collection
+from typing import Any
+
+from litegrip_fleet.keys import Caller
+from litegrip_fleet.messages import Ask, Push, Reply
+from litegrip_fleet.requests import (
+    LONGEST_TTL_S,
+    MAX_LINE_BYTES,
+    SHORTEST_TTL_S,
+    RefusedError,
+    passed,
+)
+from litegrip_fleet.rows import Inbox, Outbox
+
+PIECE_BYTES = 32_768
+"""Of a longer line of the daemon's: no message on the network is longer."""
+
+ROOM_BYTES = 262_144
+"""While more is unconfirmed, the daemon is not read: it drops samples then, as for any client."""
+
+AGAIN_BYTES = 65_536
+"""At most this is sent again at once."""
+
+DEFAULT_TTL_S = 1.0
+
+_SAMPLE = b'{"jsonrpc":"2.0","method":"state.'
+_GENERATION = re.compile(rb'"(?:stop_)?generation":(\d{1,15})')
+
+
+def generation_in(line: bytes) -> int | None:
+    """Return the largest count of stops that a line of the daemon's tells, None without any."""
+    found = [int(digits) for digits in _GENERATION.findall(line)]
+    return max(found, default=None)
+
+
+class FarSession:
+    """One remote client's session, in virtual or real time.
+
+    `to_daemon` takes a line for the daemon, or None at the end of them, `push` a message and its
+    payload for the portal. `voided` are the daemon's methods that a stop makes void.
+    """
+
+    def __init__(
+        self,
+        caller: Caller,
+        opening: Ask,
+        now_s: float,
+        *,
+        voided: Collection[str],
+        to_daemon: Callable[[bytes | None], None],
+        push: Callable[[Push, bytes], None],
+    ) -> None:
+        self.caller = caller
+        self.generation: int | None = None
+        self._ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
+        self._voided = voided
+        self._to_daemon = to_daemon
+        self._push = push
+        self._heard_s = now_s
+        self._inbox = Inbox()
+        self._outbox: Outbox[tuple[Push, bytes]] = Outbox()
+
+    @property
+    def has_room(self) -> bool:
+        """False while the portal is behind: then the daemon is not to be read."""
+        return self._outbox.size_bytes < ROOM_BYTES
+
+    def is_lost(self, now_s: float) -> bool:
+        """Return True once nothing has come from the portal for the session's time to live."""
+        return now_s - self._heard_s > self._ttl_s
+
+    def asked(self, ask: Ask, line: bytes, now_s: float) -> None:
+        """Take a message of the portal's: a line, or that its client lives."""
+        self._heard_s = now_s
+        self._outbox.confirm(ask.got)
+        if ask.again:
+            self._push_again()
+        if ask.op == "line" and len(line) <= MAX_LINE_BYTES and self._inbox.take(ask.number):
+            self._take(ask, line, now_s)
+        if ask.op == "eof" and self._inbox.take(ask.number):
+            self._to_daemon(None)
+
+    def reply(self, now_s: float, about: dict[str, Any] | None = None) -> Reply:
+        """Return what a query is answered with."""
+        return Reply(self._inbox.taken, self._outbox.last, now_s, self.generation, None, about)
+
+    def said(self, line: bytes) -> None:
+        """Send a line of the daemon's, with its newline, to the portal."""
+        if line.startswith(_SAMPLE) and len(line) <= PIECE_BYTES:
+            self._push(Push(None, generation=self.generation), line)
+            return
+        for begin in range(0, len(line), PIECE_BYTES):
+            piece = line[begin : begin + PIECE_BYTES]
+            self._send(piece, more=begin + PIECE_BYTES < len(line))
+
+    def ended(self) -> None:
+        """Say, behind all else, that the daemon has closed the connection."""
+        self._send(b"", end=True)
+
+    def _take(self, ask: Ask, line: bytes, now_s: float) -> None:
+        try:
+            request = passed(
+                line,
+                now_s,
+                at_s=ask.at_s,
+                generation=ask.generation,
+                ttl_s=self._ttl_s,
+                voided=self._voided,
+            )
+        except RefusedError as refused:
+            if refused.answer:
+                self.said(refused.answer)
+            return
+        self._to_daemon(request)
+
+    def _send(self, piece: bytes, *, more: bool = False, end: bool = False) -> None:
+        number = self._outbox.last + 1
+        push = Push(number, more, end, self.generation)
+        self._outbox.add((push, piece), len(piece))
+        self._push(push, piece)
+
+    def _push_again(self) -> None:
+        size_bytes = 0
+        for _number, (push, piece) in self._outbox.unconfirmed():
+            self._push(push, piece)
+            size_bytes += len(piece)
+            if size_bytes > AGAIN_BYTES:
+                return

@@ -1,0 +1,392 @@
+"""The gateway: an ordinary client of this machine's daemons, for users of other machines.
+
+Each remote session has a connection to the daemon of its own, so that arbitration, roles, limits
+and `on_lost` stay where they are. A session that does not show life loses it.
+"""
+
+import asyncio
+import json
+import logging
+import socket
+import time
+from collections.abc import Mapping
+from importlib.metadata import version
+from typing import Any
+
+import zenoh
+
+from litegrip_client.discovery import reach, stop_path
+from litegrip_client.errors import LiteGripError, from_error_object
+from litegrip_client.exchange import request_line
+from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
+from litegrip_fleet.far_session import FarSession, generation_in
+from litegrip_fleet.keys import Caller, Place, caller_in, stopper_in
+from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
+from litegrip_fleet.network import all_in_order, hand_over
+
+_log = logging.getLogger(__name__)
+
+LOOK_EVERY_S = 0.05
+RETRY_EVERY_S = 0.5
+ANSWER_WITHIN_S = 2.0
+STOP_WITHIN_S = 1.0
+MOST_SESSIONS = 56
+"""For each gripper; the daemon lets 64 connections of a user in."""
+
+_LONGEST_LINE_BYTES = 16 * 1024 * 1024
+_ALIVE_ID = "gateway"
+_ALIVE = b'{"jsonrpc":"2.0","id":"gateway","method":"state.get"}\n'
+_ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
+
+
+class Gateway:
+    """One gripper of this machine on the network; `run` serves it until it is cancelled."""
+
+    def __init__(self, session: zenoh.Session, place: Place, channel: str) -> None:
+        self.place = place
+        self._session = session
+        self._channel = channel
+        self._connections: dict[str, _Connection] = {}
+        self._hello: dict[str, Any] = {}
+        self._voided: frozenset[str] = frozenset()
+        self._generation: int | None = None
+        self._path: str | None = None
+
+    async def run(self) -> None:
+        """Serve until cancelled: stops always, sessions while the daemon answers."""
+        loop = asyncio.get_running_loop()
+
+        def asked(query: zenoh.Query) -> None:
+            loop.call_soon_threadsafe(self._asked, query)
+
+        key = self.place.key
+        rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
+        stops = self._session.declare_queryable(f"{key}/stop/*", all_in_order())
+        hand_over(rpc, asked, f"rpc {self.place}")
+        # On a thread of its own: nothing else that the gateway does is before it.
+        hand_over(stops, self._stop, f"stop {self.place}")
+        look = asyncio.create_task(self._look())
+        try:
+            while True:
+                await self._watch()
+                await asyncio.sleep(RETRY_EVERY_S)
+        finally:
+            look.cancel()
+            for connection in list(self._connections.values()):
+                connection.close()
+            rpc.undeclare()
+            stops.undeclare()
+
+    # The daemon -----------------------------------------------------------------------------------
+
+    async def _watch(self) -> None:
+        """Be connected to the daemon, and known to be alive, until it goes."""
+        try:
+            reader, writer = await self._connected()
+        except LiteGripError as error:
+            self._hello = {"error": error.message}
+            return
+        token = None
+        try:
+            self._hello = await _asked_of(reader, writer, "hello", {"client": "gateway"})
+            self._generation = self._hello["stop_generation"]
+            document = await _asked_of(reader, writer, "rpc.discover")
+            self._voided = frozenset(
+                row["name"] for row in document["methods"] if row.get("x-stop-voids")
+            )
+            await _asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
+            token = self._session.liveliness().declare_token(self.place.alive)
+            _log.info("%s: %s can be reached", self.place, self._channel)
+            while line := await reader.readline():
+                self._note(line)
+                if not line.startswith(_ALIVE_ANSWER):  # a stop: how many there were by now
+                    writer.write(_ALIVE)
+        except (LiteGripError, OSError, ValueError, KeyError) as error:
+            _log.warning("%s: %s: %s", self.place, self._channel, error)
+        finally:
+            writer.close()
+            if token is not None:
+                token.undeclare()
+                _log.warning("%s: %s has gone", self.place, self._channel)
+            self._hello = {"error": f"the daemon of {self._channel} has gone"}
+
+    async def _connected(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        """Connect to the daemon; raises `ConnectError` where none answers."""
+
+        async def attempt(path: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+            made = await asyncio.open_unix_connection(path, limit=_LONGEST_LINE_BYTES)
+            self._path = path
+            return made
+
+        return await reach(self._channel, None, attempt)
+
+    def _note(self, line: bytes) -> None:
+        """Learn how many stops there were from a line of the daemon's."""
+        generation = generation_in(line)
+        if generation is not None:
+            self._generation = max(generation, self._generation or 0)
+
+    # Sessions -------------------------------------------------------------------------------------
+
+    def _asked(self, query: zenoh.Query) -> None:
+        """Take a query of a portal's; never raises, whatever it holds."""
+        key, attached = str(query.key_expr), query.attachment
+        caller = caller_in(key)
+        try:
+            ask = unpacked(Ask, None if attached is None else attached.to_bytes())
+        except BadMessageError as error:
+            _log.debug("%s: %s", key, error)
+            query.drop()
+            return
+        if caller is None:
+            query.drop()
+            return
+        connection = self._connections.get(key)
+        if connection is not None and not connection.ready:
+            query.drop()  # it is being opened: the portal asks again
+        elif connection is None and ask.op == "open":
+            connection = _Connection(self._session, self.place, caller, self._forget(key))
+            self._connections[key] = connection
+            task = asyncio.get_running_loop().create_task(self._open(query, connection, ask))
+            connection.task = task
+        elif connection is None:
+            gone = error_object(
+                UNREACHABLE, f"{self.place}: the session has ended: its time to live was up"
+            )
+            _answer(query, Reply(0, 0, time.monotonic(), gone=gone))
+        else:
+            self._serve(query, connection, ask)
+
+    def _forget(self, key: str) -> Any:
+        return lambda: self._connections.pop(key, None)
+
+    async def _open(self, query: zenoh.Query, connection: "_Connection", ask: Ask) -> None:
+        try:
+            about = await self._begin(connection, ask)
+        except LiteGripError as error:
+            gone = {"code": error.code or UNREACHABLE, "message": error.message}
+            gone["data"] = {"reason": error.reason or "unreachable", **error.data}
+            connection.close()
+            _answer(query, Reply(0, 0, time.monotonic(), gone=gone))
+            return
+        reply = connection.far.reply(time.monotonic(), about)
+        _answer(query, reply)
+        # What was said last may have to be said again: the portal ends it, or its time is up.
+        await connection.pass_on(self._note_for(connection.far))
+
+    async def _begin(self, connection: "_Connection", ask: Ask) -> dict[str, Any]:
+        """Open a session's connection to the daemon, in its user's name; return what it is."""
+        if len(self._connections) > MOST_SESSIONS:
+            text = f"{self.place} has {MOST_SESSIONS} sessions, no more are let in: close one"
+            raise from_error_object(error_object(UNREACHABLE, text))
+        if "error" in self._hello:
+            raise from_error_object(error_object(UNREACHABLE, str(self._hello["error"])))
+        caller = connection.caller
+        user = f"{caller.user}@{self.place.site}"
+        reader, writer = await self._connected()
+        connection.attach(reader, writer)
+        params = {"on_behalf": user, "role": caller.role}
+        if ask.program is not None:
+            params["client"] = ask.program
+        hello = await _asked_of(reader, writer, "hello", params)
+        connection.far = FarSession(
+            caller,
+            ask,
+            time.monotonic(),
+            voided=self._voided,
+            to_daemon=connection.to_daemon,
+            push=connection.push,
+        )
+        connection.far.generation = hello["stop_generation"]
+        connection.ready = True
+        return {
+            "site": self.place.site,
+            "gripper": self.place.gripper,
+            "user": user,
+            "role": hello["role"],
+            "gateway": version("litegripd"),
+        }
+
+    def _note_for(self, far: FarSession) -> Any:
+        def note(line: bytes) -> None:
+            self._note(line)
+            far.generation = self._generation
+
+        return note
+
+    def _serve(self, query: zenoh.Query, connection: "_Connection", ask: Ask) -> None:
+        payload = query.payload
+        line = b"" if payload is None else payload.to_bytes()
+        far = connection.far
+        far.generation = self._generation
+        far.asked(ask, line, time.monotonic())
+        if ask.op == "live":
+            connection.show_life()
+        connection.wake()
+        _answer(query, far.reply(time.monotonic()))
+        if ask.op == "close":
+            connection.close()
+
+    async def _look(self) -> None:
+        """End the sessions whose portal does not show life."""
+        while True:
+            await asyncio.sleep(LOOK_EVERY_S)
+            now_s = time.monotonic()
+            for connection in list(self._connections.values()):
+                if connection.ready and connection.far.is_lost(now_s):
+                    caller = connection.caller
+                    _log.warning("%s: %s shows no life any more", self.place, caller.user)
+                    connection.close()
+
+    # Stops ----------------------------------------------------------------------------------------
+
+    def _stop(self, query: zenoh.Query) -> None:
+        """Stop for a user, and answer with what the daemon says; on the stops' own thread."""
+        with query:
+            user, payload = stopper_in(str(query.key_expr)), query.payload
+            if user is None:
+                return
+            line = b"" if payload is None else payload.to_bytes()
+            answer = self._stopped(_in_the_name_of(f"{user}@{self.place.site}", line))
+            _log.warning("%s: stopped by %s", self.place, user)
+            # By our own key: a stop of a whole site was asked by one with a wildcard.
+            query.reply(self.place.stop(user), answer)
+
+    def _stopped(self, line: bytes) -> bytes:
+        if self._path is None:
+            return error_line(None, error_object(UNREACHABLE, f"no daemon for {self._channel}"))
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connected:
+                connected.settimeout(STOP_WITHIN_S)
+                connected.connect(stop_path(self._path))
+                connected.sendall(line)
+                with connected.makefile("rb") as answers:
+                    return answers.readline()
+        except OSError as error:
+            text = f"the stop is not confirmed by the daemon of {self._channel}: {error}"
+            return error_line(None, error_object(UNREACHABLE, text))
+
+
+class _Connection:
+    """A remote session's connection to the daemon; `ready` once `far` is there."""
+
+    far: FarSession
+
+    def __init__(
+        self, session: zenoh.Session, place: Place, caller: Caller, on_closed: Any
+    ) -> None:
+        self.caller = caller
+        self.ready = False
+        self.task: asyncio.Task[None] | None = None
+        self._on_closed = on_closed
+        self._reader: asyncio.StreamReader | None = None
+        self._writer: asyncio.StreamWriter | None = None
+        self._room = asyncio.Event()
+        self._awaits_life = False
+        self._session = session
+        self._key = zenoh.KeyExpr(place.to(caller.user, caller.session))
+
+    def attach(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Store the connection to the daemon."""
+        self._reader, self._writer = reader, writer
+
+    def to_daemon(self, line: bytes | None) -> None:
+        """Write a line; None is the end of them."""
+        if self._writer is None:
+            return
+        if line is None:
+            self._writer.write_eof()
+        else:
+            self._writer.write(line)
+
+    def push(self, push: Push, piece: bytes) -> None:
+        """Send a message to the portal; one that is lost is asked for again.
+
+        A declared publisher would not send before it had heard of the subscriber: the first
+        messages of a session would be lost.
+        """
+        self._session.put(
+            self._key,
+            piece,
+            attachment=packed(push),
+            congestion_control=zenoh.CongestionControl.DROP,
+            priority=zenoh.Priority.INTERACTIVE_HIGH,
+            express=True,
+        )
+
+    def show_life(self) -> None:
+        """Let the daemon see that the session lives, while it sees to what it is asked."""
+        if self._writer is not None and not self._awaits_life:
+            self._awaits_life = True
+            self._writer.write(_ALIVE)
+
+    def wake(self) -> None:
+        """Read on, if the portal is no longer behind."""
+        if self.far.has_room:
+            self._room.set()
+
+    async def pass_on(self, note: Any) -> None:
+        """Pass the daemon's lines on until it closes the connection."""
+        assert self._reader is not None, "it is attached"  # noqa: S101 - for the type
+        while line := await self._reader.readline():
+            note(line)
+            if line.startswith(_ALIVE_ANSWER):
+                self._awaits_life = False
+                continue
+            self.far.said(line)
+            if not self.far.has_room:
+                self._room.clear()
+                await self._room.wait()
+        self.far.ended()
+
+    def close(self) -> None:
+        """Close the connection: the daemon then does what the session's end means."""
+        self.ready = False
+        self._on_closed()
+        if self._writer is not None:
+            self._writer.close()
+            self._writer = None
+        if self.task is not None and self.task is not asyncio.current_task():
+            self.task.cancel()
+
+
+def _answer(query: zenoh.Query, reply: Reply) -> None:
+    with query:
+        query.reply(query.key_expr, b"", attachment=packed(reply))
+
+
+async def _asked_of(
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    method: str,
+    params: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Ask the daemon, and wait for the answer; raises `LiteGripError` for a refusal."""
+    writer.write(request_line(0, method, params))
+    while True:
+        try:
+            line = await asyncio.wait_for(reader.readline(), ANSWER_WITHIN_S)
+        except (asyncio.TimeoutError, OSError) as error:
+            text = f"the daemon does not answer {method}: {error}"
+            raise from_error_object(error_object(UNREACHABLE, text)) from error
+        if not line:
+            text = f"the daemon has closed the connection before it answered {method}"
+            raise from_error_object(error_object(UNREACHABLE, text))
+        answer = json.loads(line)
+        if "error" in answer:
+            raise from_error_object(answer["error"], method)
+        if answer.get("id") == 0:
+            result: dict[str, Any] = answer["result"]
+            return result
+
+
+def _in_the_name_of(user: str, line: bytes) -> bytes:
+    """Return a stop that says for whom; one that is unusually written goes as it is."""
+    try:
+        request = json.loads(line)
+    except (ValueError, RecursionError):
+        request = None
+    if not isinstance(request, dict) or not isinstance(request.get("params", {}), dict):
+        return line.rstrip(b"\n") + b"\n"
+    params = {**request.get("params", {}), "on_behalf": user}
+    return json.dumps({**request, "params": params}).encode() + b"\n"

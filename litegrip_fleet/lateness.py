@@ -1,0 +1,55 @@
+"""How old a request is that came over the network, by the clock of the gripper's machine.
+
+No other machine's clock is believed, and none has to be right: a portal learns from each answer
+what the gateway's CLOCK_MONOTONIC was at some moment of a round trip.
+"""
+
+from collections import deque
+
+MOTION_COUNTS_S = 0.5
+"""A request that a stop makes void is refused when it is older: what a mended network gives back
+must move nothing."""
+
+SET_POINT_COUNTS_S = 0.2
+
+_BEST_OF = 8
+
+
+class RemoteClock:
+    """The gateway's clock as a portal reckons it, from the quickest of the last round trips.
+
+    The error is at most half of that round trip.
+    """
+
+    def __init__(self) -> None:
+        self._trips: deque[tuple[float, float]] = deque(maxlen=_BEST_OF)
+
+    @property
+    def is_known(self) -> bool:
+        """True after the first round trip."""
+        return bool(self._trips)
+
+    @property
+    def round_trip_s(self) -> float:
+        """The quickest of the last round trips; infinite before the first."""
+        return min(self._trips)[0] if self._trips else float("inf")
+
+    def note(self, sent_s: float, received_s: float, remote_s: float) -> None:
+        """Learn from an answer: sent and received by the own clock, answered by the other's."""
+        offset_s = remote_s - (sent_s + received_s) / 2
+        self._trips.append((received_s - sent_s, offset_s))
+
+    def at(self, own_s: float) -> float | None:
+        """Return the other clock's time at a time of the own; None before the first answer."""
+        return own_s + min(self._trips)[1] if self._trips else None
+
+
+def late_by(at_s: float | None, now_s: float, counts_s: float) -> float | None:
+    """Return how old a request is, if that is too old; None if it still counts.
+
+    One without a time, or from the future, is as old as can be: neither says anything.
+    """
+    if at_s is None or at_s - now_s > counts_s:
+        return float("inf")
+    age_s = now_s - at_s
+    return age_s if age_s > counts_s else None

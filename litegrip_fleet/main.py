@@ -1,0 +1,318 @@
+"""The command `litegripd-fleet`: gateway, portal and router, and what is done with a site."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from litegrip_fleet.access import rules
+from litegrip_fleet.config import FILE, FleetConfig, FleetConfigError, load
+from litegrip_fleet.gateway import Gateway
+from litegrip_fleet.keys import BadNameError, check_name
+from litegrip_fleet.network import Network, NetworkError, opened
+from litegrip_fleet.portal import Portal
+from litegrip_fleet.site import Stopped, alive, stop_all
+
+EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_NETWORK = 0, 1, 2, 3
+EXIT_CODES = (
+    (EXIT_OK, "done, or a signal ended it"),
+    (EXIT_FAILED, "a socket cannot be made, or a stop is not confirmed by all"),
+    (EXIT_USAGE, "wrong usage or configuration"),
+    (EXIT_NETWORK, "the network cannot be used"),
+)
+"""The meaning of each, for the help and the manual page."""
+
+CONNECT_WITHIN_S = 3.0
+
+_log = logging.getLogger("litegripd-fleet")
+
+
+class _FailureError(Exception):
+    """Why a command ends; with its exit code."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run a command; return its exit code."""
+    arguments = make_parser().parse_args(argv)
+    logging.basicConfig(format="%(message)s", level=logging.INFO, stream=sys.stderr)
+    try:
+        return int(_COMMANDS[arguments.command](load(arguments.config), arguments))
+    except (FleetConfigError, BadNameError) as error:
+        return _fail(str(error), EXIT_USAGE)
+    except _FailureError as failure:
+        return _fail(str(failure), failure.code)
+    except NetworkError as error:
+        return _fail(str(error), EXIT_NETWORK)
+    except OSError as error:
+        return _fail(str(error), EXIT_FAILED)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(
+        prog="litegripd-fleet",
+        allow_abbrev=False,
+        description="Grippers of other machines over a zenoh network: a gateway beside the daemons,"
+        " a portal where they are used, a router between them.",
+        epilog=f"exit codes: {', '.join(f'{code} {text}' for code, text in EXIT_CODES)}",
+    )
+    parser.add_argument("--version", action="version", version=f"%(prog)s {version('litegripd')}")
+    parser.add_argument(
+        "--config", default=FILE, metavar="FILE", help="the configuration (default: %(default)s)"
+    )
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    commands.add_parser("gateway", help="put this machine's grippers on the network")
+    commands.add_parser("portal", help="give remote grippers sockets on this machine")
+    commands.add_parser("router", help="let gateways and portals find each other, by the rules")
+    commands.add_parser("acl", help="print the router's rules, as zenoh takes them")
+    listing = commands.add_parser("list", help="list the grippers that can be reached")
+    listing.add_argument("site", nargs="?", default="*", metavar="SITE", help="default: all")
+    stop = commands.add_parser("stop", help="stop all grippers of a site")
+    stop.add_argument("site", metavar="SITE")
+    stop.add_argument("--level", choices=("hold", "relax", "disable"), default="hold")
+    stop.add_argument("--why", help="for the log and for whoever finds the grippers stopped")
+    return parser
+
+
+# Services -----------------------------------------------------------------------------------------
+
+
+def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
+    part = config.gateway
+    if part is None:
+        raise FleetConfigError(f"{config.source}: there is no [gateway]")
+    _warn(config)
+
+    async def serve() -> None:
+        session = await _connecting(config.network)
+        gateways = [Gateway(session, place, channel) for place, channel in part.places.items()]
+        try:
+            await asyncio.gather(*(gateway.run() for gateway in gateways))
+        finally:
+            session.close()
+
+    return asyncio.run(_until_a_signal(serve))
+
+
+def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
+    part = config.portal
+    if part is None:
+        raise FleetConfigError(f"{config.source}: there is no [portal]")
+    _warn(config)
+
+    async def serve() -> None:
+        connecting = asyncio.create_task(_connecting(config.network))
+
+        def session() -> zenoh.Session | None:
+            is_there = connecting.done() and connecting.exception() is None
+            return connecting.result() if is_there else None
+
+        portals = [
+            Portal(
+                session,
+                place,
+                Path(part.directory) / f"{place}.sock",
+                user=part.user,
+                role=part.role,
+                ttl_s=part.ttl_s,
+            )
+            for place in part.grippers
+        ]
+        try:
+            await asyncio.gather(connecting, *(portal.run() for portal in portals))
+        finally:
+            if (connected := session()) is not None:
+                connected.close()
+
+    return asyncio.run(_until_a_signal(serve))
+
+
+def _router(config: FleetConfig, _arguments: argparse.Namespace) -> int:
+    _warn(config)
+    network = _router_network(config)
+
+    async def serve() -> None:
+        session = opened(network, "router")
+        _log.info("listening at %s", ", ".join(network.listen))
+        try:
+            await asyncio.Event().wait()
+        finally:
+            session.close()
+
+    return asyncio.run(_until_a_signal(serve))
+
+
+def _router_network(config: FleetConfig) -> Network:
+    part = config.router
+    if part is None:
+        raise FleetConfigError(f"{config.source}: there is no [router]")
+    own = None if config.insecure else rules(part.users, part.gateways)
+    return Network(config.network.connect, part.listen, config.network.tls, own)
+
+
+async def _connecting(network: Network) -> zenoh.Session:
+    """Open a session, however long that takes, without holding up the event loop.
+
+    The thread that waits is none that the end of the process waits for.
+    """
+    loop = asyncio.get_running_loop()
+    future: asyncio.Future[zenoh.Session] = loop.create_future()
+
+    def settle(session: zenoh.Session | None, error: Exception | None) -> None:
+        if future.cancelled():
+            return
+        if session is not None:
+            future.set_result(session)
+        elif error is not None:
+            future.set_exception(error)
+
+    def connect() -> None:
+        session, problem = None, None
+        try:
+            session = opened(network)
+        except NetworkError as error:
+            problem = error
+        loop.call_soon_threadsafe(settle, session, problem)
+
+    threading.Thread(target=connect, name="connect", daemon=True).start()
+    return await future
+
+
+async def _until_a_signal(serve: Callable[[], Coroutine[Any, Any, None]]) -> int:
+    """Run a service until SIGTERM or SIGINT."""
+    ending = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, ending.set)
+    serving = asyncio.create_task(serve())
+    waiting = asyncio.create_task(ending.wait())
+    await asyncio.wait((serving, waiting), return_when=asyncio.FIRST_COMPLETED)
+    for task in (serving, waiting):
+        task.cancel()
+    ended = await asyncio.gather(serving, return_exceptions=True)
+    for problem in ended:
+        if isinstance(problem, Exception):
+            raise problem
+    return EXIT_OK
+
+
+def _warn(config: FleetConfig) -> None:
+    if config.insecure:
+        _log.warning("insecure = true: nothing is encrypted, and everybody may do everything")
+
+
+# Commands -----------------------------------------------------------------------------------------
+
+
+def _acl(config: FleetConfig, _arguments: argparse.Namespace) -> int:
+    print(json.dumps({"access_control": _router_network(config).rules}, indent=2))
+    return EXIT_OK
+
+
+def _list(config: FleetConfig, arguments: argparse.Namespace) -> int:
+    with _connected(config) as session:
+        places = alive(session, _site(arguments.site))
+    for place in places:
+        print(place)
+    return EXIT_OK
+
+
+def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
+    site, part = _site(arguments.site), config.portal
+    if part is None:
+        raise FleetConfigError(f"{config.source}: a stop needs the [portal], whose user it is of")
+    params = {"level": arguments.level} | ({"why": arguments.why} if arguments.why else {})
+    request = {"jsonrpc": "2.0", "id": 1, "method": "stop", "params": params}
+    line = json.dumps(request).encode() + b"\n"
+    known = [place for place in part.grippers if site in ("*", place.site)]
+    with _connected(config) as session:
+
+        async def stop() -> Stopped:
+            # Stopping comes first: whoever else is there is asked for meanwhile.
+            look = asyncio.create_task(asyncio.to_thread(alive, session, site))
+            stopped = await stop_all(session, site, part.user, known, line)
+            for place in await look:
+                if place not in stopped.confirmed and place not in stopped.failed:
+                    stopped.silent.append(place)
+            return stopped
+
+        stopped = asyncio.run(stop())
+    return _report(stopped)
+
+
+def _report(stopped: Stopped) -> int:
+    for place, after_s in sorted(stopped.confirmed.items()):
+        print(f"{place}: stopped ({after_s * 1e3:.0f} ms)")
+    for place, problem in sorted(stopped.failed.items()):
+        print(f"{place}: NOT confirmed: {problem}")
+    for place in sorted(set(stopped.silent)):
+        print(f"{place}: NOT confirmed: silent")
+    if not stopped.confirmed and not stopped.failed and not stopped.silent:
+        print("no gripper was found")
+    if stopped.ok:
+        return EXIT_OK
+    print("This is no emergency stop: use the switch that cuts the power.", file=sys.stderr)
+    return EXIT_FAILED
+
+
+def _site(text: str) -> str:
+    return text if text == "*" else check_name(text, "site")
+
+
+@contextlib.contextmanager
+def _connected(config: FleetConfig) -> Iterator[zenoh.Session]:
+    """Yield a session; raises `_FailureError` where no router answers in time."""
+    found: list[zenoh.Session] = []
+    problems: list[Exception] = []
+
+    def connect() -> None:
+        try:
+            found.append(opened(config.network))
+        except NetworkError as error:
+            problems.append(error)
+
+    thread = threading.Thread(target=connect, name="connect", daemon=True)
+    thread.start()
+    thread.join(CONNECT_WITHIN_S)
+    if problems:
+        raise problems[0]
+    if not found:
+        where = ", ".join(config.network.connect)
+        raise _FailureError(
+            f"no router answers at {where} within {CONNECT_WITHIN_S:g} s", EXIT_NETWORK
+        )
+    try:
+        yield found[0]
+    finally:
+        found[0].close()
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"litegripd-fleet: {message}", file=sys.stderr)
+    return code
+
+
+_COMMANDS = {
+    "gateway": _gateway,
+    "portal": _portal,
+    "router": _router,
+    "acl": _acl,
+    "list": _list,
+    "stop": _stop,
+}

@@ -1,0 +1,190 @@
+"""Sessions on the zenoh network, with one configuration for all parts.
+
+No discovery, no shared memory, and no message longer than a piece. zenoh calls back on threads of
+its own: here they only hand over what came to the event loop.
+"""
+
+import asyncio
+import json
+import logging
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+
+_log = logging.getLogger(__name__)
+
+LEASE_MS = 2000
+"""A neighbour that is frozen or cut off is gone after so long."""
+
+DROP_AFTER_US = 20_000
+"""So long the event loop waits at most for room in a queue of zenoh's; then a message is dropped,
+and asked for again."""
+
+MAX_MESSAGE_BYTES = 65_536
+_WAITING = 1024
+"""So many queries or samples wait for the event loop before zenoh is held up."""
+
+QUERY_WITHIN_S = 1.0
+
+
+class NetworkError(Exception):
+    """The network cannot be used; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tls:
+    """The files of TLS, as PEM: whom to believe, and who we are."""
+
+    ca: str
+    certificate: str
+    key: str
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """Where the network is. Without `tls` nothing is encrypted, and nobody has to be anybody."""
+
+    connect: Sequence[str] = ()
+    listen: Sequence[str] = ()
+    tls: Tls | None = None
+    rules: Mapping[str, Any] | None = None
+    """zenoh's access control, for a router."""
+
+
+def configuration(network: Network, mode: str) -> zenoh.Config:
+    """Return zenoh's configuration; raises `NetworkError` for what zenoh does not take."""
+    values: dict[str, object] = {
+        "mode": mode,
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": False,
+        "connect/endpoints": list(network.connect),
+        "connect/timeout_ms": -1,
+        "connect/exit_on_failure": False,
+        "listen/endpoints": list(network.listen),
+        # Payloads from 3072 bytes are lost by it without a word (zenoh issue 2628).
+        "transport/shared_memory": {"enabled": False, "mode": "lazy"},
+        "transport/link/tx/lease": LEASE_MS,
+        "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES,
+        # By default 1 ms: on a busy machine, one message in a hundred was dropped.
+        "transport/link/tx/queue/congestion_control/drop/wait_before_drop": DROP_AFTER_US,
+    }
+    if network.tls is not None:
+        values["transport/link/tls"] = {
+            "root_ca_certificate": network.tls.ca,
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "listen_certificate": network.tls.certificate,
+            "listen_private_key": network.tls.key,
+            "connect_certificate": network.tls.certificate,
+            "connect_private_key": network.tls.key,
+            "close_link_on_expiration": True,
+        }
+    if network.rules is not None:
+        values["access_control"] = network.rules
+    config: zenoh.Config = zenoh.Config()
+    key = ""
+    try:
+        for key, value in values.items():
+            config.insert_json5(key, json.dumps(value))
+    except zenoh.ZError as error:
+        raise NetworkError(f"zenoh does not take {key}: {error}") from error
+    return config
+
+
+def opened(network: Network, mode: str = "client") -> zenoh.Session:
+    """Open a session; a client's waits until a router lets it in. Raises `NetworkError`."""
+    try:
+        return zenoh.open(configuration(network, mode))
+    except zenoh.ZError as error:
+        raise NetworkError(str(error)) from error
+
+
+def hand_over(
+    source: "zenoh.Queryable[Any] | zenoh.Subscriber[Any]", take: Callable[[Any], None], name: str
+) -> None:
+    """Take what comes from a queryable or a subscriber, on a thread of its own, until it ends."""
+    queue = source.handler  # the source itself cannot be undeclared while a thread waits at it
+
+    def read() -> None:
+        while True:
+            try:
+                item = queue.recv()
+            except zenoh.ZError:  # undeclared, or the session is closed
+                return
+            take(item)
+
+    threading.Thread(target=read, name=name, daemon=True).start()
+
+
+def all_in_order() -> "zenoh.handlers.FifoChannel[Any]":
+    """Return a queue that holds up zenoh when it is full; nothing is lost."""
+    queue: zenoh.handlers.FifoChannel[Any] = zenoh.handlers.FifoChannel(_WAITING)
+    return queue
+
+
+def the_newest() -> "zenoh.handlers.RingChannel[Any]":
+    """Return a queue whose oldest entries give way when it is full."""
+    queue: zenoh.handlers.RingChannel[Any] = zenoh.handlers.RingChannel(_WAITING)
+    return queue
+
+
+@dataclass(frozen=True, slots=True)
+class Answered:
+    """One answer to a query: the key that it came from, its payload, and what was attached."""
+
+    key: str
+    payload: bytes
+    attached: bytes | None
+
+
+def ask(
+    session: zenoh.Session,
+    key: str,
+    payload: bytes,
+    attached: bytes | None,
+    loop: asyncio.AbstractEventLoop,
+    *,
+    within_s: float = QUERY_WITHIN_S,
+    is_stop: bool = False,
+) -> "asyncio.Future[list[Answered]]":
+    """Send a query; the future has its answers once there are all, or the time is up.
+
+    A stop overtakes everything else, and goes to everybody whom its key reaches.
+    """
+    future: asyncio.Future[list[Answered]] = loop.create_future()
+    answers: list[Answered] = []
+
+    def took(reply: zenoh.Reply) -> None:
+        sample = reply.ok
+        if sample is not None:
+            attachment = sample.attachment
+            attached = None if attachment is None else attachment.to_bytes()
+            answers.append(Answered(str(sample.key_expr), sample.payload.to_bytes(), attached))
+
+    def done() -> None:
+        try:
+            loop.call_soon_threadsafe(settle)
+        except RuntimeError:  # the loop has ended meanwhile
+            _log.debug("an answer to %s came after the end", key)
+
+    def settle() -> None:
+        if not future.done():
+            future.set_result(answers)
+
+    session.get(
+        key,
+        handler=zenoh.handlers.Callback(took, done),
+        payload=payload,
+        attachment=attached,
+        timeout=within_s,
+        target=zenoh.QueryTarget.ALL,
+        consolidation=zenoh.ConsolidationMode.NONE,
+        # Whatever is lost is asked again; the event loop must not wait for the network.
+        congestion_control=zenoh.CongestionControl.DROP,
+        priority=zenoh.Priority.REAL_TIME if is_stop else zenoh.Priority.INTERACTIVE_HIGH,
+        express=True,
+    )
+    return future

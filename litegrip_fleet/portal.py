@@ -1,0 +1,473 @@
+"""The portal: remote grippers as sockets of this machine, so that every client works unchanged.
+
+`lab.left` is found where the daemon of a channel of that name would be: it has a socket for
+requests and one for stops. Whoever may open them acts as the portal's user.
+"""
+
+import asyncio
+import contextlib
+import json
+import logging
+import secrets
+import select
+import socket
+import stat
+import struct
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from litegrip_client.discovery import stop_path
+from litegrip_fleet.answers import (
+    BACKLOG_FULL,
+    LINE_TOO_LONG,
+    UNREACHABLE,
+    error_line,
+    error_object,
+)
+from litegrip_fleet.keys import Place
+from litegrip_fleet.lateness import RemoteClock
+from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
+from litegrip_fleet.near_session import NearSession
+from litegrip_fleet.network import Answered, ask, hand_over, the_newest
+from litegrip_fleet.requests import MAX_LINE_BYTES
+
+_log = logging.getLogger(__name__)
+
+TICK_S = 0.05
+STALLED_S = 0.2
+"""When the portal itself did not run for so long, a line may be as old as its last look."""
+
+OPEN_WITHIN_S = 2.0
+STOP_WITHIN_S = 2.0
+_ASK_AGAIN_S = 0.4
+_CONGESTED_BYTES = 65_536
+_MOST_UNREAD_BYTES = 4 * 1024 * 1024
+_MAX_STOP_BYTES = 1024
+_READ_BYTES = 65_536
+_CREDENTIALS = struct.Struct("3i")
+_STOPPED_STATES = "Tt"
+
+
+class Portal:
+    """One remote gripper's sockets here; `run` serves them until it is cancelled."""
+
+    def __init__(
+        self,
+        session: Callable[[], zenoh.Session | None],
+        place: Place,
+        path: Path,
+        *,
+        user: str,
+        role: str,
+        ttl_s: float,
+        mode: int = 0o660,
+        gid: int | None = None,
+    ) -> None:
+        self.place = place
+        self.path = path
+        self.user = user
+        self.role = role
+        self.ttl_s = ttl_s
+        self._session = session
+        self._mode = mode
+        self._gid = gid
+        self._identity = secrets.token_hex(4)
+        self._count = 0
+        self._clock = RemoteClock()
+        self._clients: dict[str, _Client] = {}
+        self._beat_s = time.monotonic()
+        self._subscriber: Any = None
+        self._serving: set[asyncio.Task[None]] = set()
+
+    @property
+    def stop_path(self) -> str:
+        """The socket for stops."""
+        return stop_path(str(self.path))
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        requests = await self._listening(str(self.path), self._accepted)
+        stops = await self._listening(self.stop_path, self._stopper)
+        try:
+            async with requests, stops:
+                while True:
+                    await asyncio.sleep(TICK_S)
+                    self._tick()
+        finally:
+            for task in list(self._serving):
+                task.cancel()
+            await asyncio.gather(*self._serving, return_exceptions=True)
+            for path in (str(self.path), self.stop_path):
+                Path(path).unlink(missing_ok=True)
+
+    async def _listening(self, path: str, accepted: Any) -> asyncio.Server:
+        """Listen at a path that no living process has; raises `OSError`."""
+        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            _make_way(path)
+            listener.bind(path)
+            Path(path).chmod(self._mode)
+            if self._gid is not None:
+                import os  # noqa: PLC0415 - pathlib has no such call
+
+                os.chown(path, -1, self._gid)
+        except OSError:
+            listener.close()
+            raise
+        return await asyncio.start_unix_server(accepted, sock=listener, limit=_READ_BYTES)
+
+    def _tick(self) -> None:
+        now_s = time.monotonic()
+        self._beat_s = now_s
+        if self._subscriber is None and (session := self._session()) is not None:
+            self._subscribe(session)  # before a session needs it: the router has to hear of it
+        for client in list(self._clients.values()):
+            client.tick(now_s)
+
+    def sent_s(self, now_s: float) -> float:
+        """Return when what is read now was sent at the earliest, if this process was held up."""
+        return now_s if now_s - self._beat_s < STALLED_S else self._beat_s
+
+    # Requests -------------------------------------------------------------------------------------
+
+    async def _accepted(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None, "asyncio calls this in a task of its own"  # noqa: S101
+        self._serving.add(task)
+        try:
+            await self._serve(reader, writer)
+        except (ConnectionError, asyncio.CancelledError) as error:
+            _log.debug("%s: a client has gone: %s", self.place, error)
+        finally:
+            self._serving.discard(task)
+            writer.close()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._count += 1
+        session = f"{self._identity}-{self._count}"
+        key = self.place.rpc(self.user, session, self.role)
+        client = _Client(self, key, writer)
+        self._clients[session] = client
+        try:
+            error = await self._open(client)
+            if error is not None:
+                writer.write(error_line(None, error))
+                await writer.drain()
+                return
+            await client.read(reader)
+        finally:
+            del self._clients[session]
+            if client.near is not None:
+                client.send(Ask("close"), b"")
+
+    async def _open(self, client: "_Client") -> dict[str, Any] | None:
+        """Begin a session at the gateway; return why that is not possible, or None."""
+        ends_s = time.monotonic() + OPEN_WITHIN_S
+        opening = Ask("open", ttl_s=self.ttl_s, program=client.program)
+        while (sent_s := time.monotonic()) < ends_s:
+            session = self._session()
+            if session is None or self._subscriber is None:
+                await asyncio.sleep(TICK_S)
+                continue
+            within_s = min(ends_s - sent_s, 1.0)
+            reply = _reply_in(await self._asked(session, client.key, b"", opening, within_s))
+            now_s = time.monotonic()
+            if reply is None:
+                await asyncio.sleep(TICK_S)
+                continue
+            if reply.gone is not None:
+                return reply.gone
+            client.begin(reply, sent_s, now_s)
+            return None
+        return error_object(UNREACHABLE, await self._why())
+
+    async def _why(self) -> str:
+        """Return why the gripper does not answer."""
+        session = self._session()
+        if session is None:
+            return f"{self.place} cannot be reached: no router answers"
+        if not list(session.info.routers_zid()):
+            return f"{self.place} cannot be reached: the connection to the router is lost"
+        alive = await asyncio.to_thread(
+            lambda: list(session.liveliness().get(self.place.alive, timeout=1.0))
+        )
+        if alive:
+            return (
+                f"{self.place} is there and does not answer {self.user}: its gateway is held up,"
+                f" or the router does not let {self.user} be {self.role}"
+            )
+        return f"{self.place} cannot be reached: its gateway is not connected"
+
+    def _subscribe(self, session: zenoh.Session) -> None:
+        """Subscribe to what the gateway sends to this portal's sessions."""
+        loop = asyncio.get_running_loop()
+        key = self.place.to(self.user, f"{self._identity}-*").replace("-*", "-$*")
+        self._subscriber = session.declare_subscriber(key, the_newest())
+
+        def pushed(sample: zenoh.Sample) -> None:
+            loop.call_soon_threadsafe(self._pushed, sample)
+
+        hand_over(self._subscriber, pushed, f"portal {self.place}")
+
+    def _pushed(self, sample: zenoh.Sample) -> None:
+        client = self._clients.get(str(sample.key_expr).rpartition("/")[2])
+        attached = sample.attachment
+        if client is None or client.near is None:
+            return
+        try:
+            push = unpacked(Push, None if attached is None else attached.to_bytes())
+        except BadMessageError as error:
+            _log.debug("%s: %s", self.place, error)
+            return
+        client.near.pushed(push, sample.payload.to_bytes(), time.monotonic())
+        client.close_if_ended()
+
+    async def _asked(
+        self, session: zenoh.Session, key: str, line: bytes, message: Ask, within_s: float
+    ) -> list[Answered]:
+        loop = asyncio.get_running_loop()
+        return await ask(session, key, line, packed(message), loop, within_s=within_s)
+
+    def send(self, client: "_Client", message: Ask, line: bytes) -> None:
+        """Send a message of a client's session, and give the answer to it."""
+        session = self._session()
+        if session is None:
+            return
+        sent_s = time.monotonic()
+        loop = asyncio.get_running_loop()
+        future = ask(session, client.key, line, packed(message), loop, within_s=1.0)
+        future.add_done_callback(lambda done: client.replied(_reply_in(done.result()), sent_s))
+
+    # Stops ----------------------------------------------------------------------------------------
+
+    async def _stopper(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None, "asyncio calls this in a task of its own"  # noqa: S101
+        self._serving.add(task)
+        try:
+            while line := await _stop_line(reader):
+                writer.write(await self._stopped(line))
+                await writer.drain()
+        except ConnectionError as error:
+            _log.debug("%s: who stopped has gone: %s", self.place, error)
+        finally:
+            self._serving.discard(task)
+            writer.close()
+
+    async def _stopped(self, line: bytes) -> bytes:
+        """Stop; return the daemon's answer, or that the stop is not confirmed."""
+        answer = await stop_one(self._session, self.place, self.user, line)
+        if answer is not None:
+            return answer
+        text = (
+            f"the stop of {self.place} is not confirmed within {STOP_WITHIN_S:g} s: it may come"
+            " into force later; use the switch that cuts the power"
+        )
+        return error_line(_identity_in(line), error_object(UNREACHABLE, text))
+
+
+async def stop_one(
+    session_of: Callable[[], zenoh.Session | None], place: Place, user: str, line: bytes
+) -> bytes | None:
+    """Stop a gripper, asking again until it answers; None when it has not in time."""
+    loop = asyncio.get_running_loop()
+    ends_s = loop.time() + STOP_WITHIN_S
+    while (left_s := ends_s - loop.time()) > 0.0:
+        session = session_of()
+        if session is not None:
+            within_s = min(left_s, _ASK_AGAIN_S * 2)
+            key = place.stop(user)
+            answers = await ask(session, key, line, None, loop, within_s=within_s, is_stop=True)
+            for answer in answers:
+                if answer.payload:
+                    return answer.payload
+        await asyncio.sleep(min(0.05, max(0.0, ends_s - loop.time())))
+    return None
+
+
+class _Client:
+    """A local client's connection; `near` once its session has begun."""
+
+    def __init__(self, portal: Portal, key: str, writer: asyncio.StreamWriter) -> None:
+        self.key = key
+        self.near: NearSession | None = None
+        self._portal = portal
+        self._writer = writer
+        self._socket: socket.socket = writer.get_extra_info("socket")
+        self._pid = _peer_pid(self._socket)
+        self.program = _program(self._pid)
+        self._half_closed = False
+        self._gone = asyncio.Event()
+
+    def begin(self, reply: Reply, sent_s: float, now_s: float) -> None:
+        """Begin the session that the gateway has opened."""
+        portal = self._portal
+        self.near = NearSession(
+            portal.ttl_s,
+            portal._clock,  # noqa: SLF001 - of one gateway
+            now_s,
+            channel=str(portal.place),
+            stop_socket=portal.stop_path,
+            ask=self.send,
+            tell=self._tell,
+        )
+        self.near.opened(reply.about)
+        self.near.replied(reply, sent_s, now_s)
+
+    def send(self, message: Ask, line: bytes) -> None:
+        """Send a message of this session."""
+        self._portal.send(self, message, line)
+
+    def replied(self, reply: Reply | None, sent_s: float) -> None:
+        """Take the answer to a message; None if there was none."""
+        if reply is not None and self.near is not None:
+            self.near.replied(reply, sent_s, time.monotonic())
+            self.close_if_ended()
+
+    async def read(self, reader: asyncio.StreamReader) -> None:
+        """Send what the client says until it, or the session, goes."""
+        reading = asyncio.create_task(self._read(reader))
+        gone = asyncio.create_task(self._gone.wait())
+        try:
+            await asyncio.wait((reading, gone), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (reading, gone):
+                task.cancel()
+            await asyncio.gather(reading, gone, return_exceptions=True)
+        with contextlib.suppress(ConnectionError, asyncio.TimeoutError):
+            await asyncio.wait_for(self._writer.drain(), 1.0)
+
+    async def _read(self, reader: asyncio.StreamReader) -> None:
+        """Send each line at once, however many: what waits here would look newer than it is."""
+        assert self.near is not None, "it has begun"  # noqa: S101 - for the type
+        rest = b""
+        while received := await reader.read(_READ_BYTES):
+            now_s = time.monotonic()
+            *lines, rest = (rest + received).split(b"\n")
+            for line in lines:
+                self._take(line, now_s)
+            if len(rest) > MAX_LINE_BYTES:
+                self._refuse_length()
+                return
+        if rest.strip():
+            self._take(rest, time.monotonic())
+        if self._has_hung_up():
+            return
+        self._half_closed = True
+        self.near.half_closed(time.monotonic())
+        await self._gone.wait()
+
+    def _take(self, line: bytes, now_s: float) -> None:
+        assert self.near is not None, "it has begun"  # noqa: S101 - for the type
+        if len(line) > MAX_LINE_BYTES:
+            self._refuse_length()
+        elif line.strip() and not self._gone.is_set():
+            self.near.asked(line + b"\n", self._portal.sent_s(now_s), now_s)
+
+    def _refuse_length(self) -> None:
+        text = f"a line is longer than {MAX_LINE_BYTES} bytes: send large contents in pieces"
+        self._writer.write(error_line(None, error_object(LINE_TOO_LONG, text)))
+        self._gone.set()
+
+    def tick(self, now_s: float) -> None:
+        """Do what is due."""
+        if self.near is None:
+            return
+        if self._half_closed and self._has_hung_up():
+            self._gone.set()
+            return
+        self.near.tick(now_s, lives=_lives(self._pid))
+        self.close_if_ended()
+
+    def close_if_ended(self) -> None:
+        """Close the connection once the session has ended."""
+        if self.near is not None and self.near.ended:
+            self._gone.set()
+
+    def _tell(self, line: bytes) -> None:
+        """Write a line to the client; samples are dropped while it does not read."""
+        if self._gone.is_set():
+            return
+        unread_bytes = self._writer.transport.get_write_buffer_size()
+        if unread_bytes > _CONGESTED_BYTES and line.startswith(
+            b'{"jsonrpc":"2.0","method":"state.'
+        ):
+            return
+        self._writer.write(line)
+        if unread_bytes > _MOST_UNREAD_BYTES:
+            text = f"more than {_MOST_UNREAD_BYTES} bytes wait to be read by this client"
+            self._writer.write(error_line(None, error_object(BACKLOG_FULL, text)))
+            self._gone.set()
+
+    def _has_hung_up(self) -> bool:
+        """Return True if the client has closed both directions, and not only its own."""
+        poll = select.poll()
+        poll.register(self._socket.fileno(), 0)
+        return any(mask & (select.POLLHUP | select.POLLERR) for _fd, mask in poll.poll(0))
+
+
+def _reply_in(answers: list[Answered]) -> Reply | None:
+    """Return the gateway's reply among the answers to a query, None without one."""
+    for answer in answers:
+        with contextlib.suppress(BadMessageError):
+            return unpacked(Reply, answer.attached)
+    return None
+
+
+async def _stop_line(reader: asyncio.StreamReader) -> bytes:
+    """Return a line that stops, whole or not; empty at the end."""
+    try:
+        return await reader.readuntil(b"\n")
+    except asyncio.IncompleteReadError as ended:
+        return ended.partial
+    except asyncio.LimitOverrunError:
+        return await reader.read(_MAX_STOP_BYTES)
+
+
+def _identity_in(line: bytes) -> object:
+    try:
+        request = json.loads(line)
+    except (ValueError, RecursionError):
+        return None
+    return request.get("id") if isinstance(request, dict) else None
+
+
+def _make_way(path: str) -> None:
+    """Remove a socket that nobody listens at any more; raises `OSError` where somebody does."""
+    file = Path(path)
+    if not file.exists() or not stat.S_ISSOCK(file.stat().st_mode):
+        return
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        try:
+            probe.connect(path)
+        except ConnectionRefusedError:
+            file.unlink(missing_ok=True)
+            return
+    raise FileExistsError(f"{path} belongs to another process")
+
+
+def _peer_pid(connected: socket.socket) -> int:
+    given = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    return int(_CREDENTIALS.unpack(given)[0])
+
+
+def _program(pid: int) -> str | None:
+    """Return the name of a process as the daemon would show it; None if that cannot be read."""
+    try:
+        name = Path(f"/proc/{pid}/comm").read_text("utf-8", "replace").strip()
+    except OSError:
+        return None
+    return name[:64] if name.isprintable() and name else None
+
+
+def _lives(pid: int) -> bool:
+    """Return False for a process that is stopped (SIGSTOP): it can answer for nothing."""
+    try:
+        content = Path(f"/proc/{pid}/stat").read_text("ascii", "replace")
+    except OSError:
+        return True  # of another namespace, or gone: its connection says so
+    return content.rpartition(")")[2].split(maxsplit=1)[0] not in _STOPPED_STATES

@@ -1,0 +1,102 @@
+"""What a gateway lets through to the daemon: each line with its age and its limits, or refused."""
+
+import json
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from litegrip_client.protocol import strict_json
+from litegrip_fleet.answers import INVALID_PARAMS, TOO_LATE, error_line, error_object, refused_line
+from litegrip_fleet.lateness import MOTION_COUNTS_S, SET_POINT_COUNTS_S, late_by
+
+SHORTEST_TTL_S, LONGEST_TTL_S = 0.3, 5.0
+"""Of a session, and of a lease that it asks for."""
+
+MAX_LINE_BYTES = 16_384
+"""As the daemon's."""
+
+_LEASES = frozenset({"lease.acquire", "lease.take"})
+_SET_POINT = "stream.set"
+
+
+class RefusedError(Exception):
+    """A line that goes no further; `answer` is for who sent it, empty where nobody waits."""
+
+    def __init__(self, answer: bytes) -> None:
+        super().__init__()
+        self.answer = answer
+
+
+def passed(
+    line: bytes,
+    now_s: float,
+    *,
+    at_s: float | None,
+    generation: int | None,
+    ttl_s: float,
+    voided: Collection[str],
+) -> bytes:
+    """Return a line as the daemon is to get it; raises `RefusedError`.
+
+    `at_s` is when it was sent by the clock of this machine, `generation` the count of stops that
+    the sender knew of. `voided` are the methods that a stop makes void: they are refused when they
+    are late. A lease without a time to live, or with one that no network should have, does not
+    pass. What is no request is the daemon's to refuse: it reads lines as this does.
+    """
+    request = _parsed(line)
+    if request is None:
+        return line
+    method, params = request["method"], dict(request.get("params", {}))
+    if method in voided:
+        _check_age(request, method, at_s, now_s)
+        if at_s is not None:
+            params["sent_s"] = min(at_s, now_s)
+        if generation is not None:
+            params.setdefault("stop_generation", generation)
+    if method in _LEASES:
+        params["ttl_s"] = _checked_ttl(request, params.get("ttl_s", ttl_s))
+    if params == request.get("params", {}):
+        return line
+    return json.dumps({**request, "params": params}, separators=(",", ":")).encode() + b"\n"
+
+
+def _parsed(line: bytes) -> Mapping[str, Any] | None:
+    """Return a line's request; None for what is none."""
+    try:
+        value = strict_json.decode(line.decode())
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(value, dict) or not isinstance(value.get("method"), str):
+        return None
+    return value if isinstance(value.get("params", {}), dict) else None
+
+
+def _check_age(request: Mapping[str, Any], method: str, at_s: float | None, now_s: float) -> None:
+    counts_s = SET_POINT_COUNTS_S if method == _SET_POINT else MOTION_COUNTS_S
+    age_s = late_by(at_s, now_s, counts_s)
+    if age_s is None:
+        return
+    age = "unknown" if age_s == float("inf") else f"{age_s:.2f} s"
+    error = error_object(
+        TOO_LATE,
+        f"{method} came over the network too late to count: its age is {age}, {counts_s:g} s are"
+        " allowed; it was not carried out",
+        hint="look at the gripper's state, then send it again",
+    )
+    if "id" in request:
+        raise RefusedError(error_line(request["id"], error))
+    raise RefusedError(refused_line(error) if method == _SET_POINT else b"")
+
+
+def _checked_ttl(request: Mapping[str, Any], ttl_s: object) -> object:
+    """Return the time to live that a lease is asked for with; raises `RefusedError`.
+
+    What is no number is the daemon's to refuse.
+    """
+    if not isinstance(ttl_s, int | float) or SHORTEST_TTL_S <= ttl_s <= LONGEST_TTL_S:
+        return ttl_s
+    text = (
+        f"{request['method']}: ttl_s is {ttl_s:g}, over the network it must be {SHORTEST_TTL_S:g}"
+        f" to {LONGEST_TTL_S:g}"
+    )
+    error = error_object(INVALID_PARAMS, text, parameter="ttl_s")
+    raise RefusedError(error_line(request["id"], error) if "id" in request else b"")

@@ -1,0 +1,78 @@
+"""A whole site at once: who is there, and a stop for all."""
+
+import asyncio
+import json
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import zenoh
+
+from litegrip_fleet.keys import PREFIX, Place, place_in
+from litegrip_fleet.network import ask
+
+LOOK_WITHIN_S = 1.0
+STOP_WITHIN_S = 2.0
+_ASK_AGAIN_S = 0.5
+
+
+def alive(session: zenoh.Session, site: str = "*") -> list[Place]:
+    """Return the grippers whose daemons can be reached."""
+    replies = session.liveliness().get(f"{PREFIX}/{site}/*/alive", timeout=LOOK_WITHIN_S)
+    places = {place_in(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
+    return sorted(place for place in places if place is not None)
+
+
+@dataclass(frozen=True, slots=True)
+class Stopped:
+    """What became of a stop of a site: who has confirmed it, who has refused, who is silent."""
+
+    confirmed: dict[Place, float]
+    """By the time that it took, in seconds."""
+    failed: dict[Place, str]
+    silent: list[Place]
+
+    @property
+    def ok(self) -> bool:
+        """True if every gripper that was expected, and one at least, has stopped."""
+        return bool(self.confirmed) and not self.failed and not self.silent
+
+
+async def stop_all(
+    session: zenoh.Session, site: str, user: str, expected: Iterable[Place], line: bytes
+) -> Stopped:
+    """Stop all grippers of a site, asking again until all have answered, or the time is up."""
+    loop = asyncio.get_running_loop()
+    begun_s = time.monotonic()
+    key = f"{PREFIX}/{site}/*/stop/{user}"
+    waits_for = set(expected)
+    confirmed: dict[Place, float] = {}
+    failed: dict[Place, str] = {}
+    is_first = True
+    while (left_s := begun_s + STOP_WITHIN_S - time.monotonic()) > 0.0:
+        if not is_first and not waits_for - confirmed.keys():
+            break
+        is_first = False
+        within_s = min(_ASK_AGAIN_S * 2, left_s)
+        for answer in await ask(session, key, line, None, loop, within_s=within_s, is_stop=True):
+            place = place_in(answer.key)
+            if place is None or place in confirmed:
+                continue
+            problem = _problem_in(answer.payload)
+            if problem is None:
+                confirmed[place] = time.monotonic() - begun_s
+                failed.pop(place, None)
+            else:
+                failed[place] = problem
+        await asyncio.sleep(min(0.05, max(0.0, left_s)))
+    silent = sorted(waits_for - confirmed.keys() - failed.keys())
+    return Stopped(confirmed, failed, silent)
+
+
+def _problem_in(payload: bytes) -> str | None:
+    """Return why a gripper did not stop; None if it did."""
+    try:
+        answer = json.loads(payload)
+        return None if "result" in answer else str(answer["error"]["message"])
+    except (ValueError, KeyError, TypeError):
+        return f"an answer that is none: {payload[:60]!r}"

@@ -1,0 +1,130 @@
+"""The configuration of a fleet: what it says is what is meant, and anything else is refused."""
+
+from pathlib import Path
+
+import pytest
+
+from litegrip_fleet.access import rules
+from litegrip_fleet.config import FleetConfigError, load
+from litegrip_fleet.keys import BadNameError, Place, caller_in, place_in, stopper_in
+
+TLS = 'ca = "/a"\ncertificate = "/b"\nkey = "/c"\n'
+NETWORK = f"[network]\n{TLS}"
+
+
+def config(tmp_path: Path, text: str) -> Path:
+    file = tmp_path / "fleet.toml"
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_all_three_parts(tmp_path: Path) -> None:
+    file = config(
+        tmp_path,
+        NETWORK + 'connect = ["tls/r:7447"]\n'
+        '[gateway]\nsite = "lab"\ngrippers = { left = "can0", right = "can1" }\n'
+        '[portal]\nuser = "op1"\ngrippers = ["lab.left"]\nttl_s = 0.5\n'
+        '[router]\nlisten = ["tls/0.0.0.0:7447"]\nusers = { op1 = "operator" }\n'
+        'gateways = { robot1 = ["lab.left", "lab.right"] }\n',
+    )
+    found = load(str(file))
+    left, right = Place("lab", "left"), Place("lab", "right")
+    assert found.network.tls is not None
+    assert not found.insecure
+    assert found.gateway is not None
+    assert found.gateway.places == {left: "can0", right: "can1"}
+    assert found.portal is not None
+    assert (found.portal.grippers, found.portal.role, found.portal.ttl_s) == (
+        [left],
+        "operator",
+        0.5,
+    )
+    assert found.router is not None
+    assert found.router.gateways == {"robot1": [left, right]}
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "insecure = true"),
+        ("[network]\n", "insecure = true"),
+        ('[network]\nca = "/a"\n', "insecure = true"),
+        (f"[network]\n{TLS}insecure = true\n", "choose one"),
+        ("[network]\ninsecure = 1\n", "true or false"),
+        (f"{NETWORK}[porter]\n", "unknown"),
+        (f"{NETWORK}conect = []\n", "unknown"),
+        (f"{NETWORK}[gateway]\n", "site is missing"),
+        (f'{NETWORK}[gateway]\nsite = "a/b"\ngrippers = {{}}\n', "1 to 32 letters"),
+        (f'{NETWORK}[gateway]\nsite = "lab"\ngrippers = {{}}\n', "is empty"),
+        (f'{NETWORK}[gateway]\nsite = "lab"\ngrippers = {{"*" = "can0"}}\n', "1 to 32 letters"),
+        (f'{NETWORK}[gateway]\nsite = "lab"\ngrippers = {{a = "../x"}}\n', "cannot be a channel"),
+        (f'{NETWORK}[portal]\nuser = "op1"\ngrippers = ["left"]\n', "SITE.GRIPPER"),
+        (f'{NETWORK}[portal]\nuser = "op1"\ngrippers = ["lab.*"]\n', "1 to 32 letters"),
+        (f'{NETWORK}[portal]\nuser = "op1"\ngrippers = []\n', "one at least"),
+        (f'{NETWORK}[portal]\nuser = "**"\ngrippers = ["lab.a"]\n', "1 to 32 letters"),
+        (
+            f'{NETWORK}[portal]\nuser = "a"\ngrippers = ["lab.a"]\nrole = "root"\n',
+            "observer, operator, admin",
+        ),
+        (f'{NETWORK}[portal]\nuser = "a"\ngrippers = ["lab.a"]\nttl_s = 60\n', "0.3 to 5"),
+        (f"{NETWORK}[router]\nlisten = []\n", "is empty"),
+        (f'{NETWORK}[router]\nlisten = ["x"]\nusers = {{a = "king"}}\n', "observer, operator"),
+        (
+            NETWORK + "[router]\nlisten = ['x']\nusers = {a = 'admin'}\ngateways = {a = ['l.a']}",
+            "another certificate",
+        ),
+        (f'{NETWORK}[router]\nlisten = ["x"]\ngateways = {{g = "lab.a"}}\n', "array of grippers"),
+        ("[network\n", "fleet.toml"),
+    ],
+)
+def test_what_cannot_be_is_refused_and_says_what_can(tmp_path: Path, text: str, told: str) -> None:
+    with pytest.raises(FleetConfigError, match=r"fleet\.toml") as caught:
+        load(str(config(tmp_path, text)))
+    assert told in str(caught.value)
+
+
+def test_a_file_that_is_not_there(tmp_path: Path) -> None:
+    with pytest.raises(FleetConfigError, match="No such file"):
+        load(str(tmp_path / "none.toml"))
+
+
+def test_keys_say_who_asks_and_nothing_else_passes() -> None:
+    left = Place("lab", "left")
+    caller = caller_in(left.rpc("op1", "ab-1", "operator"))
+    assert caller is not None
+    assert (caller.user, caller.session, caller.role) == ("op1", "ab-1", "operator")
+    assert place_in(left.alive) == left
+    assert stopper_in(left.stop("op1")) == "op1"
+    for key in (
+        left.stop("op1"),
+        left.key + "/rpc/op1/ab-1/root",
+        left.key + "/rpc/op1/ab-1",
+        left.key + "/rpc/*/ab-1/operate",
+        left.key + "/rpc/**",
+        left.key + "/rpc/op1/ab-1/operate/more",
+    ):
+        assert caller_in(key) is None
+    assert stopper_in(left.key + "/stop/*") is None
+    assert place_in("litegripd/2/lab/left/alive") is None
+    assert place_in("litegripd/1/*/left/alive") is None
+
+
+@pytest.mark.parametrize("text", ["", "lab", "lab.", ".left", "lab.left.more", "lab./x", 7])
+def test_a_place_is_a_site_and_a_gripper(text: object) -> None:
+    with pytest.raises(BadNameError):
+        Place.of(text)
+
+
+def test_the_rules_name_each_user_and_each_gateway_alone() -> None:
+    made = rules({"op1": "operator", "viewer": "observer"}, {"robot1": [Place("lab", "left")]})
+    assert made["default_permission"] == "deny"
+    by_name = {rule["id"]: rule for rule in made["rules"]}
+    assert all(rule["permission"] == "allow" for rule in by_name.values())
+    asks = by_name["user viewer asks"]["key_exprs"]
+    assert asks == ["litegripd/1/*/*/rpc/viewer/*/observe", "litegripd/1/*/*/stop/viewer"]
+    assert "litegripd/1/*/*/rpc/op1/*/operate" in by_name["user op1 asks"]["key_exprs"]
+    assert not any("/admin" in key for rule in by_name.values() for key in rule["key_exprs"])
+    assert all(subject["cert_common_names"] == [subject["id"]] for subject in made["subjects"])
+    for policy in made["policies"]:
+        (subject,) = policy["subjects"]
+        assert all(subject in rule.split() for rule in policy["rules"])

@@ -1,0 +1,388 @@
+"""A session's two halves over a network that loses, delays, repeats and reorders; virtual time."""
+
+import json
+import random
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from litegrip_fleet.far_session import PIECE_BYTES, ROOM_BYTES, FarSession
+from litegrip_fleet.keys import Caller
+from litegrip_fleet.lateness import MOTION_COUNTS_S, RemoteClock
+from litegrip_fleet.messages import Ask, Push, Reply, packed, unpacked
+from litegrip_fleet.near_session import NearSession
+from tests.properties import examples
+
+TICK_S = 0.05
+TTL_S = 1.0
+FAR_CLOCK_AHEAD_S = 5000.0
+VOIDED = frozenset({"motion.open", "motion.close", "stream.set"})
+
+
+@dataclass
+class Weather:
+    """What the network does to a message: `loss` and `twice` are probabilities."""
+
+    loss: float = 0.0
+    twice: float = 0.0
+    delay_s: float = 0.001
+    jitter_s: float = 0.0
+    cut: bool = False
+
+
+@dataclass
+class Scene:
+    """A client at a portal, a daemon at a gateway, and the weather between them."""
+
+    weather: Weather = field(default_factory=Weather)
+    ttl_s: float = TTL_S
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        self.now_s = 100.0
+        self.to_daemon: list[bytes | None] = []
+        self.daemon_times_s: list[float] = []
+        self.to_client: list[bytes] = []
+        self.client_lives = True
+        self.portal_runs = True
+        self.gateway_runs = True
+        self.closed_s: float | None = None
+        self._random = random.Random(self.seed)
+        self._in_flight: list[tuple[float, int, Callable[[], None]]] = []
+        self._count = 0
+        self.carried = 0
+        clock = RemoteClock()
+        clock.note(self.now_s, self.now_s, self.now_s + FAR_CLOCK_AHEAD_S)
+        self.near = NearSession(
+            self.ttl_s,
+            clock,
+            self.now_s,
+            channel="lab.left",
+            stop_socket="/run/lab.left.stop.sock",
+            ask=self._ask,
+            tell=self.to_client.append,
+        )
+        self.far: FarSession | None = FarSession(
+            Caller("op1", "s-1", "operator"),
+            Ask("open", ttl_s=self.ttl_s),
+            self.far_now_s,
+            voided=VOIDED,
+            to_daemon=self._arrived,
+            push=self._push,
+        )
+
+    @property
+    def has_room(self) -> bool:
+        assert self.far is not None
+        return self.far.has_room
+
+    @property
+    def far_now_s(self) -> float:
+        return self.now_s + FAR_CLOCK_AHEAD_S
+
+    def _arrived(self, line: bytes | None) -> None:
+        self.to_daemon.append(line)
+        self.daemon_times_s.append(self.now_s)
+
+    def _carry(self, deliver: Callable[[], None]) -> None:
+        self.carried += 1
+        weather = self.weather
+        if weather.cut or self._random.random() < weather.loss:
+            return
+        for _ in range(2 if self._random.random() < weather.twice else 1):
+            at_s = self.now_s + weather.delay_s + self._random.random() * weather.jitter_s
+            self._count += 1
+            self._in_flight.append((at_s, self._count, deliver))
+
+    def _ask(self, ask: Ask, line: bytes) -> None:
+        sent_s, attached = self.now_s, packed(ask)
+        self._carry(lambda: self._asked(unpacked(Ask, attached), line, sent_s))
+
+    def _asked(self, ask: Ask, line: bytes, sent_s: float) -> None:
+        if self.far is None:
+            reply = Reply(0, 0, self.far_now_s, gone={"code": 1, "message": "gone", "data": {}})
+        else:
+            self.far.asked(ask, line, self.far_now_s)
+            reply = self.far.reply(self.far_now_s)
+        attached = packed(reply)
+        self._carry(lambda: self.near.replied(unpacked(Reply, attached), sent_s, self.now_s))
+
+    def _push(self, push: Push, piece: bytes) -> None:
+        attached = packed(push)
+        self._carry(lambda: self.near.pushed(unpacked(Push, attached), piece, self.now_s))
+
+    def run(self, seconds: float) -> None:
+        """Let time pass, in steps of a tick and of what arrives in between."""
+        ends_s = self.now_s + seconds
+        while self.now_s < ends_s - 1e-9:
+            next_s = min(self.now_s + TICK_S, ends_s)
+            while due := [entry for entry in self._in_flight if entry[0] <= next_s]:
+                entry = min(due)
+                self._in_flight.remove(entry)
+                self.now_s = max(self.now_s, entry[0])
+                entry[2]()
+            self.now_s = next_s
+            if self.portal_runs:
+                self.near.tick(self.now_s, lives=self.client_lives)
+            if self.gateway_runs and self.far is not None and self.far.is_lost(self.far_now_s):
+                self.far, self.closed_s = None, self.now_s
+
+    def say(self, method: str, identity: int | None = 1, **params: Any) -> None:
+        """Let the client send a request."""
+        request: dict[str, Any] = {"jsonrpc": "2.0", "method": method, "params": params}
+        if identity is not None:
+            request["id"] = identity
+        self.near.asked(json.dumps(request).encode() + b"\n", self.now_s, self.now_s)
+
+    def daemon_says(self, **message: Any) -> bytes:
+        """Let the daemon send a line."""
+        line = json.dumps({"jsonrpc": "2.0", **message}, separators=(",", ":")).encode() + b"\n"
+        assert self.far is not None
+        self.far.said(line)
+        return line
+
+    @property
+    def asked(self) -> list[dict[str, Any]]:
+        """What the daemon has got."""
+        return [json.loads(line) for line in self.to_daemon if line is not None]
+
+    @property
+    def told(self) -> list[dict[str, Any]]:
+        """What the client has got."""
+        return [json.loads(line) for line in self.to_client]
+
+
+@examples(60)
+@given(
+    loss=st.floats(0.0, 0.4),
+    twice=st.floats(0.0, 0.4),
+    jitter_s=st.floats(0.0, 0.2),
+    seed=st.integers(0, 2**32),
+    spacing_s=st.sampled_from([0.0, 0.005, 0.05]),
+)
+def test_each_line_arrives_once_and_in_order_both_ways(
+    loss: float, twice: float, jitter_s: float, seed: int, spacing_s: float
+) -> None:
+    scene = Scene(Weather(loss, twice, 0.01, jitter_s), ttl_s=5.0, seed=seed)
+    said = []
+    for number in range(1, 31):
+        scene.say("state.get", number)
+        said.append(scene.daemon_says(id=number, result={"n": number}))
+        scene.run(spacing_s)
+    scene.weather = Weather(delay_s=0.01)
+    scene.run(2.0)
+    assert [request["id"] for request in scene.asked] == list(range(1, 31))
+    assert scene.to_client == said
+
+
+def test_without_trouble_a_line_and_its_answer_take_one_round_trip() -> None:
+    scene = Scene(Weather(delay_s=0.02))
+    scene.say("state.get", 7)
+    scene.run(0.02)
+    assert [request["id"] for request in scene.asked] == [7]
+    scene.daemon_says(id=7, result={})
+    scene.run(0.02)
+    assert [answer["id"] for answer in scene.told] == [7]
+
+
+@examples(60)
+@given(cut_s=st.floats(0.0, 3.0), seed=st.integers(0, 2**32), jitter_s=st.floats(0.0, 1.0))
+def test_what_a_mended_network_gives_back_moves_nothing(
+    cut_s: float, seed: int, jitter_s: float
+) -> None:
+    scene = Scene(Weather(jitter_s=jitter_s), ttl_s=5.0, seed=seed)
+    sent_s = {}
+    for number in range(1, 21):
+        sent_s[number] = scene.now_s
+        scene.say("motion.open", number)
+        if number == 10:
+            scene.weather.cut = True
+            scene.run(cut_s)
+            scene.weather.cut = False
+        scene.run(0.02)
+    scene.weather.jitter_s = 0.0
+    scene.run(2.0)
+    moved = dict(zip([line["id"] for line in scene.asked], scene.daemon_times_s, strict=True))
+    for number, arrived_s in moved.items():
+        # The clock is reckoned to half of a round trip.
+        assert arrived_s - sent_s[number] <= MOTION_COUNTS_S + jitter_s + 0.001
+    refused = [answer["id"] for answer in scene.told if "error" in answer]
+    assert sorted([*moved, *refused]) == list(range(1, 21))
+    assert all(
+        answer["error"]["data"]["reason"] == "too_late"
+        for answer in scene.told
+        if "error" in answer
+    )
+
+
+@pytest.mark.parametrize("cut_s", [1.2, 3.0, 10.0])
+def test_a_cut_that_is_longer_than_the_time_to_live_ends_both_ends(cut_s: float) -> None:
+    scene = Scene()
+    scene.run(2.0)
+    begun_s = scene.now_s
+    scene.weather.cut = True
+    scene.say("motion.open", 5)
+    scene.run(cut_s)
+    assert scene.near.ended
+    assert scene.closed_s is not None
+    assert scene.closed_s - begun_s <= TTL_S + 2 * TICK_S
+    assert scene.told[-1]["id"] is None
+    assert scene.told[-1]["error"]["data"]["reason"] == "unreachable"
+    scene.weather.cut = False
+    scene.run(2.0)
+    assert scene.asked == []
+
+
+def test_a_cut_that_is_shorter_ends_nothing() -> None:
+    scene = Scene()
+    scene.run(1.0)
+    scene.weather.cut = True
+    scene.say("state.get", 5)
+    line = scene.daemon_says(method="event", params={})
+    scene.run(0.6)
+    scene.weather.cut = False
+    scene.run(0.5)
+    assert [request["id"] for request in scene.asked] == [5]
+    assert scene.to_client == [line]
+    assert not scene.near.ended
+
+
+def test_a_session_without_traffic_lives_through_bad_weather() -> None:
+    scene = Scene(Weather(0.2, 0.0, 0.02, 0.05))
+    scene.run(60.0)
+    assert scene.closed_s is None
+    assert not scene.near.ended
+
+
+def test_a_quiet_session_shows_life_four_times_in_its_time_to_live() -> None:
+    scene = Scene(Weather(delay_s=0.005))
+    scene.run(1.0)
+    before = scene.carried
+    scene.run(10.0)
+    assert (scene.carried - before) / 10.0 == pytest.approx(2 * 4 / TTL_S, rel=0.2)
+
+
+def test_a_frozen_client_loses_its_session_and_is_told_when_it_goes_on() -> None:
+    scene = Scene()
+    scene.run(1.0)
+    scene.client_lives = False
+    begun_s = scene.now_s
+    scene.run(3.0)
+    assert scene.closed_s is not None
+    assert scene.closed_s - begun_s <= TTL_S + 2 * TICK_S
+    assert not scene.near.ended  # nobody there to be told
+    scene.client_lives = True
+    scene.run(1.0)
+    assert [told["error"]["message"] for told in scene.told] == ["gone"]
+
+
+def test_a_frozen_portal_loses_its_sessions() -> None:
+    scene = Scene()
+    scene.portal_runs = False
+    scene.run(1.5)
+    assert scene.far is None
+
+
+def test_what_is_read_late_by_a_portal_that_was_held_up_is_late() -> None:
+    scene = Scene()
+    line = b'{"jsonrpc":"2.0","id":9,"method":"motion.open"}\n'
+    scene.near.asked(line, scene.now_s - 0.7, scene.now_s)
+    scene.run(0.1)
+    assert scene.asked == []
+    assert scene.told[0]["error"]["data"]["reason"] == "too_late"
+
+
+def test_a_long_line_travels_in_pieces_and_arrives_whole() -> None:
+    scene = Scene(Weather(0.2, 0.2, 0.01, 0.1), ttl_s=5.0)
+    long = scene.daemon_says(id=1, result={"text": "x" * (3 * PIECE_BYTES)})
+    after = scene.daemon_says(id=2, result={})
+    scene.weather = Weather()
+    scene.run(2.0)
+    assert scene.to_client == [long, after]
+
+
+def test_a_sample_is_not_sent_twice_and_never_inside_of_a_line() -> None:
+    scene = Scene()
+    scene.weather.cut = True
+    scene.daemon_says(method="state.sample", params={"seq": 1})
+    scene.weather.cut = False
+    scene.daemon_says(method="state.sample", params={"seq": 2})
+    long = scene.daemon_says(id=1, result={"text": "x" * (2 * PIECE_BYTES)})
+    scene.daemon_says(method="state.sample", params={"seq": 3})
+    scene.run(2.0)
+    samples = [told["params"]["seq"] for told in scene.told if "params" in told]
+    assert samples[:1] == [2]
+    assert 1 not in samples
+    assert long in scene.to_client
+
+
+def test_the_daemon_is_not_read_while_the_portal_is_behind() -> None:
+    scene = Scene()
+    scene.weather.cut = True
+    for number in range(2 * ROOM_BYTES // 10_000):
+        scene.daemon_says(id=number, result={"text": "x" * 10_000})
+    rooms = [scene.has_room]
+    scene.weather.cut = False
+    scene.run(2.0)
+    assert [*rooms, scene.has_room] == [False, True]
+    assert [told["id"] for told in scene.told] == list(range(2 * ROOM_BYTES // 10_000))
+
+
+def test_the_daemons_end_comes_behind_all_that_it_has_said() -> None:
+    scene = Scene(Weather(loss=0.5, delay_s=0.01), ttl_s=5.0, seed=3)
+    line = scene.daemon_says(id=1, result={})
+    assert scene.far is not None
+    scene.far.ended()
+    scene.run(4.0)
+    assert scene.to_client == [line]
+    assert scene.near.ended
+
+
+def test_the_end_of_the_clients_lines_comes_behind_them() -> None:
+    scene = Scene(Weather(loss=0.5, delay_s=0.01), ttl_s=5.0, seed=3)
+    scene.say("state.get", 1)
+    scene.near.half_closed(scene.now_s)
+    scene.run(4.0)
+    assert len(scene.to_daemon) == 2
+    assert scene.to_daemon[-1] is None
+
+
+def test_hello_says_by_which_way_it_came() -> None:
+    scene = Scene()
+    scene.near.opened({"site": "lab", "gripper": "left", "user": "op1@lab"})
+    scene.say("hello", 3, client="x")
+    scene.run(0.1)
+    scene.daemon_says(id=2, result={"channel": "can0"})
+    scene.daemon_says(id=3, result={"channel": "can0", "stop_socket": "/run/can0.stop.sock"})
+    scene.daemon_says(id=3, result={"channel": "can0"})
+    scene.run(0.1)
+    first, hello, later = (told["result"] for told in scene.told)
+    assert first == later == {"channel": "can0"}
+    assert hello["channel"] == "lab.left"
+    assert hello["stop_socket"] == "/run/lab.left.stop.sock"
+    assert hello["remote"] == {
+        "site": "lab",
+        "gripper": "left",
+        "user": "op1@lab",
+        "channel": "can0",
+    }
+
+
+def test_a_request_carries_the_stops_that_the_portal_knew_of() -> None:
+    scene = Scene()
+    assert scene.far is not None
+    scene.far.generation = 4
+    scene.daemon_says(method="event", params={})
+    scene.run(0.1)
+    scene.say("motion.open", 1)
+    scene.far.generation = 5  # a stop, which the portal does not know of yet
+    scene.run(0.1)
+    assert scene.asked[0]["params"]["stop_generation"] == 4
+    scene.run(1.0)
+    scene.say("motion.close", 2)
+    scene.run(0.1)
+    assert scene.asked[1]["params"]["stop_generation"] == 5

@@ -1,0 +1,42 @@
+"""A fleet on this machine: a daemon on a simulated gripper, a gateway, a router and a portal."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.process.daemon_process import DaemonProcess, daemon
+from tests.process.fleet.fleet_process import HOST, Fleet, fleet, make_certificates
+
+CONFIG = """
+[bus]
+interface = "litegrip_sim"
+watchdog_s = 0.4
+[gripper]
+mount = "normal"
+[access]
+gateways = [{uid}]
+"""
+
+
+@pytest.fixture(scope="session")
+def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("certificates")
+    names = ("user:op1", "user:op2", "user:viewer", "gateway:robot1", "gateway:forger")
+    return make_certificates(folder, HOST, *names)
+
+
+@pytest.fixture
+def gripper(tmp_path: Path) -> Iterator[DaemonProcess]:
+    config = tmp_path / "simulated.toml"
+    config.write_text(CONFIG.format(uid=os.getuid()), encoding="utf-8")
+    with daemon(tmp_path / "left", f"left-{os.getpid()}", "--config", str(config)) as running:
+        running.connect().close()
+        yield running
+
+
+@pytest.fixture
+def lab(tmp_path: Path, certificates: Path, gripper: DaemonProcess) -> Iterator[Fleet]:
+    with fleet(tmp_path / "fleet", certificates, {"left": gripper.socket_path}) as running:
+        yield running
