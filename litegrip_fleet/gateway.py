@@ -64,7 +64,7 @@ class Gateway:
         stops = self._session.declare_queryable(f"{key}/stop/*", all_in_order())
         hand_over(rpc, asked, f"rpc {self.place}")
         # On a thread of its own: nothing else that the gateway does is before it.
-        hand_over(stops, self._stop, f"stop {self.place}")
+        hand_over(stops, lambda query: self._stop(query, loop), f"stop {self.place}")
         look = asyncio.create_task(self._look())
         try:
             while True:
@@ -84,6 +84,8 @@ class Gateway:
         try:
             reader, writer = await self._connected()
         except LiteGripError as error:
+            if self._hello.get("error") != error.message:
+                _log.warning("%s: %s", self.place, error.message)
             self._hello = {"error": error.message}
             return
         token = None
@@ -240,7 +242,7 @@ class Gateway:
 
     # Stops ----------------------------------------------------------------------------------------
 
-    def _stop(self, query: zenoh.Query) -> None:
+    def _stop(self, query: zenoh.Query, loop: asyncio.AbstractEventLoop) -> None:
         """Stop for a user, and answer with what the daemon says; on the stops' own thread."""
         with query:
             user, payload = stopper_in(str(query.key_expr)), query.payload
@@ -248,6 +250,7 @@ class Gateway:
                 return
             line = b"" if payload is None else payload.to_bytes()
             answer = self._stopped(_in_the_name_of(f"{user}@{self.place.site}", line))
+            loop.call_soon_threadsafe(self._note, answer)
             _log.warning("%s: stopped by %s", self.place, user)
             # By our own key: a stop of a whole site was asked by one with a wildcard.
             query.reply(self.place.stop(user), answer)

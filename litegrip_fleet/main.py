@@ -195,11 +195,14 @@ async def _connecting(network: Network) -> zenoh.Session:
 
 
 async def _until_a_signal(serve: Callable[[], Coroutine[Any, Any, None]]) -> int:
-    """Run a service until SIGTERM or SIGINT."""
+    """Run a service until SIGTERM or SIGINT.
+
+    The loop's own way to hear of signals loses them when its pipe is full, as in a flood of stops.
+    """
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, ending.set)
+        signal.signal(number, lambda *_received: loop.call_soon_threadsafe(ending.set))
     serving = asyncio.create_task(serve())
     waiting = asyncio.create_task(ending.wait())
     await asyncio.wait((serving, waiting), return_when=asyncio.FIRST_COMPLETED)

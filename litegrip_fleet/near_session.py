@@ -131,7 +131,7 @@ class NearSession:
         """Take the gateway's answer to a query that was sent at `sent_s`."""
         self._heard_s = max(self._heard_s, sent_s)
         self._clock.note(sent_s, now_s, reply.now_s)
-        self._note(reply.generation)
+        self.note_stops(reply.generation)
         if reply.gone is not None:
             self._end(reply.gone)
             return
@@ -143,7 +143,7 @@ class NearSession:
         """Take what the gateway has sent."""
         if self.ended:
             return
-        self._note(push.generation)
+        self.note_stops(push.generation)
         if push.number is None:
             if not self._pieces:  # never inside of a line
                 self._tell(piece)
@@ -172,7 +172,8 @@ class NearSession:
         self._asked_s = now_s
         self._ask(replace(ask, got=self._inbox.taken), line)
 
-    def _note(self, generation: int | None) -> None:
+    def note_stops(self, generation: int | None) -> None:
+        """Store how many stops the portal knows of by now."""
         if generation is not None:
             self.generation = max(generation, self.generation or 0)
 

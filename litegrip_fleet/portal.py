@@ -28,6 +28,7 @@ from litegrip_fleet.answers import (
     error_line,
     error_object,
 )
+from litegrip_fleet.far_session import generation_in
 from litegrip_fleet.keys import Place
 from litegrip_fleet.lateness import RemoteClock
 from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
@@ -49,7 +50,7 @@ _MOST_UNREAD_BYTES = 4 * 1024 * 1024
 _MAX_STOP_BYTES = 1024
 _READ_BYTES = 65_536
 _CREDENTIALS = struct.Struct("3i")
-_STOPPED_STATES = "Tt"
+_STOPPED_STATES, _ENDED_STATES = "Tt", "ZX"
 
 
 class Portal:
@@ -93,11 +94,12 @@ class Portal:
         requests = await self._listening(str(self.path), self._accepted)
         stops = await self._listening(self.stop_path, self._stopper)
         try:
-            async with requests, stops:
-                while True:
-                    await asyncio.sleep(TICK_S)
-                    self._tick()
+            while True:
+                await asyncio.sleep(TICK_S)
+                self._tick()
         finally:
+            requests.close()
+            stops.close()
             for task in list(self._serving):
                 task.cancel()
             await asyncio.gather(*self._serving, return_exceptions=True)
@@ -252,16 +254,30 @@ class Portal:
             while line := await _stop_line(reader):
                 writer.write(await self._stopped(line))
                 await writer.drain()
+                if writer.is_closing():  # nobody reads answers: each kind of stop once is enough
+                    await self._stop_last(reader)
+                    return
         except ConnectionError as error:
             _log.debug("%s: who stopped has gone: %s", self.place, error)
         finally:
             self._serving.discard(task)
             writer.close()
 
+    async def _stop_last(self, reader: asyncio.StreamReader) -> None:
+        """Give the stops that a client has left behind."""
+        left: dict[bytes, None] = {}
+        while line := await _stop_line(reader):
+            left[line] = None
+        for line in left:
+            await self._stopped(line)
+
     async def _stopped(self, line: bytes) -> bytes:
         """Stop; return the daemon's answer, or that the stop is not confirmed."""
         answer = await stop_one(self._session, self.place, self.user, line)
         if answer is not None:
+            # Whoever reads that it is in force, and then clears it, knows of it.
+            for client in self._clients.values():
+                client.note_stops(generation_in(answer))
             return answer
         text = (
             f"the stop of {self.place} is not confirmed within {STOP_WITHIN_S:g} s: it may come"
@@ -328,6 +344,11 @@ class _Client:
             self.near.replied(reply, sent_s, time.monotonic())
             self.close_if_ended()
 
+    def note_stops(self, generation: int | None) -> None:
+        """Store a count of stops from another source."""
+        if self.near is not None:
+            self.near.note_stops(generation)
+
     async def read(self, reader: asyncio.StreamReader) -> None:
         """Send what the client says until it, or the session, goes."""
         reading = asyncio.create_task(self._read(reader))
@@ -380,7 +401,11 @@ class _Client:
         if self._half_closed and self._has_hung_up():
             self._gone.set()
             return
-        self.near.tick(now_s, lives=_lives(self._pid))
+        state = _state_of(self._pid)
+        if state is None:  # a child of it may still have the connection: it was not let in
+            self._gone.set()
+            return
+        self.near.tick(now_s, lives=state not in _STOPPED_STATES)
         self.close_if_ended()
 
     def close_if_ended(self) -> None:
@@ -464,10 +489,16 @@ def _program(pid: int) -> str | None:
     return name[:64] if name.isprintable() and name else None
 
 
-def _lives(pid: int) -> bool:
-    """Return False for a process that is stopped (SIGSTOP): it can answer for nothing."""
+def _state_of(pid: int) -> str | None:
+    """Return a process's state, as /proc has it (T: stopped, by SIGSTOP); None once it has ended.
+
+    One of another namespace, which has no number here (0), is said to run.
+    """
+    if pid == 0:
+        return "R"
     try:
         content = Path(f"/proc/{pid}/stat").read_text("ascii", "replace")
-    except OSError:
-        return True  # of another namespace, or gone: its connection says so
-    return content.rpartition(")")[2].split(maxsplit=1)[0] not in _STOPPED_STATES
+    except (FileNotFoundError, ProcessLookupError):
+        return None
+    state = content.rpartition(")")[2].split(maxsplit=1)[0]
+    return None if state in _ENDED_STATES else state

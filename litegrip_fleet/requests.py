@@ -56,7 +56,12 @@ def passed(
         params["ttl_s"] = _checked_ttl(request, params.get("ttl_s", ttl_s))
     if params == request.get("params", {}):
         return line
-    return json.dumps({**request, "params": params}, separators=(",", ":")).encode() + b"\n"
+    try:
+        text = json.dumps({**request, "params": params}, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        error = error_object(INVALID_PARAMS, f"{method}: a number is too large to be one")
+        raise RefusedError(_answer(request, error)) from None
+    return text.encode() + b"\n"
 
 
 def _parsed(line: bytes) -> Mapping[str, Any] | None:
@@ -82,9 +87,7 @@ def _check_age(request: Mapping[str, Any], method: str, at_s: float | None, now_
         " allowed; it was not carried out",
         hint="look at the gripper's state, then send it again",
     )
-    if "id" in request:
-        raise RefusedError(error_line(request["id"], error))
-    raise RefusedError(refused_line(error) if method == _SET_POINT else b"")
+    raise RefusedError(_answer(request, error))
 
 
 def _checked_ttl(request: Mapping[str, Any], ttl_s: object) -> object:
@@ -98,5 +101,11 @@ def _checked_ttl(request: Mapping[str, Any], ttl_s: object) -> object:
         f"{request['method']}: ttl_s is {ttl_s:g}, over the network it must be {SHORTEST_TTL_S:g}"
         f" to {LONGEST_TTL_S:g}"
     )
-    error = error_object(INVALID_PARAMS, text, parameter="ttl_s")
-    raise RefusedError(error_line(request["id"], error) if "id" in request else b"")
+    raise RefusedError(_answer(request, error_object(INVALID_PARAMS, text, parameter="ttl_s")))
+
+
+def _answer(request: Mapping[str, Any], error: Mapping[str, Any]) -> bytes:
+    """Return what tells of a refusal: an answer, or as the daemon does of a set-point."""
+    if "id" in request:
+        return error_line(request["id"], error)
+    return refused_line(error) if request["method"] == _SET_POINT else b""

@@ -83,6 +83,11 @@ def test_a_late_set_point_without_an_id_is_told_as_the_daemon_does() -> None:
     assert refused(request("motion.open", None), 5.0) == b""
 
 
+def test_a_number_that_is_too_large_is_refused_as_the_daemon_would() -> None:
+    line = b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"speed_mm_s":1e999}}\n'
+    assert json.loads(refused(line))["error"]["data"]["reason"] == "invalid_params"
+
+
 def test_a_set_point_stays_one_that_the_daemon_reads_quickly() -> None:
     line = through(b'{"jsonrpc":"2.0","method":"stream.set","params":{"opening_mm":10}}\n')
     assert is_set_point(line.rstrip(b"\n"))

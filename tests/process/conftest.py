@@ -1,5 +1,9 @@
-"""A daemon with the simulated gripper, for tests of whole processes."""
+"""A daemon with the simulated gripper, for tests of whole processes.
 
+With LITEGRIPD_THROUGH_PORTAL=1 it is met through portal, router and gateway, as on another machine.
+"""
+
+import contextlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -7,6 +11,9 @@ from pathlib import Path
 import pytest
 
 from tests.process.daemon_process import DaemonProcess, daemon
+from tests.process.fleet.fleet_process import HOST, fleet, make_certificates
+
+THROUGH_PORTAL = "LITEGRIPD_THROUGH_PORTAL"
 
 
 @pytest.fixture
@@ -15,8 +22,25 @@ def simulated(tmp_path: Path) -> Iterator[DaemonProcess]:
     longer than the usual 0.1 s, and the motor then faults, as it must."""
     config = tmp_path / "simulated.toml"
     config.write_text(
-        '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n',
+        '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n'
+        f"[access]\ngateways = [{os.getuid()}]\n",
         encoding="utf-8",
     )
     with daemon(tmp_path, f"sim-{os.getpid()}", "--config", str(config)) as running:
+        if os.environ.get(THROUGH_PORTAL) == "1":
+            with through_portal(running, tmp_path) as remote:
+                yield remote
+        else:
+            yield running
+
+
+@contextlib.contextmanager
+def through_portal(running: DaemonProcess, folder: Path) -> Iterator[DaemonProcess]:
+    """Let a daemon be met at a portal's sockets."""
+    running.connect().close()
+    certificates = make_certificates(folder / "tls", HOST, "user:op1", "gateway:robot1")
+    own = running.socket_path
+    with fleet(folder / "fleet", certificates, {"left": own}, role="admin") as remote:
+        running.socket_path = remote.socket_path()
         yield running
+        running.socket_path = own

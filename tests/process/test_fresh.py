@@ -79,7 +79,7 @@ def running() -> Iterator[DaemonProcess]:
 
 
 def stop_path(daemon: DaemonProcess) -> Path:
-    return daemon.socket_path.with_name("rpc.stop.sock")
+    return daemon.socket_path.with_suffix(".stop.sock")
 
 
 @contextlib.contextmanager

@@ -33,7 +33,7 @@ FIELDS = ["mode", "command_rad"]
 
 
 def stop_path(daemon: DaemonProcess) -> Path:
-    return daemon.socket_path.with_name("rpc.stop.sock")
+    return daemon.socket_path.with_suffix(".stop.sock")
 
 
 def connect(path: Path) -> socket.socket:

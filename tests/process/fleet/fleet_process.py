@@ -3,10 +3,12 @@
 import contextlib
 import os
 import select
+import shutil
 import signal
 import socket
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -41,7 +43,7 @@ class Part:
         command = ["-m", "litegrip_fleet", "--config", str(self.config_path), self.kind]
         with self.log_path.open("wb") as file:
             return subprocess.Popen(
-                [sys.executable, *command],
+                [sys.executable, "-X", "faulthandler", *command],
                 stdin=subprocess.DEVNULL,
                 stdout=file,
                 stderr=file,
@@ -89,7 +91,12 @@ class Part:
     def end(self) -> None:
         """End it as an operator would."""
         self.process.send_signal(signal.SIGTERM)
-        assert self.process.wait(DEADLINE_S) == 0, f"{self.kind}: {self.log}"
+        try:
+            code = self.process.wait(DEADLINE_S)
+        except subprocess.TimeoutExpired:
+            self.process.send_signal(signal.SIGABRT)  # it then says where it hangs
+            code = self.process.wait(DEADLINE_S)
+        assert code == 0, f"{self.kind}: {self.log}"
 
     def kill(self) -> None:
         if self.process.poll() is None:
@@ -98,10 +105,11 @@ class Part:
 
 
 class Fleet:
-    """Router, gateway and portal, and where they are."""
+    """Router, gateway and portal; `short` is where their sockets are."""
 
-    def __init__(self, folder: Path, certificates: Path) -> None:
+    def __init__(self, folder: Path, short: Path, certificates: Path) -> None:
         self.folder = folder
+        self.short = short
         self.certificates = certificates
         self.parts: dict[str, Part] = {}
         self.endpoint = ""
@@ -119,7 +127,7 @@ class Fleet:
         return self.parts["portal"]
 
     def socket_path(self, gripper: str = "left") -> Path:
-        return self.folder / "portal" / f"{SITE}.{gripper}.sock"
+        return self.short / "portal" / f"{SITE}.{gripper}.sock"
 
     def network(self, name: str, connect: Sequence[str]) -> str:
         own = self.certificates / name
@@ -140,8 +148,8 @@ class Fleet:
 
     def start_gateway(self, sockets: Mapping[str, Path]) -> None:
         """Start the gateway of daemons, by their names on the network and their sockets."""
-        directory = self.folder / "run/litegripd"
-        directory.mkdir(parents=True, exist_ok=True)
+        directory = self.short / "litegripd"
+        directory.mkdir(exist_ok=True)
         lines = [f'site = "{SITE}"', "[gateway.grippers]"]
         for name, path in sockets.items():
             channel = f"{name}-{os.getpid()}"
@@ -149,11 +157,12 @@ class Fleet:
                 (directory / f"{channel}{ending}").symlink_to(path.with_suffix(ending))
             lines.append(f'{name} = "{channel}"')
         config = self.network("robot1", [self.endpoint]) + "[gateway]\n" + "\n".join(lines) + "\n"
-        runtime = str(self.folder / "run")
-        self.parts["gateway"] = Part(self.folder, "gateway", config, XDG_RUNTIME_DIR=runtime)
+        self.parts["gateway"] = Part(
+            self.folder, "gateway", config, XDG_RUNTIME_DIR=str(self.short)
+        )
 
     def start_portal(self, user: str, role: str, grippers: Sequence[str], ttl_s: float) -> None:
-        directory = self.folder / "portal"
+        directory = self.short / "portal"
         directory.mkdir(exist_ok=True)
         places = [f"{SITE}.{name}" for name in grippers]
         config = self.network(user, [self.endpoint]) + (
@@ -178,7 +187,8 @@ def fleet(
 ) -> Iterator[Fleet]:
     """Run all three; whatever still runs at the end has to end as it should."""
     folder.mkdir(exist_ok=True)
-    made = Fleet(folder, certificates)
+    short = Path(tempfile.mkdtemp(prefix="fleet-"))  # a socket's path has 107 bytes at most
+    made = Fleet(folder, short, certificates)
     try:
         made.start_router(users or {user: role}, list(sockets))
         made.start_gateway(sockets)
@@ -196,6 +206,7 @@ def fleet(
     finally:
         for part in made.parts.values():
             part.kill()
+        shutil.rmtree(short)
 
 
 def _free_port() -> int:
