@@ -1,8 +1,6 @@
 """`python -m litegrip_fleet` is the command `litegripd-fleet`."""
 
-import sys
-
-from litegrip_fleet.main import main
+from litegrip_fleet.main import run
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run()

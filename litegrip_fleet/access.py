@@ -61,7 +61,8 @@ def _gateway_rules(gateway: str, places: Sequence[Place]) -> list[dict[str, Any]
     alive = [place.alive for place in places]
     return [
         _rule(f"gateway {gateway} offers", ["declare_queryable"], "ingress", asked),
-        _rule(f"gateway {gateway} is asked", ["query"], "egress", asked),
+        # A stop for a whole site has a wildcard for the gripper.
+        _rule(f"gateway {gateway} is asked", ["query"], "egress", [*asked, f"{PREFIX}/*/*/stop/*"]),
         _rule(f"gateway {gateway} answers", ["reply"], "ingress", asked),
         _rule(f"gateway {gateway} lives", ["liveliness_token"], "ingress", alive),
         _rule(

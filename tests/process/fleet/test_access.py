@@ -1,0 +1,252 @@
+"""The router's rules, each allowed and refused, by real certificates; and hostile messages.
+
+What the rules cannot see, a session repeated or a motion replayed, is tried in tests/fleet.
+"""
+
+import asyncio
+import contextlib
+import json
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from litegrip_fleet.keys import Place
+from litegrip_fleet.messages import Ask, Reply, packed, unpacked
+from litegrip_fleet.network import Answered, Network, Tls, ask, configuration, the_newest
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
+from tests.process.fleet.conftest import CONFIG
+from tests.process.fleet.fleet_process import Fleet, fleet, make_certificates
+
+LEFT = Place("lab", "left")
+USERS = {"op1": "operator", "op2": "operator", "viewer": "observer"}
+HELLO = b'{"jsonrpc":"2.0","id":1,"method":"hello"}\n'
+STOP = b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"level":"hold"}}\n'
+
+
+@pytest.fixture(scope="module")
+def shared(tmp_path_factory: pytest.TempPathFactory, certificates: Path) -> Iterator[Fleet]:
+    """One fleet for all that breaks nothing; its daemon's own fixture is for each test."""
+    folder = tmp_path_factory.mktemp("shared")
+    config = folder / "simulated.toml"
+    config.write_text(CONFIG.format(uid=os.getuid()), encoding="utf-8")
+    with daemon(folder / "left", f"rules-{os.getpid()}", "--config", str(config)) as running:
+        running.connect().close()
+        sockets = {"left": running.socket_path}
+        with fleet(folder / "fleet", certificates, sockets, users=USERS) as lab:
+            yield lab
+
+
+@contextlib.contextmanager
+def connected(
+    lab: Fleet, name: str | None, certificates: Path | None = None
+) -> Iterator[zenoh.Session]:
+    """Be on the network with a certificate, or without one; raises `ZError` if not let in."""
+    folder = certificates or lab.certificates
+    own = folder / (name or "op1")
+    tls = Tls(str(own / "ca.pem"), str(own / "own.pem"), str(own / "own.key"))
+    config = configuration(Network([lab.endpoint], tls=tls), "client")
+    config.insert_json5("connect/timeout_ms", "2000")
+    config.insert_json5("connect/exit_on_failure", "true")
+    if name is None:
+        authority = {"root_ca_certificate": tls.ca}
+        config.insert_json5("transport/link/tls", json.dumps(authority))
+    session = zenoh.open(config)
+    try:
+        yield session
+    finally:
+        session.close()
+
+
+def answers(
+    session: zenoh.Session,
+    key: str,
+    payload: bytes = b"",
+    attached: bytes | None = None,
+    within_s: float = 1.5,
+) -> list[Answered]:
+    async def asked() -> list[Answered]:
+        loop = asyncio.get_running_loop()
+        return await ask(session, key, payload, attached, loop, within_s=within_s)
+
+    return asyncio.run(asked())
+
+
+def opening(session: zenoh.Session, user: str, role: str) -> Reply | None:
+    """Open a session; None if nobody answers. What has just connected may not be heard at once."""
+    for _ in range(3):
+        found = answers(session, LEFT.rpc(user, "s-1", role), b"", packed(Ask("open", ttl_s=1.0)))
+        if found:
+            return unpacked(Reply, found[0].attached)
+    return None
+
+
+ALLOWED = [
+    ("op1", "op1", "operator"),
+    ("op1", "op1", "observer"),
+    ("op2", "op2", "operator"),
+    ("viewer", "viewer", "observer"),
+]
+REFUSED = [
+    ("op1", "op2", "operator"),
+    ("op2", "op1", "observer"),
+    ("op1", "op1", "admin"),
+    ("viewer", "viewer", "operator"),
+    ("viewer", "op1", "operator"),
+    ("robot1", "op1", "operator"),
+    ("forger", "op1", "observer"),
+]
+
+
+@pytest.mark.parametrize(("certificate", "user", "role"), ALLOWED)
+def test_a_user_asks_by_his_own_name_and_up_to_his_own_role(
+    shared: Fleet, certificate: str, user: str, role: str
+) -> None:
+    with connected(shared, certificate) as session:
+        reply = opening(session, user, role)
+    assert reply is not None
+    assert reply.about is not None
+    assert (reply.about["user"], reply.about["role"]) == (f"{user}@lab", role)
+
+
+@pytest.mark.parametrize(("certificate", "user", "role"), REFUSED)
+def test_nobody_asks_by_anothers_name_or_above_his_own_role(
+    shared: Fleet, certificate: str, user: str, role: str
+) -> None:
+    with connected(shared, certificate) as session:
+        assert opening(session, user, role) is None
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        f"{LEFT.key}/rpc/*/s-1/operate",
+        f"{LEFT.key}/rpc/op1/*/*",
+        f"{LEFT.key}/rpc/**",
+        f"{LEFT.key}/stop/*",
+        f"{LEFT.key}/stop/op2",
+        "litegripd/1/*/*/stop/*",
+        "litegripd/1/**",
+        "**",
+    ],
+)
+def test_no_wildcard_reaches_further_than_its_user(shared: Fleet, key: str) -> None:
+    with connected(shared, "op1") as session:
+        assert answers(session, key, STOP, packed(Ask("open"))) == []
+
+
+@pytest.mark.parametrize(
+    "key", [LEFT.stop("op1"), "litegripd/1/lab/*/stop/op1", "litegripd/1/*/*/stop/op1"]
+)
+def test_everybody_stops_by_his_own_name_one_gripper_or_all(shared: Fleet, key: str) -> None:
+    with connected(shared, "op1") as session:
+        (answer,) = answers(session, key, STOP)
+    assert answer.key == LEFT.stop("op1")
+    assert json.loads(answer.payload)["result"]["level"] == "hold"
+
+
+def test_an_observer_stops_too(shared: Fleet) -> None:
+    with connected(shared, "viewer") as session:
+        assert answers(session, LEFT.stop("viewer"), STOP)
+
+
+@pytest.mark.parametrize("certificate", ["op2", "forger"])
+def test_a_forged_gateway_is_asked_nothing_and_says_nothing(
+    shared: Fleet, certificate: str
+) -> None:
+    with connected(shared, certificate) as forger, connected(shared, "op1") as session:
+        asked = forger.declare_queryable(f"{LEFT.key}/rpc/**", the_newest())
+        assert opening(session, "op1", "operator") is not None
+        assert asked.try_recv() is None
+        heard = session.declare_subscriber(LEFT.to("op1", "s-1"), the_newest())
+        forger.put(LEFT.to("op1", "s-1"), b"x")
+        assert opening(session, "op1", "observer") is not None  # later than the forgery
+        assert heard.try_recv() is None
+
+
+def test_nobody_hears_what_is_said_to_another(shared: Fleet) -> None:
+    with connected(shared, "op2") as spy, connected(shared, "op1") as session:
+        heard = spy.declare_subscriber("litegripd/1/*/*/to/**", the_newest())
+        key = LEFT.rpc("op1", "s-7", "operator")
+        assert answers(session, key, b"", packed(Ask("open", ttl_s=1.0)))
+        at_s = 0.0  # `hello` moves nothing: its age does not count
+        assert answers(session, key, HELLO, packed(Ask("line", 1, at_s=at_s)))
+        assert answers(session, key, b"", packed(Ask("live")))
+        assert heard.try_recv() is None
+
+
+def test_whoever_shows_no_certificate_is_not_let_in(shared: Fleet) -> None:
+    with pytest.raises(zenoh.ZError), connected(shared, None):
+        pass
+
+
+def test_a_certificate_of_another_authority_is_not_let_in(shared: Fleet, tmp_path: Path) -> None:
+    others = make_certificates(tmp_path / "others", "user:op1")
+    (others / "op1/ca.pem").write_bytes((shared.certificates / "op1/ca.pem").read_bytes())
+    with pytest.raises(zenoh.ZError), connected(shared, "op1", others):
+        pass
+
+
+def test_an_expired_certificate_is_not_let_in(shared: Fleet, tmp_path: Path) -> None:
+    folder = tmp_path / "expired"
+    make_expired(shared.certificates, folder / "op1")
+    with pytest.raises(zenoh.ZError), connected(shared, "op1", folder):
+        pass
+
+
+def make_expired(authority: Path, own: Path) -> None:
+    """Make a certificate for op1 that was good for a day, long ago."""
+    own.mkdir(parents=True)
+    (own / "ca.pem").write_bytes((authority / "ca.pem").read_bytes())
+    (own / "index").touch()
+    (own / "ca.cnf").write_text(
+        f"[ca]\ndefault_ca=own\n[own]\ndatabase={own}/index\nnew_certs_dir={own}\nrand_serial=yes\n"
+        "default_md=sha256\npolicy=any\n[any]\ncommonName=supplied\n",
+        encoding="utf-8",
+    )
+    dates = "-startdate 20200101000000Z -enddate 20200102000000Z"
+    for command in (
+        f"req -newkey rsa:2048 -nodes -subj /CN=op1 -keyout {own}/own.key -out {own}/own.csr",
+        f"ca -batch -config {own}/ca.cnf -cert {authority}/ca.pem -keyfile {authority}/ca.key",
+    ):
+        files = f"-in {own}/own.csr -out {own}/own.pem {dates}" if command[:2] == "ca" else ""
+        arguments = ["openssl", *command.split(), *files.split()]
+        subprocess.run(arguments, check=True, capture_output=True, timeout=DEADLINE_S)
+
+
+# What is hostile ----------------------------------------------------------------------------------
+
+MALFORMED = 3000
+
+
+def test_malformed_messages_change_nothing(lab: Fleet, gripper: DaemonProcess) -> None:
+    key = LEFT.rpc("op1", "s-9", "operator")
+    bad = [b"", b"\xff" * 40, b"{}", b'{"v":1,"op":"line"}', b"[" * 500, packed(Ask("line", 7))]
+    with connected(lab, "op1") as session, Client(lab.socket_path()) as client:
+        before = client.result("clients.list")
+        for number in range(MALFORMED):
+            attached = bad[number % len(bad)]
+            session.get(key, lambda _reply: None, payload=b"\x00" * 50, attachment=attached)
+        assert client.result("state.get")["stop"] is None
+        assert len(client.result("clients.list")["clients"]) == len(before["clients"])
+    assert lab.gateway.process.poll() is None
+    assert "Traceback" not in lab.gateway.log
+
+
+def test_a_message_of_a_megabyte_is_not_taken_and_the_others_go_on(
+    lab: Fleet, gripper: DaemonProcess
+) -> None:
+    with Client(lab.socket_path()) as client:
+        client.result("hello")
+        with connected(lab, "op1") as session:
+            big = b"x" * 1024 * 1024
+            assert (
+                answers(session, LEFT.rpc("op1", "s-9", "operator"), big, packed(Ask("open"))) == []
+            )
+        assert client.result("state.get")["stop"] is None
+    for part in (lab.gateway, lab.router):
+        assert part.process.poll() is None
+        assert "Traceback" not in part.log
