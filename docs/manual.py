@@ -17,6 +17,7 @@ from litegrip_client.ctl.parser import (
 )
 from litegrip_client.discovery import CHANNEL_VARIABLE, SOCKET_VARIABLE
 from litegrip_client.trajectory import DIRECTORY_VARIABLE
+from litegrip_fleet import main as fleet
 from litegrip_web import main as web
 from litegripd.app import main as daemon
 from litegripd.app import sim_main as simulator
@@ -41,6 +42,11 @@ DAEMON_FILES = (
     *CLIENT_FILES,
     ("/run/litegripd/CHANNEL.stop.sock", "takes stops before everything else; any line is one"),
     ("/var/lib/litegripd", "what the daemon keeps: calibration, trajectories, dumps"),
+)
+FLEET_FILES = (
+    ("/etc/litegripd/fleet.toml", "the configuration of gateway, portal and router"),
+    ("/run/litegripd-portal/SITE.GRIPPER.sock", "a gripper of another machine"),
+    ("/run/litegripd-portal/SITE.GRIPPER.stop.sock", "the same for stops alone"),
 )
 WEB_FILES = (
     ("/etc/litegripd/web.env", "CHANNELS=can0 can1 and OPTIONS=--operate for the unit"),
@@ -116,6 +122,29 @@ def web_page() -> str:
         [".SH OPTIONS", *_options(parser._actions)],  # noqa: SLF001
         [".SH EXIT STATUS", *_tagged((str(code), text) for code, text in web.EXIT_CODES)],
         [".SH FILES", *_tagged(WEB_FILES)],
+        _section("NOTES", NOT_AN_EMERGENCY_STOP),
+        _see_also("litegripd(8)", "litegripctl(1)", "systemctl(1)"),
+    )
+
+
+def fleet_page() -> str:
+    """Make litegripd-fleet(8)."""
+    parser = fleet.make_parser()
+    commands = next(
+        action
+        for action in parser._actions  # noqa: SLF001
+        if isinstance(action, argparse._SubParsersAction)  # noqa: SLF001
+    )
+    listed = [(one.dest, one.help or "") for one in commands._choices_actions]  # noqa: SLF001
+    options = [action for action in parser._actions if action is not commands]  # noqa: SLF001
+    return _page(
+        ("litegripd-fleet", 8, "LiteGrip grippers of other machines"),
+        f"{_bold('litegripd-fleet')} [{_bold('--config')} FILE] COMMAND ...",
+        _section("DESCRIPTION", _text(parser.description or "")),
+        [".SH COMMANDS", *_tagged(listed)],
+        [".SH OPTIONS", *_options(options)],
+        [".SH EXIT STATUS", *_tagged((str(code), text) for code, text in fleet.EXIT_CODES)],
+        [".SH FILES", *_tagged(FLEET_FILES)],
         _section("NOTES", NOT_AN_EMERGENCY_STOP),
         _see_also("litegripd(8)", "litegripctl(1)", "systemctl(1)"),
     )

@@ -35,6 +35,10 @@ SOCKET_VARIABLE = "LITEGRIPD_SOCKET"
 CHANNEL_VARIABLE = "LITEGRIP_CHANNEL"
 DEFAULT_CHANNEL = "can0"
 SYSTEM_DIRECTORY = "/run/litegripd"
+PORTAL_DIRECTORY = "/run/litegripd-portal"
+"""The sockets of grippers of other machines, which are called SITE.GRIPPER. The directory is the
+portal's own: it must not be able to pose as a daemon of this machine."""
+
 ENABLED_DIRECTORY = "/etc/systemd/system/litegripd.target.wants"
 UNIT_DIRECTORIES = (
     "/etc/systemd/system",
@@ -82,7 +86,10 @@ def socket_paths(
     chosen = path if path is not None else environment.get(SOCKET_VARIABLE)
     if chosen:
         return [os.fspath(chosen)]
-    return [f"{directory}/{channel}.sock" for directory in _directories(environment)]
+    directories = _directories(environment)
+    if "." in channel:
+        directories = (*directories, PORTAL_DIRECTORY)
+    return [f"{directory}/{channel}.sock" for directory in directories]
 
 
 def is_socket_given(path: str | None = None) -> bool:
@@ -96,7 +103,8 @@ def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
     A daemon that was killed may have left one: whether somebody answers is seen by connecting.
     """
     environment = os.environ if environment is None else environment
-    names = {name for directory in _directories(environment) for name in _names(directory)}
+    directories = (*_directories(environment), PORTAL_DIRECTORY)
+    names = {name for directory in directories for name in _names(directory)}
     return sorted(
         name.removesuffix(".sock")
         for name in names
@@ -122,7 +130,7 @@ def _names(directory: str) -> list[str]:
         return []  # there is none, or it is not for this user
 
 
-def _directories(environment: Mapping[str, str]) -> tuple[str, str]:
+def _directories(environment: Mapping[str, str]) -> tuple[str, ...]:
     own = environment.get("XDG_RUNTIME_DIR") or f"/run/user/{os.getuid()}"
     return SYSTEM_DIRECTORY, f"{own}/litegripd"
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from litegrip_client.discovery import SYSTEM_DIRECTORY, check_channel
+from litegrip_client.discovery import PORTAL_DIRECTORY, check_channel
 from litegrip_client.errors import ParameterError
 from litegrip_fleet.access import ROLES
 from litegrip_fleet.far_session import DEFAULT_TTL_S
@@ -49,7 +49,7 @@ class PortalConfig:
     grippers: Sequence[Place]
     role: str = "operator"
     ttl_s: float = DEFAULT_TTL_S
-    directory: str = SYSTEM_DIRECTORY
+    directory: str = PORTAL_DIRECTORY
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +141,7 @@ def _portal(table: "_Table") -> PortalConfig:
     places = [Place.of(text) for text in table.get("grippers", _texts)]
     role = table.get("role", _text, "operator")
     ttl_s = table.get("ttl_s", _number, DEFAULT_TTL_S)
-    directory = table.get("directory", _text, SYSTEM_DIRECTORY)
+    directory = table.get("directory", _text, PORTAL_DIRECTORY)
     table.finish()
     if role not in ROLES:
         raise table.error("role", f"is {role!r}, it must be one of: {', '.join(ROLES)}")

@@ -275,7 +275,7 @@ class Portal:
         """Stop; return the daemon's answer, or that the stop is not confirmed."""
         answer = await stop_one(self._session, self.place, self.user, line)
         if answer is not None:
-            # Whoever reads that it is in force, and then clears it, knows of it.
+            # A client that reads that it is in force, and then clears it, knows of it.
             for client in self._clients.values():
                 client.note_stops(generation_in(answer))
             return answer

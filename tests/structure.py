@@ -21,7 +21,7 @@ from tests.client.fake_daemon import GRASP, FakeDaemon
 from tests.world import Client, World
 
 ROOT = Path(__file__).parent.parent
-PRODUCT = ("litegripd", "litegrip_client", "litegrip_web")
+PRODUCT = ("litegripd", "litegrip_client", "litegrip_fleet", "litegrip_web")
 GENERATED = ("litegrip_client/_error_table.py", "litegrip_client/actions.py")
 
 

@@ -448,6 +448,7 @@ _shtab_litegripctl_install_units_options=(
   "--root[a system below DIR (\/)]:DIR:_files -/"
   "*--can[also have this CAN interface brought up at 1 Mbit\/s\; may be repeated]:NAME:"
   "--serial[also let the daemons use adapters at serial ports]"
+  "--fleet[also what puts grippers on a network of machines]"
   "--uninstall[remove it all\; configuration and data stay]"
 )
 

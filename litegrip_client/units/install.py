@@ -178,6 +178,19 @@ def serial() -> list[Planned]:
     return [Planned(f"{_UNITS}/litegripd@.service.d/serial.conf", _read("systemd/serial.conf"))]
 
 
+def fleet(programs: str) -> list[Planned]:
+    """Return what gateway, portal and router of a fleet have."""
+    unit = "litegripd-fleet@.service"
+    return [
+        Planned(f"{_UNITS}/{unit}", _in_environment(_read(f"systemd/{unit}"), programs)),
+        Planned(
+            "usr/local/lib/sysusers.d/litegripd-fleet.conf",
+            _read("systemd/litegripd-fleet.sysusers"),
+        ),
+        Planned("etc/litegripd/fleet.toml", _read("etc/fleet.toml"), kept=True),
+    ]
+
+
 def udev(channels: Sequence[str]) -> list[Planned]:
     """Return what has udev bring these CAN interfaces up, whatever manages the network."""
     return [Planned(RULES, _for(channels, "systemd/85-litegrip.rules", "|"))]
@@ -278,10 +291,11 @@ class Done:
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What to install beside the units: CAN interfaces to bring up, access to serial ports."""
+    """What to install beside the units: interfaces to bring up, serial ports, a fleet's parts."""
 
     channels: Sequence[str] = ()
     serial: bool = False
+    fleet: bool = False
 
 
 def uses_networkd(root: Path) -> bool:
@@ -318,7 +332,12 @@ def foreign_users(root: Path) -> list[str]:
 
 def hiding(root: Path) -> list[str]:
     """Return the files that systemd takes in place of those that are installed."""
-    names = ("litegripd@.service", "litegripd.target", "litegripd-web.service")
+    names = (
+        "litegripd@.service",
+        "litegripd.target",
+        "litegripd-web.service",
+        "litegripd-fleet@.service",
+    )
     paths = [root / "etc/systemd/system" / name for name in names]
     return [str(path) for path in paths if path.is_file()]
 
@@ -346,9 +365,11 @@ def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
     files: list[Planned] = []
     done: list[Done] = []
     if is_packaged(root):
-        done += _remove_all(root, units(programs))
+        done += _remove_all(root, units(programs) + fleet(programs))
     else:
         files += units(programs)
+        if wishes.fleet or (root / fleet(programs)[0].path).is_file():
+            files += fleet(programs)
     if wishes.serial or (root / serial()[0].path).is_file():
         files += serial()
     named = list(dict.fromkeys([*channels(root), *wishes.channels]))
@@ -367,7 +388,7 @@ def uninstall(root: Path) -> list[Done]:
             reason="wrong_usage",
             data={"hint": f"first: systemctl disable --now {' '.join(left)}"},
         )
-    files = units("") + serial() + udev((EXAMPLE_CHANNEL,)) + superseded()
+    files = units("") + serial() + fleet("") + udev((EXAMPLE_CHANNEL,)) + superseded()
     return _remove_all(root, files)
 
 

@@ -246,7 +246,7 @@ class ZenohLeaders:
         """Return a publisher of the topic; raises `zenoh.ZError` if the port is taken."""
         if self._session is None or self._made_for != (options.port, file):
             if self._session is not None:
-                self._session.close()  # type: ignore[no-untyped-call]
+                self._session.close()
                 self._session = None
             config = _config(file)
             self._is_protected = _is_protected(config, leads=True)
@@ -292,9 +292,9 @@ class ZenohLeader:
     def close(self) -> None:
         """Stop publishing; the session stays."""
         with self._in_use:
-            self._publisher.undeclare()  # type: ignore[no-untyped-call]
+            self._publisher.undeclare()
         if self._forces is not None:
-            self._forces.undeclare()  # type: ignore[no-untyped-call]
+            self._forces.undeclare()
 
 
 class ZenohFollower:
@@ -338,7 +338,7 @@ class ZenohFollower:
         """Disconnect, which also ends the listening."""
         with self._in_use:
             self._forces = None
-            self._session.close()  # type: ignore[no-untyped-call]
+            self._session.close()
         self._thread.join(_END_WITHIN_S)
 
     def _listen(self) -> None:

@@ -17,7 +17,7 @@ def generate(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def a_copy(tmp_path: Path) -> Path:
     skipped = shutil.ignore_patterns("__pycache__")
-    for name in ("docs", "etc", "examples", "man", "litegripd", "litegrip_client", "litegrip_web"):
+    for name in ("docs", "etc", "examples", "man", "litegripd", "litegrip_client", "litegrip_fleet", "litegrip_web"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=skipped)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     return tmp_path
@@ -48,6 +48,7 @@ def test_what_is_stale_or_missing_is_named_and_then_written(tmp_path: Path) -> N
         "man/litegrip-sim.1 is stale",
         "man/litegripd.8 is stale",
         "man/litegripd-web.8 is stale",
+        "man/litegripd-fleet.8 is stale",
         "",
     ]
     assert not (root / "docs/errors.md").exists()

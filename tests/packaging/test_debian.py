@@ -45,16 +45,20 @@ def test_the_units_are_where_systemd_looks_for_those_of_packages() -> None:
         install.PACKAGED,
         "usr/lib/systemd/system/litegripd.target",
         "usr/lib/systemd/system/litegripd-web.service",
+        "usr/lib/systemd/system/litegripd-fleet@.service",
         "usr/lib/sysusers.d/litegripd.conf",
+        "usr/lib/sysusers.d/litegripd-fleet.conf",
         "usr/lib/tmpfiles.d/litegripd.conf",
         "etc/litegripd/litegripd.toml",
+        "etc/litegripd/fleet.toml",
         "usr/share/doc/litegripd/copyright",
         "usr/share/doc/litegripd/CHANGELOG.md",
     }
     for source in files.values():
         assert (SOURCES / source).is_file(), source
     installed = {
-        (file.content, Path(file.path).name) for file in install.units("/opt/litegripd/bin")
+        (file.content, Path(file.path).name)
+        for file in (*install.units("/opt/litegripd/bin"), *install.fleet("/opt/litegripd/bin"))
     }
     packaged = {
         ((SOURCES / source).read_text(), Path(where).name) for where, source in files.items()
@@ -163,7 +167,7 @@ def test_an_upgrade_reloads_whoever_runs_and_never_restarts(system: System, relo
     configured = system.run("litegripd/postinst", "configure", "0.1.0-1", reloaded=reloaded)
     assert configured.returncode == 0, "an upgrade ends well even where a daemon may not follow now"
     assert system.calls == [
-        "systemd-sysusers litegripd.conf",
+        "systemd-sysusers litegripd.conf litegripd-fleet.conf",
         "systemctl daemon-reload",
         "systemctl try-restart litegripd-web.service",
         "systemctl list-units --plain --no-legend --state=active litegripd@*.service",
@@ -181,7 +185,7 @@ def test_a_system_that_is_not_booted_is_asked_for_users_only(system: System) -> 
         ("litegripd/postrm", "remove"),
     ):
         assert system.run(script, *arguments).returncode == 0
-    assert system.calls == ["systemd-sysusers litegripd.conf"]
+    assert system.calls == ["systemd-sysusers litegripd.conf litegripd-fleet.conf"]
 
 
 def test_a_copy_that_shadows_the_unit_is_told(system: System) -> None:
@@ -194,7 +198,10 @@ def test_a_copy_that_shadows_the_unit_is_told(system: System) -> None:
 def test_removal_stops_what_runs(system: System) -> None:
     assert system.run("litegripd/prerm", "remove").returncode == 0
     assert system.run("litegripd/postrm", "remove").returncode == 0
-    stop = "systemctl stop litegripd@*.service litegripd.target litegripd-web.service"
+    stop = (
+        "systemctl stop litegripd@*.service litegripd.target litegripd-web.service"
+        " litegripd-fleet@*.service"
+    )
     assert system.calls == [stop, "systemctl daemon-reload"]
 
 
@@ -203,6 +210,9 @@ def test_only_a_purge_forgets_which_units_are_enabled(system: System) -> None:
     wants.mkdir(parents=True)
     (wants / UNIT).symlink_to("/usr/lib/systemd/system/litegripd@.service")
     (wants / "litegripd-web.service").symlink_to("/usr/lib/systemd/system/litegripd-web.service")
+    (wants / "litegripd-fleet@gateway.service").symlink_to(
+        "/usr/lib/systemd/system/litegripd-fleet@.service"
+    )
     system.run("litegripd/postrm", "remove")
     assert (wants / UNIT).is_symlink()
     system.run("litegripd/postrm", "purge")

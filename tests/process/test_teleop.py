@@ -51,7 +51,7 @@ def peer(listen: int | None = None, connect: int | None = None) -> Iterator[zeno
     try:
         yield session
     finally:
-        session.close()  # type: ignore[no-untyped-call]
+        session.close()
 
 
 def say(put: Callable[[bytes], object], openness: float) -> None:

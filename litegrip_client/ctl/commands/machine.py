@@ -128,6 +128,9 @@ def install_units_options(parser: LateParser) -> None:
         "--serial", action="store_true", help="also let the daemons use adapters at serial ports"
     )
     parser.add_argument(
+        "--fleet", action="store_true", help="also what puts grippers on a network of machines"
+    )
+    parser.add_argument(
         "--uninstall", action="store_true", help="remove it all; configuration and data stay"
     )
 
@@ -145,15 +148,16 @@ def install_units(run: Run) -> int:
     root: Path = options.root
     notes: list[str] = []
     if options.uninstall:
-        if options.can or options.serial:
+        if options.can or options.serial or options.fleet:
             return run.refuse(
-                "--uninstall removes everything", "leave --can and --serial out, or --uninstall"
+                "--uninstall removes everything",
+                "leave --can, --serial and --fleet out, or --uninstall",
             )
         done = install.uninstall(root)
         following = _after_removal(root, done)
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
-        wishes = Wishes(options.can, options.serial)
+        wishes = Wishes(options.can, options.serial, options.fleet)
         done = install.install(root, wishes, install.program_directory())
         following = _after_installation(root, done, options.can)
         notes += install.foreign_users(root)

@@ -25,8 +25,10 @@ CONFIGURATION = "etc/litegripd/litegripd.toml"
 SOURCES = Path(__file__).parents[3]
 
 
-def put(root: Path, *channels: str, serial: bool = False) -> dict[str, str]:
-    done = install.install(root, Wishes(channels, serial), PROGRAMS)
+def put(
+    root: Path, *channels: str, serial: bool = False, fleet: bool = False
+) -> dict[str, str]:
+    done = install.install(root, Wishes(channels, serial, fleet), PROGRAMS)
     return {str(Path(one.path).relative_to(root)): one.what for one in done}
 
 
@@ -61,6 +63,28 @@ def test_the_unit_runs_the_programs_of_the_environment(tmp_path: Path) -> None:
     page = (tmp_path / UNITS / "litegripd-web.service").read_text()
     assert f"ExecStart={PROGRAMS}/litegripd-web --token-file" in page
     assert "/opt/litegripd/" not in unit + page
+
+
+def test_a_fleets_parts_are_installed_on_request_and_then_renewed(tmp_path: Path) -> None:
+    wanted = {
+        f"{UNITS}/litegripd-fleet@.service",
+        "usr/local/lib/sysusers.d/litegripd-fleet.conf",
+        "etc/litegripd/fleet.toml",
+    }
+    assert not wanted & put(tmp_path).keys()
+    done = put(tmp_path, fleet=True)
+    assert {path for path in wanted if done[path] == "installed"} == wanted
+    unit = (tmp_path / UNITS / "litegripd-fleet@.service").read_text()
+    assert f"ExecStart={PROGRAMS}/litegripd-fleet %i\n" in unit
+    assert "/opt/litegripd/" not in unit
+    assert wanted <= put(tmp_path).keys()
+    users = (tmp_path / "usr/local/lib/sysusers.d/litegripd-fleet.conf").read_text()
+    for part in ("gateway", "portal", "router"):
+        assert f"u litegrip-{part} " in users
+        assert f"m litegrip-{part} litegrip-fleet" in users
+    removed = {str(Path(one.path).relative_to(tmp_path)) for one in install.uninstall(tmp_path)}
+    assert wanted <= removed  # the configuration is named, and kept
+    assert (tmp_path / "etc/litegripd/fleet.toml").exists()
 
 
 def test_what_only_a_person_can_mend_is_not_tried_again() -> None:
