@@ -16,7 +16,16 @@ from pathlib import Path
 from docs.generate import GENERATED
 
 ROOT = Path(__file__).parent.parent
-CODE = ("litegripd", "litegrip_client", "litegrip_fleet", "litegrip_web", "tests", "bench", "docs", "examples")
+CODE = (
+    "litegripd",
+    "litegrip_client",
+    "litegrip_fleet",
+    "litegrip_web",
+    "tests",
+    "bench",
+    "docs",
+    "examples",
+)
 FROM_CODE = {generated.path for generated in GENERATED} | {"docs/faults.md"}
 NOT_READ = {"tests/words.py", "tests/test_words.py", "litegrip_client/_error_table.py"}
 

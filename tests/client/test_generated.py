@@ -17,7 +17,16 @@ def generate(root: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
 
 def a_copy(tmp_path: Path) -> Path:
     skipped = shutil.ignore_patterns("__pycache__")
-    for name in ("docs", "etc", "examples", "man", "litegripd", "litegrip_client", "litegrip_fleet", "litegrip_web"):
+    for name in (
+        "docs",
+        "etc",
+        "examples",
+        "man",
+        "litegripd",
+        "litegrip_client",
+        "litegrip_fleet",
+        "litegrip_web",
+    ):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=skipped)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     return tmp_path

@@ -25,9 +25,7 @@ CONFIGURATION = "etc/litegripd/litegripd.toml"
 SOURCES = Path(__file__).parents[3]
 
 
-def put(
-    root: Path, *channels: str, serial: bool = False, fleet: bool = False
-) -> dict[str, str]:
+def put(root: Path, *channels: str, serial: bool = False, fleet: bool = False) -> dict[str, str]:
     done = install.install(root, Wishes(channels, serial, fleet), PROGRAMS)
     return {str(Path(one.path).relative_to(root)): one.what for one in done}
 
