@@ -40,7 +40,7 @@ def _user_rules(user: str, role: str) -> list[dict[str, Any]]:
     own = [
         f"{PREFIX}/*/*/rpc/{user}/*/{CLASSES[lower]}" for lower in ROLES[: ROLES.index(role) + 1]
     ]
-    asks = [*own, f"{PREFIX}/*/*/stop/{user}"]
+    asks = [*own, f"{PREFIX}/*/*/stop/{user}", f"{PREFIX}/*/*/hello"]
     return [
         _rule(f"user {user} asks", ["query"], "ingress", asks),
         _rule(f"user {user} is answered", ["reply"], "egress", asks),
@@ -57,12 +57,14 @@ def _to(user: str) -> list[str]:
 
 def _gateway_rules(gateway: str, places: Sequence[Place]) -> list[dict[str, Any]]:
     """Return what a gateway may: be asked for its own grippers, answer, and say that they live."""
-    asked = [f"{place.key}/{kind}" for place in places for kind in ("rpc/**", "stop/*")]
+    kinds = ("rpc/**", "stop/*", "hello")
+    asked = [f"{place.key}/{kind}" for place in places for kind in kinds]
+    # What is asked of a whole site has a wildcard for the gripper.
+    asked_of_all = [f"{PREFIX}/*/*/stop/*", f"{PREFIX}/*/*/hello"]
     alive = [place.alive for place in places]
     return [
         _rule(f"gateway {gateway} offers", ["declare_queryable"], "ingress", asked),
-        # A stop for a whole site has a wildcard for the gripper.
-        _rule(f"gateway {gateway} is asked", ["query"], "egress", [*asked, f"{PREFIX}/*/*/stop/*"]),
+        _rule(f"gateway {gateway} is asked", ["query"], "egress", [*asked, *asked_of_all]),
         _rule(f"gateway {gateway} answers", ["reply"], "ingress", asked),
         _rule(f"gateway {gateway} lives", ["liveliness_token"], "ingress", alive),
         _rule(

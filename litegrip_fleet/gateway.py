@@ -51,6 +51,7 @@ class Gateway:
         self._voided: frozenset[str] = frozenset()
         self._generation: int | None = None
         self._path: str | None = None
+        self._answering: set[asyncio.Task[None]] = set()
 
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
@@ -60,7 +61,13 @@ class Gateway:
             loop.call_soon_threadsafe(self._asked, query)
 
         key = self.place.key
+
+        def asked_about(query: zenoh.Query) -> None:
+            loop.call_soon_threadsafe(self._asked_about, query)
+
         rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
+        hellos = self._session.declare_queryable(self.place.about, all_in_order())
+        hand_over(hellos, asked_about, f"hello {self.place}")
         stops = self._session.declare_queryable(f"{key}/stop/*", all_in_order())
         hand_over(rpc, asked, f"rpc {self.place}")
         # On a thread of its own: nothing else that the gateway does is before it.
@@ -74,8 +81,8 @@ class Gateway:
             look.cancel()
             for connection in list(self._connections.values()):
                 connection.close()
-            rpc.undeclare()
-            stops.undeclare()
+            for queryable in (rpc, stops, hellos):
+                queryable.undeclare()
 
     # The daemon -----------------------------------------------------------------------------------
 
@@ -127,6 +134,31 @@ class Gateway:
         generation = generation_in(line)
         if generation is not None:
             self._generation = max(generation, self._generation or 0)
+
+    def _asked_about(self, query: zenoh.Query) -> None:
+        task = asyncio.get_running_loop().create_task(self._say_how_it_is(query))
+        self._answering.add(task)
+        task.add_done_callback(self._answering.discard)
+
+    async def _say_how_it_is(self, query: zenoh.Query) -> None:
+        """Answer with the daemon's version, verdict, mode and owner; or why it does not answer."""
+        about: dict[str, Any] = {"gateway": version("litegripd")}
+        try:
+            reader, writer = await self._connected()
+            try:
+                hello = await _asked_of(reader, writer, "hello", {"client": "gateway"})
+                health = await _asked_of(reader, writer, "health")
+                state = await _asked_of(reader, writer, "state.get")
+                owner = (await _asked_of(reader, writer, "lease.get"))["owner"]
+            finally:
+                writer.close()
+            about |= {"version": hello["version"], "verdict": health["verdict"]}
+            about |= {"mode": state["mode"], "age_s": state["age_s"]}
+            about["owner"] = None if owner is None else owner["program"]
+        except (LiteGripError, KeyError) as error:
+            about["error"] = str(error)
+        with query:
+            query.reply(self.place.about, json.dumps(about).encode())
 
     # Sessions -------------------------------------------------------------------------------------
 

@@ -60,6 +60,11 @@ class Place:
         """The token that says that its daemon can be reached."""
         return f"{self.key}/alive"
 
+    @property
+    def about(self) -> str:
+        """Where everybody may ask how it is."""
+        return f"{self.key}/hello"
+
     def rpc(self, user: str, session: str, role: str) -> str:
         """Where a user's session asks."""
         return f"{self.key}/rpc/{user}/{session}/{CLASSES[role]}"

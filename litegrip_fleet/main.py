@@ -24,7 +24,7 @@ from litegrip_fleet.gateway import Gateway
 from litegrip_fleet.keys import BadNameError, check_name
 from litegrip_fleet.network import Network, NetworkError, opened
 from litegrip_fleet.portal import Portal
-from litegrip_fleet.site import Stopped, alive, stop_all
+from litegrip_fleet.site import About, Stopped, alive, look, stop_all
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_NETWORK = 0, 1, 2, 3
 EXIT_CODES = (
@@ -94,8 +94,11 @@ def make_parser() -> argparse.ArgumentParser:
     commands.add_parser("portal", help="give remote grippers sockets on this machine")
     commands.add_parser("router", help="let gateways and portals find each other, by the rules")
     commands.add_parser("acl", help="print the router's rules, as zenoh takes them")
-    listing = commands.add_parser("list", help="list the grippers that can be reached")
+    listing = commands.add_parser(
+        "list", help="list the grippers that can be reached, and how they are"
+    )
     listing.add_argument("site", nargs="?", default="*", metavar="SITE", help="default: all")
+    listing.add_argument("--json", action="store_true", help="print one JSON array")
     stop = commands.add_parser("stop", help="stop all grippers of a site")
     stop.add_argument("site", metavar="SITE")
     stop.add_argument("--level", choices=("hold", "relax", "disable"), default="hold")
@@ -243,10 +246,31 @@ def _acl(config: FleetConfig, _arguments: argparse.Namespace) -> int:
 
 def _list(config: FleetConfig, arguments: argparse.Namespace) -> int:
     with _connected(config) as session:
-        places = alive(session, _site(arguments.site))
-    for place in places:
-        print(place)
-    return EXIT_OK
+        found = asyncio.run(look(session, _site(arguments.site)))
+    if arguments.json:
+        rows = [{"gripper": str(one.place), "after_s": one.after_s, **one.facts} for one in found]
+        print(json.dumps(rows))
+    else:
+        _print_table(found)
+    return EXIT_OK if all("error" not in one.facts for one in found) else EXIT_FAILED
+
+
+def _print_table(found: Sequence[About]) -> None:
+    if not found:
+        print("no gripper was found")
+        return
+    width = max(7, *(len(str(one.place)) for one in found))
+    form = f"{{:<{width}}}  {{:<9}}{{:<10}}{{:<10}}{{:<8}}{{:<9}}{{}}"
+    print(form.format("GRIPPER", "VERSION", "VERDICT", "MODE", "AGE", "ANSWER", "OWNER"))
+    for one in found:
+        facts, after = one.facts, f"{one.after_s * 1e3:.0f} ms"
+        if "error" in facts:
+            print(f"{one.place!s:<{width}}  {facts['error']}")
+            continue
+        age_s = facts.get("age_s")
+        age = "--" if age_s is None else f"{age_s * 1e3:.0f} ms"
+        words = (facts.get("version"), facts.get("verdict"), facts.get("mode"))
+        print(form.format(str(one.place), *map(str, words), age, after, facts.get("owner") or "--"))
 
 
 def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:

@@ -8,6 +8,7 @@ import asyncio
 import json
 import logging
 import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -133,11 +134,15 @@ def the_newest() -> "zenoh.handlers.RingChannel[Any]":
 
 @dataclass(frozen=True, slots=True)
 class Answered:
-    """One answer to a query: the key that it came from, its payload, and what was attached."""
+    """One answer to a query: the key that it came from, its payload, what was attached, and when.
+
+    `at_s` is by CLOCK_MONOTONIC.
+    """
 
     key: str
     payload: bytes
     attached: bytes | None
+    at_s: float
 
 
 def ask(
@@ -162,7 +167,8 @@ def ask(
         if sample is not None:
             attachment = sample.attachment
             attached = None if attachment is None else attachment.to_bytes()
-            answers.append(Answered(str(sample.key_expr), sample.payload.to_bytes(), attached))
+            payload, at_s = sample.payload.to_bytes(), time.monotonic()
+            answers.append(Answered(str(sample.key_expr), payload, attached, at_s))
 
     def done() -> None:
         try:

@@ -3,8 +3,9 @@
 import asyncio
 import json
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import zenoh
 
@@ -21,6 +22,40 @@ def alive(session: zenoh.Session, site: str = "*") -> list[Place]:
     replies = session.liveliness().get(f"{PREFIX}/{site}/*/alive", timeout=LOOK_WITHIN_S)
     places = {place_in(str(reply.ok.key_expr)) for reply in replies if reply.ok is not None}
     return sorted(place for place in places if place is not None)
+
+
+@dataclass(frozen=True, slots=True)
+class About:
+    """How a gripper is, as its gateway says; `after_s` is how long the answer took."""
+
+    place: Place
+    after_s: float
+    facts: Mapping[str, Any]
+
+
+async def look(session: zenoh.Session, site: str = "*") -> list[About]:
+    """Ask how all grippers of a site are; one that is there and does not answer has an error."""
+    loop = asyncio.get_running_loop()
+    begun_s = time.monotonic()
+    there = asyncio.create_task(asyncio.to_thread(alive, session, site))
+    key = f"{PREFIX}/{site}/*/hello"
+    found = {}
+    for answer in await ask(session, key, b"", None, loop, within_s=LOOK_WITHIN_S):
+        place, facts = place_in(answer.key), _facts_in(answer.payload)
+        if place is not None:
+            found[place] = About(place, answer.at_s - begun_s, facts)
+    for place in await there:
+        silent = {"error": "it is there, and does not answer"}
+        found.setdefault(place, About(place, LOOK_WITHIN_S, silent))
+    return [found[place] for place in sorted(found)]
+
+
+def _facts_in(payload: bytes) -> Mapping[str, Any]:
+    try:
+        facts = json.loads(payload)
+    except ValueError:
+        facts = None
+    return facts if isinstance(facts, dict) else {"error": f"{payload[:60]!r} is no answer"}
 
 
 @dataclass(frozen=True, slots=True)

@@ -47,10 +47,16 @@ def test_no_channel_leaves_the_directory(channel: str) -> None:
         paths = socket_paths(channel, None, {"XDG_RUNTIME_DIR": "/xdg"})
     except CommandError:
         return
-    assert [str(Path(os.path.normpath(path)).parent) for path in paths] == [
-        "/run/litegripd",
-        "/xdg/litegripd",
-    ]
+    directories = ["/run/litegripd", "/xdg/litegripd"]
+    if "." in channel:  # it may be a gripper of another machine, SITE.GRIPPER
+        directories.append("/run/litegripd-portal")
+    assert [str(Path(os.path.normpath(path)).parent) for path in paths] == directories
+
+
+def test_a_gripper_of_another_machine_is_found_at_the_portals_sockets() -> None:
+    paths = socket_paths("lab.left", None, {"XDG_RUNTIME_DIR": "/xdg"})
+    assert paths[-1] == "/run/litegripd-portal/lab.left.sock"
+    assert len(socket_paths("left", None, {"XDG_RUNTIME_DIR": "/xdg"})) == 2
 
 
 def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(

@@ -121,7 +121,11 @@ def test_the_rules_name_each_user_and_each_gateway_alone() -> None:
     by_name = {rule["id"]: rule for rule in made["rules"]}
     assert all(rule["permission"] == "allow" for rule in by_name.values())
     asks = by_name["user viewer asks"]["key_exprs"]
-    assert asks == ["litegripd/1/*/*/rpc/viewer/*/observe", "litegripd/1/*/*/stop/viewer"]
+    assert asks == [
+        "litegripd/1/*/*/rpc/viewer/*/observe",
+        "litegripd/1/*/*/stop/viewer",
+        "litegripd/1/*/*/hello",
+    ]
     assert "litegripd/1/*/*/rpc/op1/*/operate" in by_name["user op1 asks"]["key_exprs"]
     assert not any("/admin" in key for rule in by_name.values() for key in rule["key_exprs"])
     assert all(subject["cert_common_names"] == [subject["id"]] for subject in made["subjects"])

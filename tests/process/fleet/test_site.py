@@ -1,0 +1,122 @@
+"""A whole site: who is there and how, and a stop for all that says who has not confirmed it."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess
+from tests.process.fleet.conftest import CONFIG
+from tests.process.fleet.fleet_process import Fleet, fleet
+
+
+@pytest.fixture
+def right(tmp_path: Path) -> Iterator[DaemonProcess]:
+    config = tmp_path / "right.toml"
+    config.write_text(CONFIG.format(uid=os.getuid()), encoding="utf-8")
+    channel = f"right-{os.getpid()}"
+    folder = tmp_path / "right"
+    folder.mkdir()
+    socket_path = folder / "rpc.sock"
+    running = DaemonProcess(folder, channel, "--config", str(config), "--socket", str(socket_path))
+    try:
+        running.connect().close()
+        yield running
+    finally:
+        running.kill()
+
+
+@pytest.fixture
+def lab(
+    tmp_path: Path, certificates: Path, gripper: DaemonProcess, right: DaemonProcess
+) -> Iterator[Fleet]:
+    sockets = {"left": gripper.socket_path, "right": right.socket_path}
+    with fleet(tmp_path / "fleet", certificates, sockets) as running:
+        yield running
+
+
+def run(lab: Fleet, *arguments: str) -> "subprocess.CompletedProcess[str]":
+    config = str(lab.portal.config_path)
+    command = [sys.executable, "-m", "litegrip_fleet", "--config", config, *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
+
+
+def test_all_grippers_are_listed_with_how_they_are(lab: Fleet, gripper: DaemonProcess) -> None:
+    with gripper.connect() as client:
+        client.result("hello", client="sorter")
+        client.result("lease.acquire")
+        listed = run(lab, "list", "lab", "--json")
+        shown = run(lab, "list")
+    assert listed.returncode == 0, listed.stderr
+    left, right = json.loads(listed.stdout)
+    assert (left["gripper"], right["gripper"]) == ("lab.left", "lab.right")
+    assert (left["owner"], right["owner"]) == ("sorter", None)
+    assert left["verdict"] in ("ok", "degraded", "error")
+    assert left["age_s"] >= 0.0
+    lines = shown.stdout.splitlines()
+    assert lines[0].split() == ["GRIPPER", "VERSION", "VERDICT", "MODE", "AGE", "ANSWER", "OWNER"]
+    assert [line.split()[0] for line in lines[1:]] == ["lab.left", "lab.right"]
+    assert lines[1].endswith("sorter")
+    assert run(lab, "list", "elsewhere").stdout == "no gripper was found\n"
+
+
+def test_a_gripper_whose_daemon_is_gone_says_so(lab: Fleet, right: DaemonProcess) -> None:
+    right.process.kill()
+    right.process.wait()
+    listed = run(lab, "list", "--json")
+    assert listed.returncode == 1
+    errors = {row["gripper"]: row.get("error") for row in json.loads(listed.stdout)}
+    assert errors["lab.left"] is None
+    assert "no daemon can be reached" in errors["lab.right"]
+
+
+def test_a_site_is_stopped_at_once(
+    lab: Fleet, gripper: DaemonProcess, right: DaemonProcess
+) -> None:
+    done = run(lab, "stop", "lab", "--why", "a hand")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert [line.split(" (")[0] for line in done.stdout.splitlines()] == [
+        "lab.left: stopped",
+        "lab.right: stopped",
+    ]
+    for running in (gripper, right):
+        with running.connect() as client:
+            stop = client.result("state.get")["stop"]
+            assert (stop["by"], stop["why"]) == ("op1@lab via gateway", "a hand")
+
+
+def test_who_is_silent_is_named_and_the_stop_fails(
+    lab: Fleet, gripper: DaemonProcess, right: DaemonProcess
+) -> None:
+    lab.gateway.freeze()
+    done = run(lab, "stop", "lab")
+    lab.gateway.thaw()
+    assert done.returncode == 1
+    assert done.stdout.splitlines() == [
+        "lab.left: NOT confirmed: silent",
+        "lab.right: NOT confirmed: silent",
+    ]
+    assert "switch that cuts the power" in done.stderr
+
+
+def test_a_daemon_that_does_not_take_the_stop_is_named(lab: Fleet, right: DaemonProcess) -> None:
+    right.process.send_signal(signal.SIGSTOP)
+    done = run(lab, "stop", "lab")
+    right.process.send_signal(signal.SIGCONT)
+    assert done.returncode == 1
+    first, second = done.stdout.splitlines()
+    assert first.startswith("lab.left: stopped")
+    assert second.startswith("lab.right: NOT confirmed: ")
+
+
+def test_without_a_router_the_commands_say_so(lab: Fleet) -> None:
+    lab.router.kill()
+    for command in (["list"], ["stop", "lab"]):
+        done = run(lab, *command)
+        assert done.returncode == 3
+        assert "no router answers at tls/" in done.stderr
