@@ -62,6 +62,9 @@ class SimulatedDaemon:
         self.channel = channel
         self.socket_path = socket_path
 
+    def __repr__(self) -> str:
+        return f"<SimulatedDaemon {self.channel}, at {self.socket_path}>"
+
     def gripper(self, **settings: Any) -> LiteGrip:
         """Return a `LiteGrip` for this daemon; `settings` are further arguments of its."""
         return LiteGrip(self.channel, socket_path=self.socket_path, **settings)

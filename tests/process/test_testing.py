@@ -35,6 +35,11 @@ def test_a_program_grasps_loses_and_finds_again() -> None:
         gripper.disconnect()
 
 
+def test_a_daemon_shows_its_channel_and_where_it_is() -> None:
+    shown = repr(SimulatedDaemon("sim1-1", "/run/x.sock"))
+    assert shown == "<SimulatedDaemon sim1-1, at /run/x.sock>"
+
+
 def test_the_block_of_the_page_runs() -> None:
     page = (Path(__file__).parents[2] / "docs" / "simulator.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"^```python\n(.*?)^```$", page, re.MULTILINE | re.DOTALL)
