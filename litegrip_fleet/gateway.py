@@ -197,11 +197,9 @@ class Gateway:
     async def _open(self, query: zenoh.Query, connection: "_Connection", ask: Ask) -> None:
         try:
             about = await self._begin(connection, ask)
-        except LiteGripError as error:
-            gone = {"code": error.code or UNREACHABLE, "message": error.message}
-            gone["data"] = {"reason": error.reason or "unreachable", **error.data}
+        except (LiteGripError, OSError, ValueError, KeyError) as error:
             connection.close()
-            _answer(query, Reply(0, 0, time.monotonic(), gone=gone))
+            _answer(query, Reply(0, 0, time.monotonic(), gone=_gone(error)))
             return
         reply = connection.far.reply(time.monotonic(), about)
         _answer(query, reply)
@@ -362,6 +360,13 @@ class _Connection:
 
     async def pass_on(self, note: Any) -> None:
         """Pass the daemon's lines on until it closes the connection."""
+        try:
+            await self._pass_lines(note)
+        except (OSError, ValueError) as error:  # reset, or a line beyond all bounds
+            _log.warning("the connection of %s has broken: %s", self.caller.user, error)
+        self.far.ended()
+
+    async def _pass_lines(self, note: Any) -> None:
         assert self._reader is not None, "it is attached"  # noqa: S101 - for the type
         while line := await self._reader.readline():
             note(line)
@@ -372,7 +377,6 @@ class _Connection:
             if not self.far.has_room:
                 self._room.clear()
                 await self._room.wait()
-        self.far.ended()
 
     def close(self) -> None:
         """Close the connection: the daemon then does what the session's end means."""
@@ -383,6 +387,17 @@ class _Connection:
             self._writer = None
         if self.task is not None and self.task is not asyncio.current_task():
             self.task.cancel()
+
+
+def _gone(error: Exception) -> dict[str, Any]:
+    """Return why a session could not begin, as an error of JSON-RPC."""
+    if not isinstance(error, LiteGripError):
+        return error_object(UNREACHABLE, f"the daemon does not answer as one: {error!r}")
+    return {
+        "code": error.code or UNREACHABLE,
+        "message": error.message,
+        "data": {"reason": error.reason or "unreachable", **error.data},
+    }
 
 
 def _answer(query: zenoh.Query, reply: Reply) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.conftest import CONFIG
 from tests.process.fleet.fleet_process import Fleet, fleet
 
@@ -73,6 +73,21 @@ def test_a_gripper_whose_daemon_is_gone_says_so(lab: Fleet, right: DaemonProcess
     errors = {row["gripper"]: row.get("error") for row in json.loads(listed.stdout)}
     assert errors["lab.left"] is None
     assert "no daemon can be reached" in errors["lab.right"]
+
+
+def test_when_a_daemon_is_gone_its_remote_clients_are_let_go(
+    lab: Fleet, right: DaemonProcess
+) -> None:
+    with Client(lab.socket_path("right")) as client, Client(lab.socket_path("left")) as other:
+        client.result("hello")
+        right.process.kill()
+        while client.read():
+            pass  # whatever it had sent; then the connection ends
+        assert other.result("hello")["channel"] == "lab.left"
+    with Client(lab.socket_path("right")) as client:
+        error = client.read()["error"]
+    assert error["data"]["reason"] == "unreachable"
+    assert "no daemon can be reached" in error["message"] or "has gone" in error["message"]
 
 
 def test_a_site_is_stopped_at_once(
