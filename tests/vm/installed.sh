@@ -9,7 +9,7 @@ venv=/opt/litegripd
 if [[ $boot == 1 && $suite != debian ]]; then  # that one has packages of its own
     python3 -m venv --without-pip "$venv"
     pip --quiet --python "$venv/bin/python" install --disable-pip-version-check \
-        --root-user-action=ignore --no-index --find-links wheels litegripd
+        --root-user-action=ignore --no-index --find-links wheels 'litegripd[web]'
 fi
 modprobe vcan
 ip link add dev vcan0 type vcan

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.vm.attended import ATTENDED, patient_motor
+from tests.vm.beside import fleet_as_units, page_as_a_unit
 from tests.vm.failing_units import FAILING_UNITS
 from tests.vm.guest import check, play, reaches
 from tests.vm.managed import MANAGED
@@ -155,7 +156,15 @@ def removal() -> None:
     check("and nothing of it runs", run("pgrep", "-f", "litegripd")[1] == "")
 
 
-FIRST = (installation, one_daemon, *ATTENDED, *MANAGED, *FAILING_UNITS)
+FIRST = (
+    installation,
+    one_daemon,
+    page_as_a_unit,
+    fleet_as_units,
+    *ATTENDED,
+    *MANAGED,
+    *FAILING_UNITS,
+)
 SECOND = (after_reboot, removal)
 
 
