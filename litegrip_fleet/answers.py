@@ -31,7 +31,7 @@ def error_object(code: int, message: str, **data: object) -> dict[str, Any]:
 
 
 def error_line(identity: object, error: Mapping[str, Any]) -> bytes:
-    """Return the line that answers a request with an error; `identity` None tells of an end."""
+    """Return the line that answers a request with an error; without one, `identity` is None."""
     return _line({"jsonrpc": "2.0", "id": identity, "error": error})
 
 

@@ -8,7 +8,6 @@ from litegrip_fleet.keys import Caller
 from litegrip_fleet.messages import Ask, Push, Reply
 from litegrip_fleet.requests import (
     LONGEST_TTL_S,
-    MAX_LINE_BYTES,
     SHORTEST_TTL_S,
     RefusedError,
     passed,
@@ -26,14 +25,18 @@ AGAIN_BYTES = 65_536
 
 DEFAULT_TTL_S = 1.0
 
-_SAMPLE = b'{"jsonrpc":"2.0","method":"state.'
 _GENERATION = re.compile(rb'"(?:stop_)?generation":(\d{1,15})')
 
 
 def generation_in(line: bytes) -> int | None:
-    """Return the largest count of stops that a line of the daemon's tells, None without any."""
+    """Return the largest count of stops in a line of the daemon's, None without any."""
     found = [int(digits) for digits in _GENERATION.findall(line)]
     return max(found, default=None)
+
+
+def is_sample(line: bytes) -> bool:
+    """Return True for a sample of the state, which a newer one replaces."""
+    return line.startswith(b'{"jsonrpc":"2.0","method":"state.')
 
 
 class FarSession:
@@ -78,7 +81,7 @@ class FarSession:
         self._outbox.confirm(ask.got)
         if ask.again:
             self._push_again()
-        if ask.op == "line" and len(line) <= MAX_LINE_BYTES and self._inbox.take(ask.number):
+        if ask.op == "line" and self._inbox.take(ask.number):
             self._take(ask, line, now_s)
         if ask.op == "eof" and self._inbox.take(ask.number):
             self._to_daemon(None)
@@ -89,7 +92,7 @@ class FarSession:
 
     def said(self, line: bytes) -> None:
         """Send a line of the daemon's, with its newline, to the portal."""
-        if line.startswith(_SAMPLE) and len(line) <= PIECE_BYTES:
+        if is_sample(line) and len(line) <= PIECE_BYTES:
             self._push(Push(None, generation=self.generation), line)
             return
         for begin in range(0, len(line), PIECE_BYTES):

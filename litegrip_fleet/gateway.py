@@ -34,7 +34,6 @@ MOST_SESSIONS = 56
 """For each gripper; the daemon lets 64 connections of a user in."""
 
 _LONGEST_LINE_BYTES = 16 * 1024 * 1024
-_ALIVE_ID = "gateway"
 _ALIVE = b'{"jsonrpc":"2.0","id":"gateway","method":"state.get"}\n'
 _ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
 
@@ -46,6 +45,7 @@ class Gateway:
         self.place = place
         self._session = session
         self._channel = channel
+        self._version = version("litegripd")
         self._connections: dict[str, _Connection] = {}
         self._hello: dict[str, Any] = {}
         self._voided: frozenset[str] = frozenset()
@@ -60,16 +60,15 @@ class Gateway:
         def asked(query: zenoh.Query) -> None:
             loop.call_soon_threadsafe(self._asked, query)
 
-        key = self.place.key
-
         def asked_about(query: zenoh.Query) -> None:
             loop.call_soon_threadsafe(self._asked_about, query)
 
+        key = self.place.key
         rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
+        hand_over(rpc, asked, f"rpc {self.place}")
         hellos = self._session.declare_queryable(self.place.about, all_in_order())
         hand_over(hellos, asked_about, f"hello {self.place}")
         stops = self._session.declare_queryable(f"{key}/stop/*", all_in_order())
-        hand_over(rpc, asked, f"rpc {self.place}")
         # On a thread of its own: nothing else that the gateway does is before it.
         hand_over(stops, lambda query: self._stop(query, loop), f"stop {self.place}")
         look = asyncio.create_task(self._look())
@@ -142,7 +141,7 @@ class Gateway:
 
     async def _say_how_it_is(self, query: zenoh.Query) -> None:
         """Answer with the daemon's version, verdict, mode and owner; or why it does not answer."""
-        about: dict[str, Any] = {"gateway": version("litegripd")}
+        about: dict[str, Any] = {"gateway": self._version}
         try:
             reader, writer = await self._connected()
             try:
@@ -210,9 +209,9 @@ class Gateway:
         """Open a session's connection to the daemon, in its user's name; return what it is."""
         if len(self._connections) > MOST_SESSIONS:
             text = f"{self.place} has {MOST_SESSIONS} sessions, no more are let in: close one"
-            raise from_error_object(error_object(UNREACHABLE, text))
+            raise _unreachable(text)
         if "error" in self._hello:
-            raise from_error_object(error_object(UNREACHABLE, str(self._hello["error"])))
+            raise _unreachable(str(self._hello["error"]))
         caller = connection.caller
         user = f"{caller.user}@{self.place.site}"
         reader, writer = await self._connected()
@@ -236,7 +235,7 @@ class Gateway:
             "gripper": self.place.gripper,
             "user": user,
             "role": hello["role"],
-            "gateway": version("litegripd"),
+            "gateway": self._version,
         }
 
     def _note_for(self, far: FarSession) -> Any:
@@ -301,9 +300,10 @@ class Gateway:
 
 
 class _Connection:
-    """A remote session's connection to the daemon; `ready` once `far` is there."""
+    """A remote session's connection to the daemon; once it is `ready`, `far` is there."""
 
     far: FarSession
+    _reader: asyncio.StreamReader
 
     def __init__(
         self, session: zenoh.Session, place: Place, caller: Caller, on_closed: Any
@@ -312,7 +312,6 @@ class _Connection:
         self.ready = False
         self.task: asyncio.Task[None] | None = None
         self._on_closed = on_closed
-        self._reader: asyncio.StreamReader | None = None
         self._writer: asyncio.StreamWriter | None = None
         self._room = asyncio.Event()
         self._awaits_life = False
@@ -367,7 +366,6 @@ class _Connection:
         self.far.ended()
 
     async def _pass_lines(self, note: Any) -> None:
-        assert self._reader is not None, "it is attached"  # noqa: S101 - for the type
         while line := await self._reader.readline():
             note(line)
             if line.startswith(_ALIVE_ANSWER):
@@ -387,6 +385,10 @@ class _Connection:
             self._writer = None
         if self.task is not None and self.task is not asyncio.current_task():
             self.task.cancel()
+
+
+def _unreachable(text: str) -> LiteGripError:
+    return from_error_object(error_object(UNREACHABLE, text))
 
 
 def _gone(error: Exception) -> dict[str, Any]:
@@ -418,10 +420,10 @@ async def _asked_of(
             line = await asyncio.wait_for(reader.readline(), ANSWER_WITHIN_S)
         except (asyncio.TimeoutError, OSError) as error:
             text = f"the daemon does not answer {method}: {error}"
-            raise from_error_object(error_object(UNREACHABLE, text)) from error
+            raise _unreachable(text) from error
         if not line:
             text = f"the daemon has closed the connection before it answered {method}"
-            raise from_error_object(error_object(UNREACHABLE, text))
+            raise _unreachable(text)
         answer = json.loads(line)
         if "error" in answer:
             raise from_error_object(answer["error"], method)

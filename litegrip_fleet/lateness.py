@@ -7,8 +7,8 @@ what the gateway's CLOCK_MONOTONIC was at some moment of a round trip.
 from collections import deque
 
 MOTION_COUNTS_S = 0.5
-"""A request that a stop makes void is refused when it is older: what a mended network gives back
-must move nothing."""
+"""A request that a stop makes void is refused when it is older: what a network gives back after a
+cut must move nothing."""
 
 SET_POINT_COUNTS_S = 0.2
 

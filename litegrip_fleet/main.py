@@ -12,6 +12,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Coroutine, Iterator, Sequence
+from concurrent import futures
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
@@ -102,7 +103,7 @@ def make_parser() -> argparse.ArgumentParser:
     stop = commands.add_parser("stop", help="stop all grippers of a site")
     stop.add_argument("site", metavar="SITE")
     stop.add_argument("--level", choices=("hold", "relax", "disable"), default="hold")
-    stop.add_argument("--why", help="for the log and for whoever finds the grippers stopped")
+    stop.add_argument("--why", help="for the log and for those who find the grippers stopped")
     return parser
 
 
@@ -116,7 +117,7 @@ def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     _warn(config)
 
     async def serve() -> None:
-        session = await _connecting(config.network)
+        session = await asyncio.wrap_future(_opening(config.network))
         gateways = [Gateway(session, place, channel) for place, channel in part.places.items()]
         try:
             await asyncio.gather(*(gateway.run() for gateway in gateways))
@@ -133,11 +134,11 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     _warn(config)
 
     async def serve() -> None:
-        connecting = asyncio.create_task(_connecting(config.network))
+        connecting = asyncio.wrap_future(_opening(config.network))
 
         def session() -> zenoh.Session | None:
-            is_there = connecting.done() and connecting.exception() is None
-            return connecting.result() if is_there else None
+            is_there = connecting.done() and not connecting.cancelled()
+            return connecting.result() if is_there and connecting.exception() is None else None
 
         portals = [
             Portal(
@@ -180,34 +181,6 @@ def _router_network(config: FleetConfig) -> Network:
         raise FleetConfigError(f"{config.source}: there is no [router]")
     own = None if config.insecure else rules(part.users, part.gateways)
     return Network(config.network.connect, part.listen, config.network.tls, own)
-
-
-async def _connecting(network: Network) -> zenoh.Session:
-    """Open a session, however long that takes, without holding up the event loop.
-
-    The thread that waits is none that the end of the process waits for.
-    """
-    loop = asyncio.get_running_loop()
-    future: asyncio.Future[zenoh.Session] = loop.create_future()
-
-    def settle(session: zenoh.Session | None, error: Exception | None) -> None:
-        if future.cancelled():
-            return
-        if session is not None:
-            future.set_result(session)
-        elif error is not None:
-            future.set_exception(error)
-
-    def connect() -> None:
-        session, problem = None, None
-        try:
-            session = opened(network)
-        except NetworkError as error:
-            problem = error
-        loop.call_soon_threadsafe(settle, session, problem)
-
-    threading.Thread(target=connect, name="connect", daemon=True).start()
-    return await future
 
 
 async def _until_a_signal(serve: Callable[[], Coroutine[Any, Any, None]]) -> int:
@@ -284,10 +257,10 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
     with _connected(config) as session:
 
         async def stop() -> Stopped:
-            # Stopping comes first: whoever else is there is asked for meanwhile.
-            look = asyncio.create_task(asyncio.to_thread(alive, session, site))
+            # Stopping comes first: who else is there is asked for meanwhile.
+            looking = asyncio.create_task(asyncio.to_thread(alive, session, site))
             stopped = await stop_all(session, site, part.user, known, line)
-            for place in await look:
+            for place in await looking:
                 if place not in stopped.confirmed and place not in stopped.failed:
                     stopped.silent.append(place)
             return stopped
@@ -318,29 +291,32 @@ def _site(text: str) -> str:
 @contextlib.contextmanager
 def _connected(config: FleetConfig) -> Iterator[zenoh.Session]:
     """Yield a session; raises `_FailureError` where no router answers in time."""
-    found: list[zenoh.Session] = []
-    problems: list[Exception] = []
-
-    def connect() -> None:
-        try:
-            found.append(opened(config.network))
-        except NetworkError as error:
-            problems.append(error)
-
-    thread = threading.Thread(target=connect, name="connect", daemon=True)
-    thread.start()
-    thread.join(CONNECT_WITHIN_S)
-    if problems:
-        raise problems[0]
-    if not found:
+    try:
+        session = _opening(config.network).result(CONNECT_WITHIN_S)
+    except futures.TimeoutError:
         where = ", ".join(config.network.connect)
         raise _FailureError(
             f"no router answers at {where} within {CONNECT_WITHIN_S:g} s", EXIT_NETWORK
-        )
+        ) from None
     try:
-        yield found[0]
+        yield session
     finally:
-        found[0].close()
+        session.close()
+
+
+def _opening(network: Network) -> futures.Future[zenoh.Session]:
+    """Open a session, however long that takes, on a thread that no end of the process waits for."""
+    future: futures.Future[zenoh.Session] = futures.Future()
+    future.set_running_or_notify_cancel()  # it cannot be cancelled any more
+
+    def connect() -> None:
+        try:
+            future.set_result(opened(network))
+        except NetworkError as error:
+            future.set_exception(error)
+
+    threading.Thread(target=connect, name="connect", daemon=True).start()
+    return future
 
 
 def _fail(message: str, code: int) -> int:

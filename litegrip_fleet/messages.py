@@ -73,10 +73,16 @@ class Push:
 
 _Message = TypeVar("_Message", bound=Ask | Reply | Push)
 
+_KINDS: tuple[type[Ask | Reply | Push], ...] = (Ask, Reply, Push)
+_DEFAULTS: Mapping[type, Mapping[str, Any]] = {
+    kind: {field.name: field.default for field in fields(kind)} for kind in _KINDS
+}
+_HINTS: Mapping[type, Mapping[str, Any]] = {kind: get_type_hints(kind) for kind in _KINDS}
+
 
 def packed(message: Ask | Reply | Push) -> bytes:
     """Return a message as it travels; what has its default is left out."""
-    defaults = {field.name: field.default for field in fields(message)}
+    defaults = _DEFAULTS[type(message)]
     own = {name: value for name, value in asdict(message).items() if value != defaults[name]}
     return json.dumps({"v": VERSION, **own}, separators=(",", ":")).encode()
 
@@ -93,7 +99,7 @@ def unpacked(kind: type[_Message], attached: bytes | None) -> _Message:
         raise BadMessageError("the attachment is no object")
     if value.pop("v", None) != VERSION:
         raise BadMessageError(f"only version {VERSION} is spoken here")
-    hints = get_type_hints(kind)
+    hints = _HINTS[kind]
     # A newer minor version may say more; it is not understood, and not needed.
     known = {name: item for name, item in value.items() if name in hints}
     for name, item in known.items():

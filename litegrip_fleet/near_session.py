@@ -30,16 +30,13 @@ BEHIND_S = 0.1
 CONFIRM_BYTES = 65_536
 """So much of what came is confirmed at once, not with the next sign of life."""
 
-LONGEST_LINE_BYTES = 16 * 1024 * 1024
-"""Of the gripper's: put together from its pieces."""
-
 
 class NearSession:
     """One local client's session, in virtual or real time.
 
     `channel` and `stop_socket` are how the gripper is called here. `ask` sends a message and its
-    payload to the gateway, `tell` a line to the client. `ended` becomes true when nothing more
-    comes; the last line to the client then says why.
+    payload to the gateway, `to_client` takes a line for the client. `ended` becomes true when
+    nothing more comes; the last line to the client then says why.
     """
 
     def __init__(
@@ -51,7 +48,7 @@ class NearSession:
         channel: str,
         stop_socket: str,
         ask: Callable[[Ask, bytes], None],
-        tell: Callable[[bytes], None],
+        to_client: Callable[[bytes], None],
     ) -> None:
         self.ended = False
         self.generation: int | None = None
@@ -63,7 +60,7 @@ class NearSession:
         self._channel = channel
         self._stop_socket = stop_socket
         self._ask = ask
-        self._tell = tell
+        self._to_client = to_client
         self._about: dict[str, Any] = {}
         self._inbox = Inbox()
         self._outbox: Outbox[tuple[Ask, bytes, float]] = Outbox()
@@ -146,7 +143,7 @@ class NearSession:
         self.note_stops(push.generation)
         if push.number is None:
             if not self._pieces:  # never inside of a line
-                self._tell(piece)
+                self._to_client(piece)
             return
         if not self._inbox.take(push.number):
             if push.number > self._inbox.taken and self._behind_since_s is None:
@@ -162,7 +159,7 @@ class NearSession:
         self._pieces.append(piece)
         if not push.more:
             line, self._pieces = b"".join(self._pieces), []
-            self._tell(self._amended(line) if self._hellos else line)
+            self._to_client(self._amended(line) if self._hellos else line)
 
     def _show_life(self, now_s: float, *, again: bool = False) -> None:
         self._unconfirmed_bytes = 0
@@ -180,7 +177,7 @@ class NearSession:
     def _end(self, error: dict[str, Any]) -> None:
         if not self.ended:
             self.ended = True
-            self._tell(error_line(None, error))
+            self._to_client(error_line(None, error))
 
     # hello ----------------------------------------------------------------------------------------
 

@@ -1,7 +1,7 @@
 """The portal: remote grippers as sockets of this machine, so that every client works unchanged.
 
 `lab.left` is found where the daemon of a channel of that name would be: it has a socket for
-requests and one for stops. Whoever may open them acts as the portal's user.
+requests and one for stops. Those who may open them act as the portal's user.
 """
 
 import asyncio
@@ -12,29 +12,28 @@ import secrets
 import select
 import socket
 import stat
-import struct
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import Any
 
 import zenoh
 
+from litegrip_client.connection import peer_pid
 from litegrip_client.discovery import stop_path
 from litegrip_fleet.answers import (
     BACKLOG_FULL,
-    LINE_TOO_LONG,
     UNREACHABLE,
     error_line,
     error_object,
 )
-from litegrip_fleet.far_session import generation_in
+from litegrip_fleet.far_session import generation_in, is_sample
 from litegrip_fleet.keys import Place
 from litegrip_fleet.lateness import RemoteClock
 from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.near_session import NearSession
 from litegrip_fleet.network import Answered, ask, hand_over, the_newest
-from litegrip_fleet.requests import MAX_LINE_BYTES
+from litegrip_fleet.requests import MAX_LINE_BYTES, TOO_LONG
 
 _log = logging.getLogger(__name__)
 
@@ -49,8 +48,10 @@ _CONGESTED_BYTES = 65_536
 _MOST_UNREAD_BYTES = 4 * 1024 * 1024
 _MAX_STOP_BYTES = 1024
 _READ_BYTES = 65_536
-_CREDENTIALS = struct.Struct("3i")
+_MODE = 0o660
 _STOPPED_STATES, _ENDED_STATES = "Tt", "ZX"
+
+_Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
 
 
 class Portal:
@@ -65,8 +66,6 @@ class Portal:
         user: str,
         role: str,
         ttl_s: float,
-        mode: int = 0o660,
-        gid: int | None = None,
     ) -> None:
         self.place = place
         self.path = path
@@ -74,8 +73,6 @@ class Portal:
         self.role = role
         self.ttl_s = ttl_s
         self._session = session
-        self._mode = mode
-        self._gid = gid
         self._identity = secrets.token_hex(4)
         self._count = 0
         self._clock = RemoteClock()
@@ -91,8 +88,8 @@ class Portal:
 
     async def run(self) -> None:
         """Serve until cancelled."""
-        requests = await self._listening(str(self.path), self._accepted)
-        stops = await self._listening(self.stop_path, self._stopper)
+        requests = await self._listening(str(self.path), self._serve)
+        stops = await self._listening(self.stop_path, self._serve_stops)
         try:
             while True:
                 await asyncio.sleep(TICK_S)
@@ -106,21 +103,33 @@ class Portal:
             for path in (str(self.path), self.stop_path):
                 Path(path).unlink(missing_ok=True)
 
-    async def _listening(self, path: str, accepted: Any) -> asyncio.Server:
-        """Listen at a path that no living process has; raises `OSError`."""
+    async def _listening(self, path: str, serve: _Serve) -> asyncio.Server:
+        """Serve at a path that no living process has; raises `OSError`."""
+
+        def accepted(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+            task = asyncio.create_task(self._served(serve, reader, writer))
+            self._serving.add(task)
+            task.add_done_callback(self._serving.discard)
+
         listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         try:
             _make_way(path)
             listener.bind(path)
-            Path(path).chmod(self._mode)
-            if self._gid is not None:
-                import os  # noqa: PLC0415 - pathlib has no such call
-
-                os.chown(path, -1, self._gid)
+            Path(path).chmod(_MODE)
         except OSError:
             listener.close()
             raise
         return await asyncio.start_unix_server(accepted, sock=listener, limit=_READ_BYTES)
+
+    async def _served(
+        self, serve: _Serve, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        try:
+            await serve(reader, writer)
+        except (ConnectionError, asyncio.CancelledError) as error:
+            _log.debug("%s: a client has gone: %s", self.place, error)
+        finally:
+            writer.close()
 
     def _tick(self) -> None:
         now_s = time.monotonic()
@@ -135,18 +144,6 @@ class Portal:
         return now_s if now_s - self._beat_s < STALLED_S else self._beat_s
 
     # Requests -------------------------------------------------------------------------------------
-
-    async def _accepted(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task is not None, "asyncio calls this in a task of its own"  # noqa: S101
-        self._serving.add(task)
-        try:
-            await self._serve(reader, writer)
-        except (ConnectionError, asyncio.CancelledError) as error:
-            _log.debug("%s: a client has gone: %s", self.place, error)
-        finally:
-            self._serving.discard(task)
-            writer.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._count += 1
@@ -168,15 +165,16 @@ class Portal:
 
     async def _open(self, client: "_Client") -> dict[str, Any] | None:
         """Begin a session at the gateway; return why that is not possible, or None."""
-        ends_s = time.monotonic() + OPEN_WITHIN_S
-        opening = Ask("open", ttl_s=self.ttl_s, program=client.program)
+        loop, ends_s = asyncio.get_running_loop(), time.monotonic() + OPEN_WITHIN_S
+        opening = packed(Ask("open", ttl_s=self.ttl_s, program=client.program))
         while (sent_s := time.monotonic()) < ends_s:
             session = self._session()
             if session is None or self._subscriber is None:
                 await asyncio.sleep(TICK_S)
                 continue
             within_s = min(ends_s - sent_s, 1.0)
-            reply = _reply_in(await self._asked(session, client.key, b"", opening, within_s))
+            answers = await ask(session, client.key, b"", opening, loop, within_s=within_s)
+            reply = _reply_in(answers)
             now_s = time.monotonic()
             if reply is None:
                 await asyncio.sleep(TICK_S)
@@ -228,12 +226,6 @@ class Portal:
         client.near.pushed(push, sample.payload.to_bytes(), time.monotonic())
         client.close_if_ended()
 
-    async def _asked(
-        self, session: zenoh.Session, key: str, line: bytes, message: Ask, within_s: float
-    ) -> list[Answered]:
-        loop = asyncio.get_running_loop()
-        return await ask(session, key, line, packed(message), loop, within_s=within_s)
-
     def send(self, client: "_Client", message: Ask, line: bytes) -> None:
         """Send a message of a client's session, and give the answer to it."""
         session = self._session()
@@ -246,22 +238,15 @@ class Portal:
 
     # Stops ----------------------------------------------------------------------------------------
 
-    async def _stopper(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task is not None, "asyncio calls this in a task of its own"  # noqa: S101
-        self._serving.add(task)
-        try:
-            while line := await _stop_line(reader):
-                writer.write(await self._stopped(line))
-                await writer.drain()
-                if writer.is_closing():  # nobody reads answers: each kind of stop once is enough
-                    await self._stop_last(reader)
-                    return
-        except ConnectionError as error:
-            _log.debug("%s: who stopped has gone: %s", self.place, error)
-        finally:
-            self._serving.discard(task)
-            writer.close()
+    async def _serve_stops(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
+        while line := await _stop_line(reader):
+            writer.write(await self._stopped(line))
+            await writer.drain()
+            if writer.is_closing():  # nobody reads answers: each kind of stop once is enough
+                await self._stop_last(reader)
+                return
 
     async def _stop_last(self, reader: asyncio.StreamReader) -> None:
         """Give the stops that a client has left behind."""
@@ -314,7 +299,7 @@ class _Client:
         self._portal = portal
         self._writer = writer
         self._socket: socket.socket = writer.get_extra_info("socket")
-        self._pid = _peer_pid(self._socket)
+        self._pid = peer_pid(self._socket)
         self.program = _program(self._pid)
         self._half_closed = False
         self._gone = asyncio.Event()
@@ -329,7 +314,7 @@ class _Client:
             channel=str(portal.place),
             stop_socket=portal.stop_path,
             ask=self.send,
-            tell=self._tell,
+            to_client=self._to_client,
         )
         self.near.opened(reply.about)
         self.near.replied(reply, sent_s, now_s)
@@ -351,7 +336,9 @@ class _Client:
 
     async def read(self, reader: asyncio.StreamReader) -> None:
         """Send what the client says until it, or the session, goes."""
-        reading = asyncio.create_task(self._read(reader))
+        if (near := self.near) is None:
+            return
+        reading = asyncio.create_task(self._read(reader, near))
         gone = asyncio.create_task(self._gone.wait())
         try:
             await asyncio.wait((reading, gone), return_when=asyncio.FIRST_COMPLETED)
@@ -362,36 +349,33 @@ class _Client:
         with contextlib.suppress(ConnectionError, asyncio.TimeoutError):
             await asyncio.wait_for(self._writer.drain(), 1.0)
 
-    async def _read(self, reader: asyncio.StreamReader) -> None:
+    async def _read(self, reader: asyncio.StreamReader, near: NearSession) -> None:
         """Send each line at once, however many: what waits here would look newer than it is."""
-        assert self.near is not None, "it has begun"  # noqa: S101 - for the type
         rest = b""
         while received := await reader.read(_READ_BYTES):
             now_s = time.monotonic()
             *lines, rest = (rest + received).split(b"\n")
             for line in lines:
-                self._take(line, now_s)
+                self._take(near, line, now_s)
             if len(rest) > MAX_LINE_BYTES:
                 self._refuse_length()
                 return
         if rest.strip():
-            self._take(rest, time.monotonic())
+            self._take(near, rest, time.monotonic())
         if self._has_hung_up():
             return
         self._half_closed = True
-        self.near.half_closed(time.monotonic())
+        near.half_closed(time.monotonic())
         await self._gone.wait()
 
-    def _take(self, line: bytes, now_s: float) -> None:
-        assert self.near is not None, "it has begun"  # noqa: S101 - for the type
+    def _take(self, near: NearSession, line: bytes, now_s: float) -> None:
         if len(line) > MAX_LINE_BYTES:
             self._refuse_length()
         elif line.strip() and not self._gone.is_set():
-            self.near.asked(line + b"\n", self._portal.sent_s(now_s), now_s)
+            near.asked(line + b"\n", self._portal.sent_s(now_s), now_s)
 
     def _refuse_length(self) -> None:
-        text = f"a line is longer than {MAX_LINE_BYTES} bytes: send large contents in pieces"
-        self._writer.write(error_line(None, error_object(LINE_TOO_LONG, text)))
+        self._writer.write(error_line(None, TOO_LONG))
         self._gone.set()
 
     def tick(self, now_s: float) -> None:
@@ -413,14 +397,12 @@ class _Client:
         if self.near is not None and self.near.ended:
             self._gone.set()
 
-    def _tell(self, line: bytes) -> None:
+    def _to_client(self, line: bytes) -> None:
         """Write a line to the client; samples are dropped while it does not read."""
         if self._gone.is_set():
             return
         unread_bytes = self._writer.transport.get_write_buffer_size()
-        if unread_bytes > _CONGESTED_BYTES and line.startswith(
-            b'{"jsonrpc":"2.0","method":"state.'
-        ):
+        if unread_bytes > _CONGESTED_BYTES and is_sample(line):
             return
         self._writer.write(line)
         if unread_bytes > _MOST_UNREAD_BYTES:
@@ -473,11 +455,6 @@ def _make_way(path: str) -> None:
             file.unlink(missing_ok=True)
             return
     raise FileExistsError(f"{path} belongs to another process")
-
-
-def _peer_pid(connected: socket.socket) -> int:
-    given = connected.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
-    return int(_CREDENTIALS.unpack(given)[0])
 
 
 def _program(pid: int) -> str | None:

@@ -5,14 +5,27 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 from litegrip_client.protocol import strict_json
-from litegrip_fleet.answers import INVALID_PARAMS, TOO_LATE, error_line, error_object, refused_line
+from litegrip_fleet.answers import (
+    INVALID_PARAMS,
+    LINE_TOO_LONG,
+    TOO_LATE,
+    error_line,
+    error_object,
+    refused_line,
+)
 from litegrip_fleet.lateness import MOTION_COUNTS_S, SET_POINT_COUNTS_S, late_by
 
 SHORTEST_TTL_S, LONGEST_TTL_S = 0.3, 5.0
 """Of a session, and of a lease that it asks for."""
 
 MAX_LINE_BYTES = 16_384
-"""As the daemon's."""
+"""As the daemon's; without the newline."""
+
+TOO_LONG = error_object(
+    LINE_TOO_LONG,
+    f"a line is longer than {MAX_LINE_BYTES} bytes: send large contents in pieces",
+    limit=MAX_LINE_BYTES,
+)
 
 _LEASES = frozenset({"lease.acquire", "lease.take"})
 _SET_POINT = "stream.set"
@@ -40,8 +53,11 @@ def passed(
     `at_s` is when it was sent by the clock of this machine, `generation` the count of stops that
     the sender knew of. `voided` are the methods that a stop makes void: they are refused when they
     are late. A lease without a time to live, or with one that no network should have, does not
-    pass. What is no request is the daemon's to refuse: it reads lines as this does.
+    pass. What is no request is the daemon's to refuse: it reads lines as this does. One that is too
+    long, or would become too long here, is refused alone; at the daemon it would end the session.
     """
+    if _is_too_long(line):
+        raise RefusedError(error_line(None, TOO_LONG))
     request = _parsed(line)
     if request is None:
         return line
@@ -61,7 +77,14 @@ def passed(
     except ValueError:
         error = error_object(INVALID_PARAMS, f"{method}: a number is too large to be one")
         raise RefusedError(_answer(request, error)) from None
-    return text.encode() + b"\n"
+    longer = text.encode() + b"\n"
+    if _is_too_long(longer):
+        raise RefusedError(_answer(request, TOO_LONG))
+    return longer
+
+
+def _is_too_long(line: bytes) -> bool:
+    return len(line) > MAX_LINE_BYTES + len(b"\n")
 
 
 def _parsed(line: bytes) -> Mapping[str, Any] | None:
@@ -105,7 +128,7 @@ def _checked_ttl(request: Mapping[str, Any], ttl_s: object) -> object:
 
 
 def _answer(request: Mapping[str, Any], error: Mapping[str, Any]) -> bytes:
-    """Return what tells of a refusal: an answer, or as the daemon does of a set-point."""
+    """Return the line that reports a refusal: an answer, or a set-point's notification."""
     if "id" in request:
         return error_line(request["id"], error)
     return refused_line(error) if request["method"] == _SET_POINT else b""

@@ -132,3 +132,14 @@ def test_errors_are_those_of_the_daemons_table(code: int) -> None:
 
 def test_lines_may_be_as_long_as_the_daemons() -> None:
     assert MAX_LINE_BYTES == DAEMONS_MAX_LINE_BYTES
+
+
+def test_a_line_of_the_longest_length_passes_and_none_becomes_longer() -> None:
+    frame = len(request("state.get", text=""))
+    longest = request("state.get", text="x" * (MAX_LINE_BYTES + 1 - frame))
+    assert through(longest) == longest
+    too_long = json.loads(refused(request("state.get", text="x" * (MAX_LINE_BYTES + 2 - frame))))
+    assert (too_long["id"], too_long["error"]["data"]["reason"]) == (None, "line_too_long")
+    frame = len(request("motion.open", text=""))
+    grown = json.loads(refused(request("motion.open", text="x" * (MAX_LINE_BYTES + 1 - frame))))
+    assert (grown["id"], grown["error"]["data"]["reason"]) == (1, "line_too_long")

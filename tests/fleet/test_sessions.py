@@ -15,6 +15,7 @@ from litegrip_fleet.keys import Caller
 from litegrip_fleet.lateness import MOTION_COUNTS_S, RemoteClock
 from litegrip_fleet.messages import Ask, Push, Reply, packed, unpacked
 from litegrip_fleet.near_session import NearSession
+from litegrip_fleet.requests import MAX_LINE_BYTES
 from tests.properties import examples
 
 TICK_S = 0.05
@@ -64,7 +65,7 @@ class Scene:
             channel="lab.left",
             stop_socket="/run/lab.left.stop.sock",
             ask=self._ask,
-            tell=self.to_client.append,
+            to_client=self.to_client.append,
         )
         self.far: FarSession | None = FarSession(
             Caller("op1", "s-1", "operator"),
@@ -303,6 +304,17 @@ def test_a_long_line_travels_in_pieces_and_arrives_whole() -> None:
     scene.weather = Weather()
     scene.run(2.0)
     assert scene.to_client == [long, after]
+
+
+def test_a_line_that_is_refused_holds_up_none_behind_it() -> None:
+    scene = Scene()
+    for letters in (MAX_LINE_BYTES - 2, MAX_LINE_BYTES):  # between quotes: the first fits
+        scene.near.asked(b'"' + b"x" * letters + b'"\n', scene.now_s, scene.now_s)
+    scene.say("state.get", 3)
+    scene.run(1.0)
+    assert [len(line) for line in scene.to_daemon[:1] if line] == [MAX_LINE_BYTES + 1]
+    assert json.loads(scene.to_daemon[-1] or b"")["id"] == 3
+    assert [told["error"]["data"]["reason"] for told in scene.told] == ["line_too_long"]
 
 
 def test_a_sample_is_not_sent_twice_and_never_inside_of_a_line() -> None:

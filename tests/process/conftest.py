@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DaemonProcess, daemon
+from tests.process.daemon_process import SIMULATED, DaemonProcess, daemon
 from tests.process.fleet.fleet_process import HOST, fleet, make_certificates
 
 THROUGH_PORTAL = "LITEGRIPD_THROUGH_PORTAL"
@@ -18,14 +18,8 @@ THROUGH_PORTAL = "LITEGRIPD_THROUGH_PORTAL"
 
 @pytest.fixture
 def simulated(tmp_path: Path) -> Iterator[DaemonProcess]:
-    """The motor's watchdog is as slow as motors have it: a busy machine may stop the daemon for
-    longer than the usual 0.1 s, and the motor then faults, as it must."""
     config = tmp_path / "simulated.toml"
-    config.write_text(
-        '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "normal"\n'
-        f"[access]\ngateways = [{os.getuid()}]\n",
-        encoding="utf-8",
-    )
+    config.write_text(SIMULATED, encoding="utf-8")
     with daemon(tmp_path, f"sim-{os.getpid()}", "--config", str(config)) as running:
         if os.environ.get(THROUGH_PORTAL) == "1":
             with through_portal(running, tmp_path) as remote:

@@ -24,6 +24,21 @@ mount = "normal"
 """
 """The configuration of a daemon over SLCAN: `format` takes the channel, a path."""
 
+SIMULATED = f"""
+[bus]
+interface = "litegrip_sim"
+watchdog_s = 0.4
+[gripper]
+mount = "normal"
+[access]
+gateways = [{os.getuid()}]
+"""
+"""The configuration of a daemon with the simulated gripper, for remote users, too.
+
+The motor's watchdog is as slow as motors have it: a busy machine may stop the daemon for longer
+than the usual 0.1 s, and the motor then faults, as it must.
+"""
+
 MODULE = ("-m", "litegripd.app.main")
 """The daemon as a module of this interpreter's."""
 
@@ -186,11 +201,7 @@ class DaemonProcess:
 
     def wait_a_moment(self) -> None:
         """Let the daemon work, but not beyond its end."""
-        pidfd = os.pidfd_open(self.process.pid)
-        try:
-            select.select([pidfd], [], [], 0.01)
-        finally:
-            os.close(pidfd)
+        wait_a_moment(self.process)
 
     def end(self) -> None:
         """End it as an operator would; it must succeed, with the motor off or never heard of."""
@@ -222,6 +233,15 @@ def daemon(folder: Path, *arguments: str) -> Iterator[DaemonProcess]:
         running.end()
     finally:
         running.kill()
+
+
+def wait_a_moment(process: "subprocess.Popen[Any]") -> None:
+    """Let a process work, but not beyond its end."""
+    pidfd = os.pidfd_open(process.pid)
+    try:
+        select.select([pidfd], [], [], 0.01)
+    finally:
+        os.close(pidfd)
 
 
 def kill_and_wait(process: "subprocess.Popen[str]") -> None:

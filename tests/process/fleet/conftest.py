@@ -6,18 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DaemonProcess, daemon
+from tests.process.daemon_process import SIMULATED, DaemonProcess, daemon
 from tests.process.fleet.fleet_process import HOST, Fleet, fleet, make_certificates
-
-CONFIG = """
-[bus]
-interface = "litegrip_sim"
-watchdog_s = 0.4
-[gripper]
-mount = "normal"
-[access]
-gateways = [{uid}]
-"""
 
 
 @pytest.fixture(scope="session")
@@ -30,7 +20,7 @@ def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def gripper(tmp_path: Path) -> Iterator[DaemonProcess]:
     config = tmp_path / "simulated.toml"
-    config.write_text(CONFIG.format(uid=os.getuid()), encoding="utf-8")
+    config.write_text(SIMULATED, encoding="utf-8")
     with daemon(tmp_path / "left", f"left-{os.getpid()}", "--config", str(config)) as running:
         running.connect().close()
         yield running

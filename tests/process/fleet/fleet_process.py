@@ -2,7 +2,6 @@
 
 import contextlib
 import os
-import select
 import shutil
 import signal
 import socket
@@ -13,7 +12,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from tests.process.daemon_process import DEADLINE_S
+from tests.process.daemon_process import DEADLINE_S, wait_a_moment
 
 SITE = "lab"
 HOST = "127.0.0.1"
@@ -60,22 +59,14 @@ class Part:
         while text not in self.log:
             assert self.process.poll() is None, f"the {self.kind} has ended: {self.log}"
             assert time.monotonic() < ends_s, f"the {self.kind} does not say {text!r}: {self.log}"
-            self.wait_a_moment()
+            wait_a_moment(self.process)
 
     def until_exists(self, path: Path) -> None:
         ends_s = time.monotonic() + DEADLINE_S
         while not path.exists():
             assert self.process.poll() is None, f"the {self.kind} has ended: {self.log}"
             assert time.monotonic() < ends_s, f"there is no {path}: {self.log}"
-            self.wait_a_moment()
-
-    def wait_a_moment(self) -> None:
-        """Let it work, but not beyond its end."""
-        pidfd = os.pidfd_open(self.process.pid)
-        try:
-            select.select([pidfd], [], [], 0.01)
-        finally:
-            os.close(pidfd)
+            wait_a_moment(self.process)
 
     def restart(self) -> None:
         """Kill it, and start another one."""

@@ -17,8 +17,7 @@ import zenoh
 from litegrip_fleet.keys import Place
 from litegrip_fleet.messages import Ask, Reply, packed, unpacked
 from litegrip_fleet.network import Answered, Network, Tls, ask, configuration, the_newest
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess, daemon
-from tests.process.fleet.conftest import CONFIG
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, DaemonProcess, daemon
 from tests.process.fleet.fleet_process import Fleet, fleet, make_certificates
 
 LEFT = Place("lab", "left")
@@ -32,7 +31,7 @@ def shared(tmp_path_factory: pytest.TempPathFactory, certificates: Path) -> Iter
     """One fleet for all that breaks nothing; its daemon's own fixture is for each test."""
     folder = tmp_path_factory.mktemp("shared")
     config = folder / "simulated.toml"
-    config.write_text(CONFIG.format(uid=os.getuid()), encoding="utf-8")
+    config.write_text(SIMULATED, encoding="utf-8")
     with daemon(folder / "left", f"rules-{os.getpid()}", "--config", str(config)) as running:
         running.connect().close()
         sockets = {"left": running.socket_path}

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.process.daemon_process import Client, DaemonProcess, line_of, spawn
+from tests.process.daemon_process import Client, DaemonProcess, line_of, spawn, wait_a_moment
 from tests.process.fleet.fleet_process import Fleet, fleet
 
 OPERATOR = """
@@ -164,7 +164,7 @@ def again(lab: Fleet) -> Client:
             return client
         assert answer["error"]["data"]["reason"] == "unreachable"
         client.close()
-        lab.portal.wait_a_moment()
+        wait_a_moment(lab.portal.process)
 
 
 def test_a_stop_that_nobody_confirms_is_said_to_be_so(lab: Fleet) -> None:

@@ -10,15 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
-from tests.process.fleet.conftest import CONFIG
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, DaemonProcess
 from tests.process.fleet.fleet_process import Fleet, fleet
 
 
 @pytest.fixture
 def right(tmp_path: Path) -> Iterator[DaemonProcess]:
     config = tmp_path / "right.toml"
-    config.write_text(CONFIG.format(uid=os.getuid()), encoding="utf-8")
+    config.write_text(SIMULATED, encoding="utf-8")
     channel = f"right-{os.getpid()}"
     folder = tmp_path / "right"
     folder.mkdir()
