@@ -284,8 +284,8 @@ class Exchange:
 
     It is None when that is not known, and so is `client`, the daemon's number for the connection;
     and `stop_socket`, where it takes stops before everything else. `has_clock` is true if this
-    machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a forwarded socket. `voice`
-    puts the daemon's errors into the reader's words; None means those of Python.
+    machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a portal or a forwarded
+    socket. `voice` puts the daemon's errors into the reader's words; None means those of Python.
     """
 
     def __init__(self, path: str, timeout_s: float) -> None:
@@ -371,7 +371,7 @@ class Exchange:
         stop_socket = hello.get("stop_socket")
         self.stop_socket = stop_socket if isinstance(stop_socket, str) else None
         told_s = hello.get("monotonic_s")
-        self.has_clock = (
+        self.has_clock = hello.get("remote") is None and (
             not isinstance(told_s, int | float) or abs(told_s - time.monotonic()) < _CLOCKS_AGREE_S
         )
 

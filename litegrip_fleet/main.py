@@ -148,6 +148,7 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
                 user=part.user,
                 role=part.role,
                 ttl_s=part.ttl_s,
+                router=config.network.connect,
             )
             for place in part.grippers
         ]

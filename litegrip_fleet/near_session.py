@@ -27,6 +27,9 @@ AGAIN_AFTER_S = 0.3
 BEHIND_S = 0.1
 """What the gateway has sent and has not arrived by then is asked for again."""
 
+INTRODUCTIONS = ("hello", "info.get")
+"""Their answers say where the gripper is, and where it is stopped: that is at the portal."""
+
 CONFIRM_BYTES = 65_536
 """So much of what came is confirmed at once, not with the next sign of life."""
 
@@ -67,15 +70,15 @@ class NearSession:
         self._unconfirmed_bytes = 0
         self._pieces: list[bytes] = []
         self._behind_since_s: float | None = None
-        self._hellos: set[str | int] = set()
+        self._introductions: set[str | int] = set()
 
     def opened(self, about: dict[str, Any] | None) -> None:
-        """Store what the gateway has said of the gripper."""
+        """Store by which way the gripper is reached, as `hello` describes it."""
         self._about = about or {}
 
     def asked(self, line: bytes, sent_s: float, now_s: float) -> None:
         """Send a line of the client's, which sent it at `sent_s` at the earliest."""
-        self._note_hello(line)
+        self._note_introduction(line)
         at_s = self._clock.at(sent_s)
         self._send_once(
             Ask("line", self._outbox.last + 1, at_s=at_s, generation=self.generation), line, now_s
@@ -159,7 +162,7 @@ class NearSession:
         self._pieces.append(piece)
         if not push.more:
             line, self._pieces = b"".join(self._pieces), []
-            self._to_client(self._amended(line) if self._hellos else line)
+            self._to_client(self._amended(line) if self._introductions else line)
 
     def _show_life(self, now_s: float, *, again: bool = False) -> None:
         self._unconfirmed_bytes = 0
@@ -181,26 +184,26 @@ class NearSession:
 
     # hello ----------------------------------------------------------------------------------------
 
-    def _note_hello(self, line: bytes) -> None:
-        """Remember a `hello`: its answer says by which way it came."""
-        if b"hello" not in line:
+    def _note_introduction(self, line: bytes) -> None:
+        """Remember a request whose answer says where the gripper is."""
+        if not any(method.encode() in line for method in INTRODUCTIONS):
             return
         try:
             request = strict_json.decode(line.decode())
         except (ValueError, RecursionError):
             return
-        if isinstance(request, dict) and request.get("method") == "hello":
+        if isinstance(request, dict) and request.get("method") in INTRODUCTIONS:
             identity = request.get("id")
             if isinstance(identity, str | int):
-                self._hellos.add(identity)
+                self._introductions.add(identity)
 
     def _amended(self, line: bytes) -> bytes:
-        """Return an answer; that of a `hello` says by which way it came, and where to stop."""
+        """Return an answer; one that says where the gripper is, says where it is met here."""
         answer = json.loads(line)
         identity = answer.get("id")
-        if "method" in answer or identity not in self._hellos:
+        if "method" in answer or identity not in self._introductions:
             return line
-        self._hellos.discard(identity)
+        self._introductions.discard(identity)
         if "result" in answer:
             remote = {**self._about, "channel": answer["result"].get("channel")}
             answer["result"] |= {

@@ -13,7 +13,8 @@ import select
 import socket
 import stat
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +46,7 @@ OPEN_WITHIN_S = 2.0
 STOP_WITHIN_S = 2.0
 _ASK_AGAIN_S = 0.4
 _CONGESTED_BYTES = 65_536
-_MOST_UNREAD_BYTES = 4 * 1024 * 1024
+MOST_UNREAD_BYTES = 4 * 1024 * 1024
 _MAX_STOP_BYTES = 1024
 _READ_BYTES = 65_536
 _MODE = 0o660
@@ -66,8 +67,10 @@ class Portal:
         user: str,
         role: str,
         ttl_s: float,
+        router: Sequence[str] = (),
     ) -> None:
         self.place = place
+        self.way = {"portal": version("litegripd"), "router": list(router)}
         self.path = path
         self.user = user
         self.role = role
@@ -316,7 +319,7 @@ class _Client:
             ask=self.send,
             to_client=self._to_client,
         )
-        self.near.opened(reply.about)
+        self.near.opened({**(reply.about or {}), **portal.way})
         self.near.replied(reply, sent_s, now_s)
 
     def send(self, message: Ask, line: bytes) -> None:
@@ -405,9 +408,10 @@ class _Client:
         if unread_bytes > _CONGESTED_BYTES and is_sample(line):
             return
         self._writer.write(line)
-        if unread_bytes > _MOST_UNREAD_BYTES:
-            text = f"more than {_MOST_UNREAD_BYTES} bytes wait to be read by this client"
-            self._writer.write(error_line(None, error_object(BACKLOG_FULL, text)))
+        if unread_bytes > MOST_UNREAD_BYTES:
+            text = f"more than {MOST_UNREAD_BYTES} bytes wait to be read by this client"
+            error = error_object(BACKLOG_FULL, text, limit=MOST_UNREAD_BYTES)
+            self._writer.write(error_line(None, error))
             self._gone.set()
 
     def _has_hung_up(self) -> bool:

@@ -53,6 +53,7 @@ class FixedFacts:
             "epoch": "0",
             "simulated": True,
             "stop_socket": None,
+            "remote": None,
             "motor": {"type": "DM4310", "can_id": 8, "master_id": None, "serial": None},
             "gripper": {
                 "calibrated": False,

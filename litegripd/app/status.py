@@ -161,6 +161,7 @@ class DaemonFacts:
             "epoch": self._epoch,
             "simulated": self.simulated,
             "stop_socket": self._stop_socket,
+            "remote": None,
             "motor": self._motor(),
             "gripper": self._gripper(),
             "limits": {

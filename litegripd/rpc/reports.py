@@ -33,7 +33,7 @@ from litegripd.rpc.jsonrpc import (
     notification_line,
     result_line,
 )
-from litegripd.rpc.sessions import Session
+from litegripd.rpc.sessions import Role, Session
 
 Verdict: TypeAlias = Literal["ok", "degraded", "down"]
 
@@ -70,8 +70,25 @@ class Limits(TypedDict):
     max_connections_per_uid: int
 
 
+class Remote(TypedDict):
+    """By which way a client of another machine comes; `channel` is the gripper's name there.
+
+    `user` and `role` are those that the gateway acts with for it; `portal` and `gateway` are the
+    versions of both, `router` where the portal meets the router.
+    """
+
+    site: str
+    gripper: str
+    channel: str
+    user: str
+    role: Role
+    portal: str
+    gateway: str
+    router: list[str]
+
+
 class Hello(TypedDict):
-    """The daemon, the motor and the limits."""
+    """The daemon, the motor and the limits; `remote` is null, except through a portal."""
 
     daemon: str
     version: str
@@ -81,6 +98,7 @@ class Hello(TypedDict):
     epoch: str
     simulated: bool
     stop_socket: str | None
+    remote: Remote | None
     motor: MotorFacts
     gripper: GripperFacts
     limits: Limits

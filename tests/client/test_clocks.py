@@ -11,19 +11,21 @@ from tests.client.fake_daemon import HELLO, MOVE, FakeDaemon
 
 
 @pytest.mark.parametrize(
-    ("ahead_s", "guards"),
+    ("ahead_s", "remote", "guards"),
     [
-        (0.0, {"sent_s", "stop_generation"}),
-        (-3600.0, {"stop_generation"}),
-        (+3600.0, {"stop_generation"}),
-        (None, {"sent_s", "stop_generation"}),
+        (0.0, None, {"sent_s", "stop_generation"}),
+        (0.0, {"site": "lab"}, {"stop_generation"}),
+        (-3600.0, None, {"stop_generation"}),
+        (+3600.0, None, {"stop_generation"}),
+        (None, None, {"sent_s", "stop_generation"}),
     ],
 )
 def test_the_time_of_sending_is_told_where_the_clock_is_the_daemons(
-    daemon: FakeDaemon, ahead_s: float | None, guards: set[str]
+    daemon: FakeDaemon, ahead_s: float | None, remote: object, guards: set[str]
 ) -> None:
     def hello(_request: object) -> dict[str, Any]:
-        return HELLO if ahead_s is None else {**HELLO, "monotonic_s": time.monotonic() + ahead_s}
+        own = {**HELLO, "remote": remote}
+        return own if ahead_s is None else {**own, "monotonic_s": time.monotonic() + ahead_s}
 
     daemon.handlers["hello"] = hello
     daemon.handlers["motion.open"] = lambda request: MOVE

@@ -17,11 +17,15 @@ THROUGH_PORTAL = "LITEGRIPD_THROUGH_PORTAL"
 
 
 @pytest.fixture
-def simulated(tmp_path: Path) -> Iterator[DaemonProcess]:
+def simulated(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[DaemonProcess]:
+    is_remote = os.environ.get(THROUGH_PORTAL) == "1"
+    local_only = request.node.get_closest_marker("local_only")
+    if is_remote and local_only is not None:
+        pytest.skip(local_only.args[0])
     config = tmp_path / "simulated.toml"
     config.write_text(SIMULATED, encoding="utf-8")
     with daemon(tmp_path, f"sim-{os.getpid()}", "--config", str(config)) as running:
-        if os.environ.get(THROUGH_PORTAL) == "1":
+        if is_remote:
             with through_portal(running, tmp_path) as remote:
                 yield remote
         else:
@@ -35,6 +39,6 @@ def through_portal(running: DaemonProcess, folder: Path) -> Iterator[DaemonProce
     certificates = make_certificates(folder / "tls", HOST, "user:op1", "gateway:robot1")
     own = running.socket_path
     with fleet(folder / "fleet", certificates, {"left": own}, role="admin") as remote:
-        running.socket_path = remote.socket_path()
+        running.socket_path, running.remote_as = remote.socket_path(), "op1@lab via gateway"
         yield running
-        running.socket_path = own
+        running.socket_path, running.remote_as = own, None

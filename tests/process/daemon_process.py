@@ -163,6 +163,9 @@ class Client:
 class DaemonProcess:
     """A running daemon; its errors go to a file, so that it waits for no reader, or to `log`."""
 
+    remote_as: str | None = None
+    """As whom the daemon knows this program, if that is by a portal."""
+
     def __init__(
         self,
         folder: Path,

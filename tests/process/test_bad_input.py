@@ -5,6 +5,8 @@ import os
 import time
 from pathlib import Path
 
+import pytest
+
 from tests.process.daemon_process import DaemonProcess, line_of, spawn
 
 BAD = {
@@ -30,6 +32,7 @@ BAD = {
 }
 
 
+@pytest.mark.local_only("portal and gateway refuse some of it, which the daemon does not count")
 def test_bad_input_is_answered_and_survived(simulated: DaemonProcess) -> None:
     with simulated.connect() as client, simulated.connect() as half:
         client.enabled()

@@ -49,9 +49,9 @@ def test_a_thread_stops_a_motion_and_what_comes_behind_is_refused(simulated: Dae
         ended(errors)
         assert state.stop is not None
         # The name that the kernel knows, not the one said in `hello`: so it went by that socket.
-        comm = Path("/proc/self/comm").read_text(encoding="utf-8").strip()
+        by = simulated.remote_as or Path("/proc/self/comm").read_text(encoding="utf-8").strip()
         latched = {name: state.stop[name] for name in ("level", "by", "why", "repeats")}
-        assert latched == {"level": "hold", "by": comm, "why": "a hand", "repeats": 0}
+        assert latched == {"level": "hold", "by": by, "why": "a hand", "repeats": 0}
         assert state.stop_generation == 1
         again = gripper.software_stop()
         assert again.stop is not None

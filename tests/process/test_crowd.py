@@ -8,7 +8,10 @@ from bench.crowd_audit import Audit, Death, Sample
 from bench.crowd_run import survive
 from tests.process.daemon_process import DaemonProcess
 
-pytestmark = pytest.mark.alone
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.local_only("it knows its clients by the pids that the daemon sees"),
+]
 
 CLIENTS = 12
 SECONDS = 4.0

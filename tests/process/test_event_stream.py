@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from litegrip_fleet.portal import MOST_UNREAD_BYTES
 from litegripd.io.connection import MAX_UNSENT_BYTES
 from tests.process.daemon_process import Client, DaemonProcess
 
@@ -79,7 +80,8 @@ def test_who_never_reads_its_events_is_closed_and_the_others_miss_none(
         assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
         error = last_message(deaf)["error"]
         assert error["data"]["reason"] == "backlog_full"
-        assert error["data"]["limit"] == MAX_UNSENT_BYTES
+        limit = MOST_UNREAD_BYTES if simulated.remote_as else MAX_UNSENT_BYTES
+        assert error["data"]["limit"] == limit
         refused(flooder, PORTION)
         sequences += [next_event(good)["seq"] for _ in range(PORTION)]
         assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))

@@ -1,35 +1,27 @@
 """The clients of docs/other-languages.md, compiled and run against a daemon."""
 
 import json
-import os
 import shutil
 import subprocess
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
+from tests.process.daemon_process import DEADLINE_S, DaemonProcess
 
 CLIENTS = Path(__file__).parents[2] / "examples" / "clients"
-CONFIG = """
-[bus]
-interface = "litegrip_sim"
-watchdog_s = 0.4
-object_mm = 40.0
-[gripper]
-mount = "normal"
-"""
+OBJECT_MM = 40.0
 
 
 @pytest.fixture
-def holding(tmp_path: Path) -> Iterator[DaemonProcess]:
-    """Return a daemon with something of 40 mm between its jaws."""
-    config = tmp_path / "gripper.toml"
-    config.write_text(CONFIG, encoding="utf-8")
-    name = f"languages-{os.getpid()}"
-    with daemon(tmp_path / "daemon", name, "--config", str(config)) as running:
-        yield running
+def holding(simulated: DaemonProcess) -> DaemonProcess:
+    """Return a daemon with something between its jaws."""
+    with simulated.connect() as client:
+        client.despite_silence("motor.enable")
+        client.despite_silence("motion.open")
+        client.result("sim.object", width_mm=OBJECT_MM)
+        client.result("motor.disable")
+    return simulated
 
 
 @pytest.fixture
@@ -96,7 +88,7 @@ def test_javascript(holding: DaemonProcess, javascript: list[str]) -> None:
     *openings, last = grasps(holding, javascript).splitlines()
     outcome, width_mm = last.split()
     assert outcome == "object_held"
-    assert float(width_mm) == pytest.approx(40.0, abs=1.5)
+    assert float(width_mm) == pytest.approx(OBJECT_MM, abs=1.5)
     assert len(openings) > 1
     assert all(line.startswith("opening ") for line in openings)
     assert refused(holding, javascript).endswith(" stopped\n")

@@ -157,6 +157,7 @@ def test_a_stop_that_is_sent_by_a_dying_client_is_in_force(simulated: DaemonProc
         mover.result("stop.clear")
 
 
+@pytest.mark.local_only("it looks at the daemon's own socket")
 def test_a_channel_has_one_daemon(simulated: DaemonProcess, tmp_path: Path) -> None:
     with simulated.connect() as client:
         client.result("hello")
