@@ -66,6 +66,14 @@ def test_asyncio_is_imported_when_it_is_asked_for_and_not_before(tmp_path: Path)
     assert run(code, tmp_path).splitlines() == ["False", "LiteGrip True"]
 
 
+def test_what_is_slow_to_import_is_not_imported(tmp_path: Path) -> None:
+    code = (
+        "import sys; from litegrip_client import LiteGrip; "
+        "print(*sorted({'typing', 'dataclasses', 'inspect', 'subprocess'} & set(sys.modules)))"
+    )
+    assert run(code, tmp_path).split() == []
+
+
 def test_importing_is_quick(tmp_path: Path) -> None:
     """The figure stands in the message; a machine that is busy gets three chances."""
 
