@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 import zenoh
 
 from litegrip_fleet.access import rules
+from litegrip_fleet.acl_check import UnreadableError, access_control_in, wider
 from litegrip_fleet.config import FILE, FleetConfig, FleetConfigError, load
 from litegrip_fleet.gateway import Gateway
 from litegrip_fleet.keys import BadNameError, check_name
@@ -30,7 +31,7 @@ from litegrip_fleet.site import About, Stopped, alive, look, stop_all
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_NETWORK = 0, 1, 2, 3
 EXIT_CODES = (
     (EXIT_OK, "done, or a signal ended it"),
-    (EXIT_FAILED, "a socket cannot be made, or a stop is not confirmed by all"),
+    (EXIT_FAILED, "a socket cannot be made, a stop is not confirmed by all, or a rule is too wide"),
     (EXIT_USAGE, "wrong usage or configuration"),
     (EXIT_NETWORK, "the network cannot be used"),
 )
@@ -67,7 +68,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     logging.basicConfig(format="%(message)s", level=logging.INFO, stream=sys.stderr)
     try:
         return int(_COMMANDS[arguments.command](load(arguments.config), arguments))
-    except (FleetConfigError, BadNameError) as error:
+    except (FleetConfigError, BadNameError, UnreadableError) as error:
         return _fail(str(error), EXIT_USAGE)
     except _FailureError as failure:
         return _fail(str(failure), failure.code)
@@ -94,7 +95,12 @@ def make_parser() -> argparse.ArgumentParser:
     commands.add_parser("gateway", help="put this machine's grippers on the network")
     commands.add_parser("portal", help="give remote grippers sockets on this machine")
     commands.add_parser("router", help="let gateways and portals find each other, by the rules")
-    commands.add_parser("acl", help="print the router's rules, as zenoh takes them")
+    acl = commands.add_parser("acl", help="print the router's rules, as zenoh takes them")
+    acl.add_argument(
+        "--check",
+        metavar="FILE",
+        help="check a zenohd's configuration instead: print what it allows beyond these rules",
+    )
     listing = commands.add_parser(
         "list", help="list the grippers that can be reached, and how they are"
     )
@@ -213,9 +219,16 @@ def _warn(config: FleetConfig) -> None:
 # Commands -----------------------------------------------------------------------------------------
 
 
-def _acl(config: FleetConfig, _arguments: argparse.Namespace) -> int:
-    print(json.dumps({"access_control": _router_network(config).rules}, indent=2))
-    return EXIT_OK
+def _acl(config: FleetConfig, arguments: argparse.Namespace) -> int:
+    made = _router_network(config).rules
+    if arguments.check is None:
+        print(json.dumps({"access_control": made}, indent=2))
+        return EXIT_OK
+    if made is None:
+        raise FleetConfigError(f"{config.source}: insecure = true: there are no rules to check by")
+    found = wider(access_control_in(arguments.check), made)
+    print(*found or [f"{arguments.check} allows nothing beyond {config.source}"], sep="\n")
+    return EXIT_FAILED if found else EXIT_OK
 
 
 def _list(config: FleetConfig, arguments: argparse.Namespace) -> int:
