@@ -70,7 +70,9 @@ class Cable:
         self.faults = dict.fromkeys(devices, SOUND)
         self._devices = devices
         self._names = {fd: name for name, fd in devices.items()}
-        self._receivers = {bytes(map(int, at.split("."))): n for n, at in addresses(devices).items()}
+        self._receivers = {
+            bytes(map(int, at.split("."))): n for n, at in addresses(devices).items()
+        }
         self._random = random.Random(seed)
         self._waiting: list[tuple[float, int, str, str, bytes]] = []
         self._carried = self._lost = 0

@@ -152,9 +152,7 @@ class Fleet:
             f'certificate = "{own}/own.pem"\nkey = "{own}/own.key"\n'
         )
 
-    def start_router(
-        self, users: Mapping[str, str], gateways: Mapping[str, Sequence[str]]
-    ) -> None:
+    def start_router(self, users: Mapping[str, str], gateways: Mapping[str, Sequence[str]]) -> None:
         """Start the router at a port that is free; whoever else takes it first is not met here."""
         self.endpoint = f"tls/{self._host}:{_free_port()}"
         lines = [f'listen = ["{self.endpoint}"]', "[router.users]"]
