@@ -10,8 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, wait_a_moment
-from tests.process.fleet import cable
+from tests.process.daemon_process import DEADLINE_S
 from tests.process.fleet.cable import Fault
 from tests.process.fleet.machines import Machines, machines, missing
 
@@ -39,7 +38,7 @@ def datagrams(made: Machines) -> tuple[socket.socket, socket.socket]:
 def arrived(made: Machines, numbers: range) -> list[int]:
     """Send numbers from a to b; return those that arrive, in the order in which they do."""
     sender, receiver = datagrams(made)
-    found = []
+    found: list[int] = []
     with sender, receiver:
         for begin in range(numbers.start, numbers.stop, AT_ONCE):
             before = made.packets()
@@ -48,8 +47,8 @@ def arrived(made: Machines, numbers: range) -> list[int]:
                 sender.send(number.to_bytes(4, "big"))
             while sum(after := made.packets()) - sum(before) < len(some):
                 pass
-            for _ in range(after[0] - before[0]):
-                found.append(int.from_bytes(receiver.recv(64), "big"))
+            count = after[0] - before[0]
+            found += [int.from_bytes(receiver.recv(64), "big") for _ in range(count)]
     return found
 
 
@@ -59,10 +58,9 @@ def test_a_sound_cable_passes_everything_in_order(two: Machines) -> None:
 
 def test_machines_know_each_other_by_name_and_see_no_network_but_the_cable(two: Machines) -> None:
     program = "import socket; print(socket.gethostbyname('b'), socket.if_nameindex())"
-    run = subprocess.run(
-        [*two.on("a"), sys.executable, "-c", program], capture_output=True, text=True
-    )
-    assert run.stdout == f"{two.addresses['b']} [(1, 'lo'), (2, 'eth0')]\n", run.stderr
+    command = [*two.on("a"), sys.executable, "-c", program]
+    said = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    assert said == f"{two.addresses['b']} [(1, 'lo'), (2, 'eth0')]\n"
 
 
 @pytest.mark.parametrize("name", [None, "a", "b"])
