@@ -4,6 +4,7 @@ How soon it happens is measured by `python -m bench.fleet_faults`; here, that it
 the limits that the documentation names.
 """
 
+import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -238,6 +239,18 @@ def test_a_stop_into_a_cut_is_said_not_to_be_confirmed(
         bad.machines.fault(machine)
     with again(bad):
         pass
+
+
+def test_the_command_line_reports_a_stop_that_is_not_confirmed_in_the_portals_words(
+    bad: Lab,
+) -> None:
+    bad.machines.fault("op1", CUT)
+    done = bad.run("op1", sys.executable, "-m", "litegrip_client.ctl", "-c", "lab.left", "stop")
+    assert done.returncode != 0
+    assert "lab.left is not confirmed within 2 s" in done.stderr
+    assert "use the switch that cuts the power" in done.stderr
+    bad.machines.fault("op1")
+    again(bad).close()
 
 
 # Bad networks -------------------------------------------------------------------------------------
