@@ -161,7 +161,10 @@ class Client:
 
 
 class DaemonProcess:
-    """A running daemon; its errors go to a file, so that it waits for no reader, or to `log`."""
+    """A running daemon; its errors go to a file, so that it waits for no reader, or to `log`.
+
+    `on` is put in front of its command, and makes it run elsewhere.
+    """
 
     remote_as: str | None = None
     """As whom the daemon knows this program, if that is by a portal."""
@@ -172,6 +175,7 @@ class DaemonProcess:
         *arguments: str,
         log: int | None = None,
         program: tuple[str, ...] = MODULE,
+        on: tuple[str, ...] = (),
     ) -> None:
         self.socket_path = folder / "rpc.sock"
         self.log_path = folder / "log.txt"
@@ -179,7 +183,7 @@ class DaemonProcess:
         environment.pop("LITEGRIP_CALIB", None)
         with self.log_path.open("ab") as file:
             self.process = subprocess.Popen(
-                [sys.executable, *program, *arguments],
+                [*on, sys.executable, *program, *arguments],
                 stdin=subprocess.DEVNULL,
                 stdout=file,
                 stderr=file if log is None else log,
@@ -227,10 +231,10 @@ class DaemonProcess:
 
 
 @contextlib.contextmanager
-def daemon(folder: Path, *arguments: str) -> Iterator[DaemonProcess]:
+def daemon(folder: Path, *arguments: str, on: tuple[str, ...] = ()) -> Iterator[DaemonProcess]:
     """Run a daemon that must still be well at the end, and that then ends as it should."""
     folder.mkdir(exist_ok=True)
-    running = DaemonProcess(folder, *arguments, "--socket", str(folder / "rpc.sock"))
+    running = DaemonProcess(folder, *arguments, "--socket", str(folder / "rpc.sock"), on=on)
     try:
         yield running
         running.end()

@@ -23,7 +23,8 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from litegrip_client.ctl.live import Scene
     from litegrip_client.ctl.run import Output, Way
 
-_STOP_WITHIN_S = 2.0
+STOP_WITHIN_S = 2.5
+"""A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
 
 
 def clients(run: Run) -> int:
@@ -137,7 +138,7 @@ def stop_first(way: Way, output: Output) -> bool:
         return False
     for path in way.paths():
         with suppress(*way.not_listening):
-            data = stop_at(path, options.level, options.why, _STOP_WITHIN_S)
+            data = stop_at(path, options.level, options.why, STOP_WITHIN_S)
             output.result(data, stopped(data))
             return True
     return False

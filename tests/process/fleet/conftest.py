@@ -8,12 +8,13 @@ import pytest
 
 from tests.process.daemon_process import SIMULATED, DaemonProcess, daemon
 from tests.process.fleet.fleet_process import HOST, Fleet, fleet, make_certificates
+from tests.process.fleet.lab import CERTIFICATES
 
 
 @pytest.fixture(scope="session")
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("certificates")
-    names = ("user:op1", "user:op2", "user:viewer", "gateway:robot1", "gateway:forger")
+    names = ("user:viewer", "gateway:forger", *CERTIFICATES)
     return make_certificates(folder, HOST, *names)
 
 

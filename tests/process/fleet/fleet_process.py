@@ -27,14 +27,23 @@ def make_certificates(folder: Path, *names: str) -> Path:
 
 
 class Part:
-    """A running gateway, portal or router."""
+    """A running gateway, portal or router; `on` makes its command run on another machine."""
 
-    def __init__(self, folder: Path, kind: str, config: str, **environment: str) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        kind: str,
+        name: str,
+        config: str,
+        on: Sequence[str] = (),
+        **environment: str,
+    ) -> None:
         self.kind = kind
         folder.mkdir(exist_ok=True)
-        self.log_path = folder / f"{kind}.log"
-        self.config_path = folder / f"{kind}.toml"
+        self.log_path = folder / f"{name}.log"
+        self.config_path = folder / f"{name}.toml"
         self.config_path.write_text(config, encoding="utf-8")
+        self._on = on
         self._environment = {**os.environ, **environment}
         self.process = self._start()
 
@@ -42,7 +51,7 @@ class Part:
         command = ["-m", "litegrip_fleet", "--config", str(self.config_path), self.kind]
         with self.log_path.open("wb") as file:
             return subprocess.Popen(
-                [sys.executable, "-X", "faulthandler", *command],
+                [*self._on, sys.executable, "-X", "faulthandler", *command],
                 stdin=subprocess.DEVNULL,
                 stdout=file,
                 stderr=file,
@@ -96,14 +105,26 @@ class Part:
 
 
 class Fleet:
-    """Router, gateway and portal; `short` is where their sockets are."""
+    """Router, gateways and portals, by name; `short` is where their sockets are.
 
-    def __init__(self, folder: Path, short: Path, certificates: Path) -> None:
+    `host` is the router's, `on` says by which commands parts run on other machines (by name).
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        short: Path,
+        certificates: Path,
+        host: str = HOST,
+        on: Mapping[str, Sequence[str]] | None = None,
+    ) -> None:
         self.folder = folder
         self.short = short
         self.certificates = certificates
         self.parts: dict[str, Part] = {}
         self.endpoint = ""
+        self._host = host
+        self._on = on or {}
 
     @property
     def router(self) -> Part:
@@ -117,8 +138,12 @@ class Fleet:
     def portal(self) -> Part:
         return self.parts["portal"]
 
-    def socket_path(self, gripper: str = "left") -> Path:
-        return self.short / "portal" / f"{SITE}.{gripper}.sock"
+    def runtime_directory(self, portal: str = "portal") -> Path:
+        """Return the XDG_RUNTIME_DIR of clients that are to find a portal's grippers by name."""
+        return self.short / portal
+
+    def socket_path(self, gripper: str = "left", portal: str = "portal") -> Path:
+        return self.runtime_directory(portal) / "litegripd" / f"{SITE}.{gripper}.sock"
 
     def network(self, name: str, connect: Sequence[str]) -> str:
         own = self.certificates / name
@@ -127,42 +152,76 @@ class Fleet:
             f'certificate = "{own}/own.pem"\nkey = "{own}/own.key"\n'
         )
 
-    def start_router(self, users: Mapping[str, str], grippers: Sequence[str]) -> None:
+    def start_router(self, users: Mapping[str, str], gateways: Mapping[str, Sequence[str]]) -> None:
         """Start the router at a port that is free; whoever else takes it first is not met here."""
-        self.endpoint = f"tls/{HOST}:{_free_port()}"
+        self.endpoint = f"tls/{self._host}:{_free_port()}"
         lines = [f'listen = ["{self.endpoint}"]', "[router.users]"]
         lines += [f'{user} = "{role}"' for user, role in users.items()]
-        lines += ["[router.gateways]", f"robot1 = {[f'{SITE}.{name}' for name in grippers]}"]
-        config = self.network(HOST, []) + "[router]\n" + "\n".join(lines) + "\n"
-        self.parts["router"] = Part(self.folder, "router", config)
+        lines += ["[router.gateways]"]
+        lines += [f"{name} = {[f'{SITE}.{one}' for one in own]}" for name, own in gateways.items()]
+        config = self.network(self._host, []) + "[router]\n" + "\n".join(lines) + "\n"
+        self._start("router", "router", config)
         self.router.until_says("listening at")
 
-    def start_gateway(self, sockets: Mapping[str, Path]) -> None:
+    def start_gateway(
+        self, sockets: Mapping[str, Path], gateway: str = "robot1", name: str = "gateway"
+    ) -> None:
         """Start the gateway of daemons, by their names on the network and their sockets."""
         directory = self.short / "litegripd"
         directory.mkdir(exist_ok=True)
         lines = [f'site = "{SITE}"', "[gateway.grippers]"]
-        for name, path in sockets.items():
-            channel = f"{name}-{os.getpid()}"
+        for gripper, path in sockets.items():
+            channel = f"{gripper}-{os.getpid()}"
             for ending in (".sock", ".stop.sock"):
                 (directory / f"{channel}{ending}").symlink_to(path.with_suffix(ending))
-            lines.append(f'{name} = "{channel}"')
-        config = self.network("robot1", [self.endpoint]) + "[gateway]\n" + "\n".join(lines) + "\n"
-        self.parts["gateway"] = Part(
-            self.folder, "gateway", config, XDG_RUNTIME_DIR=str(self.short)
-        )
+            lines.append(f'{gripper} = "{channel}"')
+        config = self.network(gateway, [self.endpoint]) + "[gateway]\n" + "\n".join(lines) + "\n"
+        self._start("gateway", name, config, XDG_RUNTIME_DIR=str(self.short))
 
-    def start_portal(self, user: str, role: str, grippers: Sequence[str], ttl_s: float) -> None:
-        directory = self.short / "portal"
-        directory.mkdir(exist_ok=True)
-        places = [f"{SITE}.{name}" for name in grippers]
+    def start_portal(
+        self, user: str, role: str, grippers: Sequence[str], ttl_s: float, name: str = "portal"
+    ) -> None:
+        directory = self.socket_path(portal=name).parent
+        directory.mkdir(parents=True, exist_ok=True)
+        places = [f"{SITE}.{gripper}" for gripper in grippers]
         config = self.network(user, [self.endpoint]) + (
             f'[portal]\nuser = "{user}"\nrole = "{role}"\ngrippers = {places}\n'
             f'ttl_s = {ttl_s}\ndirectory = "{directory}"\n'
         )
-        self.parts["portal"] = Part(self.folder, "portal", config)
-        for name in grippers:
-            self.portal.until_exists(self.socket_path(name).with_suffix(".stop.sock"))
+        self._start("portal", name, config)
+        for gripper in grippers:
+            stops = self.socket_path(gripper, name).with_suffix(".stop.sock")
+            self.parts[name].until_exists(stops)
+
+    def _start(self, kind: str, name: str, config: str, **environment: str) -> None:
+        on = self._on.get(name, ())
+        self.parts[name] = Part(self.folder, kind, name, config, on, **environment)
+
+
+@contextlib.contextmanager
+def started(
+    folder: Path,
+    certificates: Path,
+    host: str = HOST,
+    on: Mapping[str, Sequence[str]] | None = None,
+) -> Iterator[Fleet]:
+    """Let parts be started; whatever still runs at the end has to end as it should."""
+    folder.mkdir(exist_ok=True)
+    short = Path(tempfile.mkdtemp(prefix="fleet-"))  # a socket's path has 107 bytes at most
+    made = Fleet(folder, short, certificates, host, on)
+    try:
+        yield made
+        for part in reversed(made.parts.values()):
+            if part.process.poll() is None:
+                part.end()
+    except BaseException:
+        for name, part in made.parts.items():
+            print(f"--- {name}\n{part.log}")
+        raise
+    finally:
+        for part in made.parts.values():
+            part.kill()
+        shutil.rmtree(short)
 
 
 @contextlib.contextmanager
@@ -176,28 +235,14 @@ def fleet(
     users: Mapping[str, str] | None = None,
     ttl_s: float = 5.0,
 ) -> Iterator[Fleet]:
-    """Run all three; whatever still runs at the end has to end as it should."""
-    folder.mkdir(exist_ok=True)
-    short = Path(tempfile.mkdtemp(prefix="fleet-"))  # a socket's path has 107 bytes at most
-    made = Fleet(folder, short, certificates)
-    try:
-        made.start_router(users or {user: role}, list(sockets))
+    """Run all three."""
+    with started(folder, certificates) as made:
+        made.start_router(users or {user: role}, {"robot1": list(sockets)})
         made.start_gateway(sockets)
         made.start_portal(user, role, list(sockets), ttl_s)
         for name in sockets:
             made.gateway.until_says(f"{SITE}.{name}: ")
         yield made
-        for kind in ("portal", "gateway", "router"):
-            if made.parts[kind].process.poll() is None:
-                made.parts[kind].end()
-    except BaseException:
-        for part in made.parts.values():
-            print(f"--- {part.kind}\n{part.log}")
-        raise
-    finally:
-        for part in made.parts.values():
-            part.kill()
-        shutil.rmtree(short)
 
 
 def _free_port() -> int:
