@@ -8,7 +8,7 @@ from pathlib import Path
 from tests.process.daemon_process import DaemonProcess
 from tests.process.fleet.fleet_process import Fleet, fleet
 
-NAMES = ("left", "right")
+NAMES = ("left", "right", "third")
 REMOTE_AS = "op1@lab via gateway"
 VARIABLE = "LITEGRIPD_THROUGH_PORTAL"
 

@@ -220,6 +220,7 @@ GRIPPER_CASES = [
         "warning",
         "the calibration is for can0, this is can3",
         ZERO,
+        "look at its mount",
     ),
     Case(
         "channel",
