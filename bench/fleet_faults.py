@@ -352,8 +352,9 @@ def row(trouble: Trouble, found: Found, runs: int) -> str:
     stop = seconds(found.stopped_s, runs)
     if found.wrongly_confirmed:
         stop += f", {found.wrongly_confirmed} CONFIRMED BEFORE"
-    cells = (trouble.name, "; ".join(sorted(found.jaws)), lost)
-    cells += (f"{found.moved} of {runs}", motions, stop, seconds(found.unconfirmed_s, runs))
+    moved, unconfirmed = f"{found.moved} of {runs}", seconds(found.unconfirmed_s, runs)
+    jaws = "; ".join(sorted(found.jaws))
+    cells = (trouble.name, jaws, lost, moved, motions, stop, unconfirmed)
     return f"| {' | '.join(cells)} |"
 
 

@@ -76,8 +76,9 @@ def lab(
             arguments = (channel, "--config", str(config))
             # A socket's path has 107 bytes at most.
             short = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="robot-")))
-            running = daemon(short, *arguments, on=made.on(robot))
-            grippers[ROBOTS[robot]] = stack.enter_context(running)
+            grippers[ROBOTS[robot]] = stack.enter_context(
+                daemon(short, *arguments, on=made.on(robot))
+            )
         for running in grippers.values():
             with running.connect() as client:
                 client.until(lambda state: bool(state["motor"] == "disabled"))
