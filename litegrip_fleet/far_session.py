@@ -58,7 +58,7 @@ class FarSession:
     ) -> None:
         self.caller = caller
         self.generation: int | None = None
-        self._ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
+        self.ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
         self._voided = voided
         self._to_daemon = to_daemon
         self._push = push
@@ -73,7 +73,7 @@ class FarSession:
 
     def is_lost(self, now_s: float) -> bool:
         """Return True once nothing has come from the portal for the session's time to live."""
-        return now_s - self._heard_s > self._ttl_s
+        return now_s - self._heard_s > self.ttl_s
 
     def asked(self, ask: Ask, line: bytes, now_s: float) -> None:
         """Take a message of the portal's: a line, or that its client lives."""
@@ -110,7 +110,7 @@ class FarSession:
                 now_s,
                 at_s=ask.at_s,
                 generation=ask.generation,
-                ttl_s=self._ttl_s,
+                ttl_s=self.ttl_s,
                 voided=self._voided,
             )
         except RefusedError as refused:

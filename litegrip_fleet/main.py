@@ -22,6 +22,7 @@ import zenoh
 from litegrip_fleet.access import rules
 from litegrip_fleet.acl_check import UnreadableError, access_control_in, wider
 from litegrip_fleet.config import FILE, FleetConfig, FleetConfigError, load
+from litegrip_fleet.dead_man import DeadMansSwitch
 from litegrip_fleet.gateway import Gateway
 from litegrip_fleet.keys import BadNameError, check_name
 from litegrip_fleet.network import Network, NetworkError, opened
@@ -122,13 +123,23 @@ def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
         raise FleetConfigError(f"{config.source}: there is no [gateway]")
     _warn(config)
 
-    async def serve() -> None:
+    async def on_network(switch: DeadMansSwitch | None) -> None:
         session = await asyncio.wrap_future(_opening(config.network))
-        gateways = [Gateway(session, place, channel) for place, channel in part.places.items()]
+        gateways = [
+            Gateway(session, place, channel, switch) for place, channel in part.places.items()
+        ]
         try:
             await asyncio.gather(*(gateway.run() for gateway in gateways))
         finally:
             session.close()
+
+    async def serve() -> None:
+        if not part.stop_when_silent:
+            await on_network(None)
+            return
+        switch = DeadMansSwitch(part.places, part.stop_when_silent, part.stop_level)
+        with switch.running() as watching:
+            await asyncio.gather(on_network(switch), asyncio.wrap_future(watching))
 
     return asyncio.run(_until_a_signal(serve))
 
@@ -251,6 +262,9 @@ def _print_table(found: Sequence[About]) -> None:
     print(form.format("GRIPPER", "VERSION", "VERDICT", "MODE", "AGE", "ANSWER", "OWNER"))
     for one in found:
         facts, after = one.facts, f"{one.after_s * 1e3:.0f} ms"
+        silent = facts.get("silent") or ()
+        if silent:
+            print(f"{one.place!s:<{width}}  stopped while silent: {', '.join(map(str, silent))}")
         if "error" in facts:
             print(f"{one.place!s:<{width}}  {facts['error']}")
             continue

@@ -55,6 +55,7 @@ class NearSession:
     ) -> None:
         self.ended = False
         self.generation: int | None = None
+        self._lives = True
         self._ttl_s = ttl_s
         self._clock = clock
         self._heard_s = now_s
@@ -96,6 +97,7 @@ class NearSession:
         """Show life, ask again, or give up; `lives`: the client's process can still act."""
         if self.ended:
             return
+        self._lives = lives
         if not lives:  # the gateway lets it go when its time is up
             self._heard_s = now_s
             return
@@ -157,7 +159,7 @@ class NearSession:
             self.ended = True
             return
         self._unconfirmed_bytes += len(piece)
-        if self._unconfirmed_bytes > CONFIRM_BYTES:
+        if self._unconfirmed_bytes > CONFIRM_BYTES and self._lives:  # a message is a sign of life
             self._show_life(now_s)
         self._pieces.append(piece)
         if not push.more:
@@ -166,7 +168,7 @@ class NearSession:
 
     def _show_life(self, now_s: float, *, again: bool = False) -> None:
         self._unconfirmed_bytes = 0
-        self._send(Ask("live", again=again), b"", now_s)
+        self._send(Ask("live", again=again, at_s=self._clock.at(now_s)), b"", now_s)
 
     def _send(self, ask: Ask, line: bytes, now_s: float) -> None:
         self._asked_s = now_s

@@ -281,6 +281,35 @@ def test_a_frozen_client_loses_its_session_and_is_told_when_it_goes_on() -> None
     assert [told["error"]["message"] for told in scene.told] == ["gone"]
 
 
+def test_a_frozen_client_shows_no_life_by_what_comes_for_it() -> None:
+    scene = Scene()
+    scene.run(1.0)
+    scene.client_lives = False
+    for number in range(60):
+        if scene.far is None:
+            break
+        scene.daemon_says(id=number, result={"text": "x" * 2 * PIECE_BYTES})
+        scene.run(TICK_S)
+    assert scene.far is None
+
+
+def test_a_sign_of_life_says_when_it_was_sent_by_the_gateways_clock() -> None:
+    scene, sent_s = Scene(Weather(delay_s=0.2)), []
+    assert scene.far is not None
+    take = scene.far.asked
+
+    def asked(ask: Ask, line: bytes, now_s: float) -> None:
+        sent_s.append((ask.op, ask.at_s, now_s))
+        take(ask, line, now_s)
+
+    scene.far.asked = asked  # type: ignore[method-assign]
+    scene.run(3.0)
+    assert len(sent_s) > 5
+    for op, at_s, now_s in sent_s:
+        assert op == "live"
+        assert at_s == pytest.approx(now_s - 0.2, abs=0.01)
+
+
 def test_a_frozen_portal_loses_its_sessions() -> None:
     scene = Scene()
     scene.portal_runs = False
