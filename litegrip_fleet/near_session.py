@@ -166,7 +166,7 @@ class NearSession:
 
     def _show_life(self, now_s: float, *, again: bool = False) -> None:
         self._unconfirmed_bytes = 0
-        self._send(Ask("live", again=again), b"", now_s)
+        self._send(Ask("live", again=again, at_s=self._clock.at(now_s)), b"", now_s)
 
     def _send(self, ask: Ask, line: bytes, now_s: float) -> None:
         self._asked_s = now_s

@@ -103,7 +103,7 @@ class Watch:
         """
         self.caught_up()
         started = len(self.started)
-        openings_mm = []
+        openings_mm: list[float] = []
         while len(openings_mm) < samples:
             message = self.read()
             if _is_sample(message):
