@@ -26,9 +26,9 @@ class Ask:
     """From a portal, with a query: a session's beginning, a line, their end, its life, or its end.
 
     `number` is the line's, or their end's, from 1; `got` the last push that arrived in order;
-    `again` asks for what follows it once more. `at_s` is when the line was sent, or life was shown,
-    by the portal's reckoning of the gateway's CLOCK_MONOTONIC, `generation` the count of stops that
-    the portal knew of then. `ttl_s` and `program` come with `open`.
+    `again` asks for what follows it once more. `at_s` is when the line or the sign of life was
+    sent, by the portal's reckoning of the gateway's CLOCK_MONOTONIC, `generation` the count of
+    stops that the portal knew of then. `ttl_s` and `program` come with `open`.
     """
 
     op: Op
