@@ -310,6 +310,27 @@ def test_a_sign_of_life_says_when_it_was_sent_by_the_gateways_clock() -> None:
         assert at_s == pytest.approx(now_s - 0.2, abs=0.01)
 
 
+def test_a_sign_of_life_that_comes_late_counts_from_when_it_was_shown() -> None:
+    scene = Scene(ttl_s=2.0)
+    scene.run(1.0)
+    scene.weather = Weather(delay_s=0.9)
+    scene.run(1.0)
+    scene.client_lives = False
+    begun_s = scene.now_s
+    scene.run(4.0)
+    assert scene.closed_s is not None
+    assert scene.closed_s - begun_s <= 2.0 + 2 * TICK_S
+
+
+def test_no_sign_of_life_counts_from_the_future() -> None:
+    scene = Scene()
+    assert scene.far is not None
+    scene.far.asked(Ask("live", at_s=scene.far_now_s + 3600.0), b"", scene.far_now_s)
+    scene.portal_runs = False
+    scene.run(TTL_S + 2 * TICK_S)
+    assert scene.far is None
+
+
 def test_a_frozen_portal_loses_its_sessions() -> None:
     scene = Scene()
     scene.portal_runs = False

@@ -57,7 +57,10 @@ def robot(request: pytest.FixtureRequest) -> DaemonProcess:
 
 
 class Watch:
-    """All events of a daemon, and its jaws at 200 Hz, by a connection on the robot's machine."""
+    """All events of a daemon, and its jaws at 200 Hz, by a connection on the robot's machine.
+
+    `started` are the motions that began; to go slack, as when a lease is lost, is none.
+    """
 
     def __init__(self, robot: DaemonProcess) -> None:
         self.client = robot.connect()
@@ -68,8 +71,10 @@ class Watch:
     def read(self) -> dict[str, Any]:
         message = self.client.read()
         assert message, "the daemon has closed the connection"
-        if message.get("method") == "event" and message["params"]["kind"] == "job_started":
-            self.started.append(message["params"])
+        params = message.get("params", {})
+        began = message.get("method") == "event" and params["kind"] == "job_started"
+        if began and params["data"]["kind"] in ("open", "close", "move"):
+            self.started.append(params)
         return message
 
     def event(self, kind: str) -> dict[str, Any]:
