@@ -8,12 +8,13 @@ RUNS := $(VENV)/.runs
 SEED ?= $(shell date -u +%Y%m%d)
 PROPERTIES = $(shell grep -rlE --include='test_*.py' '^from hypothesis' tests)
 
-.PHONY: help run demo test check nightly format pictures bench chaos deb clean
+.PHONY: help run demo test test-through-portal check nightly format pictures bench chaos deb clean
 
 help:
 	@echo "make run     the daemon on a simulated gripper and its page, in the foreground"
 	@echo "make demo    that daemon, and two processes that use it; ends by itself"
 	@echo "make test    the tests"
+	@echo "make test-through-portal  the tests of clients again, through a fleet's portal"
 	@echo "make check   format, lint, types, import layers, generated files, tests"
 	@echo "make nightly a million hostile lines and damaged files, longer chaos, property tests with other examples every day"
 	@echo "make format  put all sources into the project's format"
@@ -47,10 +48,19 @@ unexport PYTHONDONTWRITEBYTECODE
 PYTEST = $(BIN)/python -m pytest --durations 15
 TESTS = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io && \
 	$(PYTEST) --numprocesses 2 --dist worksteal -m 'not alone' tests/process tests/io && \
-	$(PYTEST) -m alone tests/process tests/io
+	$(PYTEST) -m alone tests/process tests/io && \
+	$(THROUGH_PORTAL) --numprocesses 2 $(TELLING)
+
+# All clients through a portal, and a part of it that is quick.
+THROUGH_PORTAL = LITEGRIPD_THROUGH_PORTAL=1 $(PYTEST) -rs
+TELLING = tests/process/test_client.py tests/process/test_doctor.py tests/process/test_sdk_block.py
 
 test: $(STAMP)
 	$(TESTS)
+
+test-through-portal: $(STAMP)
+	$(THROUGH_PORTAL) --numprocesses 2 --dist worksteal -m 'not alone' tests/process
+	$(THROUGH_PORTAL) -m alone tests/process
 
 check: $(STAMP)
 	$(BIN)/ruff format --check .
@@ -65,6 +75,7 @@ nightly: $(STAMP)
 	LITEGRIPD_FUZZ_LINES=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 tests/rpc/test_fuzz.py
 	LITEGRIPD_FUZZ_MUTATIONS=1000000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest --timeout=7200 \
 		tests/model/test_grips.py tests/model/test_trajectory.py tests/client/test_trajectory.py
+	LITEGRIPD_FLEET_MESSAGES=100000 LITEGRIPD_FUZZ_SEED=$(SEED) $(BIN)/python -m pytest -s tests/process/fleet/test_hostile.py
 	LITEGRIPD_PROPERTIES=nightly $(BIN)/python -m pytest --timeout=7200 --numprocesses auto --dist worksteal \
 		--hypothesis-seed=$(SEED) $(PROPERTIES) tests/control/test_many_grasps.py
 

@@ -10,6 +10,7 @@ from litegrip_fleet.requests import (
     LONGEST_TTL_S,
     SHORTEST_TTL_S,
     RefusedError,
+    lease_ttl_s,
     passed,
 )
 from litegrip_fleet.rows import Inbox, Outbox
@@ -58,6 +59,10 @@ class FarSession:
     ) -> None:
         self.caller = caller
         self.generation: int | None = None
+        self.renews = True
+        """False while the client has asked for a lease with a time to live of its own: then only
+        what it sends itself shows that it lives, and not its portal."""
+
         self.ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
         self._voided = voided
         self._to_daemon = to_daemon
@@ -121,6 +126,8 @@ class FarSession:
             if refused.answer:
                 self.said(refused.answer)
             return
+        if (own_s := lease_ttl_s(line)) is not None:
+            self.renews = own_s == 0.0
         self._to_daemon(request)
 
     def _send(self, piece: bytes, *, more: bool = False, end: bool = False) -> None:

@@ -254,7 +254,7 @@ class Gateway:
         far.asked(ask, line, time.monotonic())
         if self._switch is not None:
             self._switch.shown(connection.caller.user, ask.at_s, far.ttl_s)
-        if ask.op == "live":
+        if ask.op == "live" and far.renews:
             connection.show_life()
         connection.wake()
         _answer(query, far.reply(time.monotonic()))
@@ -350,7 +350,7 @@ class _Connection:
         )
 
     def show_life(self) -> None:
-        """Let the daemon see that the session lives, while it sees to what it is asked."""
+        """Renew the lease, once the daemon has answered the last time."""
         if self._writer is not None and not self._awaits_life:
             self._awaits_life = True
             self._writer.write(_ALIVE)

@@ -83,6 +83,18 @@ def passed(
     return longer
 
 
+def lease_ttl_s(line: bytes) -> float | None:
+    """Return the time to live that a request for a lease names itself, 0 where it names none.
+
+    None for any other line.
+    """
+    request = _parsed(line) if b'"lease.' in line else None
+    if request is None or request["method"] not in _LEASES:
+        return None
+    ttl_s = request.get("params", {}).get("ttl_s", 0.0)
+    return float(ttl_s) if isinstance(ttl_s, int | float) else None
+
+
 def _is_too_long(line: bytes) -> bool:
     return len(line) > MAX_LINE_BYTES + len(b"\n")
 

@@ -214,12 +214,14 @@ def calibration_channel(facts: Facts) -> Finding | None:
     """Check whether the calibration is this gripper's and not another channel's."""
     source = {} if facts.daemon is None else _calibration(facts.daemon)
     channel = source.get("channel")
-    if channel is None:
+    if facts.daemon is None or channel is None:
         return None
-    if channel == facts.channel:
+    # A gripper of another machine is called otherwise there.
+    own = (facts.daemon.hello.get("remote") or {}).get("channel", facts.channel)
+    if channel == own:
         return ok(f"the calibration is for {channel}")
     return warning(
-        f"the calibration is for {channel}, this is {facts.channel}",
+        f"the calibration is for {channel}, this is {own}",
         f"{facts.ctl} enable && {facts.ctl} zero",
         "closing may have the other direction: look at its mount first",
     )

@@ -68,7 +68,7 @@ def test_one_who_is_silent_is_enough_and_his_return_clears_nothing() -> None:
     presence, gripper = present("supervisor", "nurse")
     presence.shown("nurse", 1.0, TTL_S, 1.0)
     gripper.look(1.0)
-    assert not gripper.is_stopped
+    assert gripper.stops == 1
     gripper.look(1.01)
     assert gripper.is_stopped
     presence.shown("supervisor", 1.5, TTL_S, 1.5)

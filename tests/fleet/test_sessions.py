@@ -413,6 +413,25 @@ def test_the_end_of_the_clients_lines_comes_behind_them() -> None:
     assert scene.to_daemon[-1] is None
 
 
+def test_only_a_client_itself_renews_a_lease_with_a_time_to_live_of_its_own() -> None:
+    scene = Scene()
+    assert scene.far is not None
+    renews = []
+    for method, params in (
+        ("lease.acquire", {"ttl_s": 3.0}),
+        ("state.get", {}),
+        ("lease.release", {}),
+        ("lease.acquire", {"ttl_s": 0.01}),  # refused: nothing has changed
+        ("lease.acquire", {"purpose": "x"}),
+        ("lease.take", {"why": "x", "ttl_s": 1}),
+        ("lease.take", {"why": "x"}),
+    ):
+        scene.say(method, 1, **params)
+        scene.run(0.1)
+        renews.append(scene.far.renews)
+    assert renews == [False, False, False, False, True, False, True]
+
+
 def test_hello_says_by_which_way_it_came() -> None:
     scene = Scene()
     scene.near.opened({"site": "lab", "gripper": "left", "user": "op1@lab"})

@@ -1,6 +1,7 @@
 """A daemon with the simulated gripper, for tests of whole processes.
 
-With LITEGRIPD_THROUGH_PORTAL=1 it is met through portal, router and gateway, as on another machine.
+With LITEGRIPD_THROUGH_PORTAL=1 it is met through portal, router and gateway, as on another machine;
+tests that meet none in that way are not run then.
 """
 
 import contextlib
@@ -10,35 +11,57 @@ from pathlib import Path
 
 import pytest
 
+from tests.process.by_portal import Met, by_portal, is_remote
 from tests.process.daemon_process import SIMULATED, DaemonProcess, daemon
-from tests.process.fleet.fleet_process import HOST, fleet, make_certificates
+from tests.process.fleet.fleet_process import HOST, Fleet, make_certificates
+from tests.process.fleet.lab import CERTIFICATES
 
-THROUGH_PORTAL = "LITEGRIPD_THROUGH_PORTAL"
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out, where daemons are met through a portal, the tests that do not meet any."""
+    if not is_remote():
+        return
+    meets = {item: "met" in getattr(item, "fixturenames", ()) for item in items}
+    left_out = [item for item in items if not meets[item]]
+    config.hook.pytest_deselected(items=left_out)
+    items[:] = [item for item in items if meets[item]]
+
+
+@pytest.fixture(scope="session")
+def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("certificates")
+    names = ("user:viewer", "gateway:forger", *CERTIFICATES)
+    return make_certificates(folder, HOST, *names)
 
 
 @pytest.fixture
-def simulated(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[DaemonProcess]:
-    is_remote = os.environ.get(THROUGH_PORTAL) == "1"
+def met(request: pytest.FixtureRequest, tmp_path: Path) -> Met:
+    """Return what lets daemons be met as LITEGRIPD_THROUGH_PORTAL says: here, or by a portal.
+
+    It is called once they listen. A test that is `local_only` is skipped where it is a portal.
+    """
     local_only = request.node.get_closest_marker("local_only")
-    if is_remote and local_only is not None:
+    if is_remote() and local_only is not None:
         pytest.skip(local_only.args[0])
+
+    @contextlib.contextmanager
+    def meeting(*daemons: DaemonProcess) -> Iterator[Fleet | None]:
+        if not is_remote():
+            yield None
+            return
+        for running in daemons:
+            running.connect().close()
+        certificates = request.getfixturevalue("certificates")
+        with by_portal(tmp_path / "fleet", certificates, *daemons) as lab:
+            yield lab
+
+    return meeting
+
+
+@pytest.fixture
+def simulated(met: Met, tmp_path: Path) -> Iterator[DaemonProcess]:
     config = tmp_path / "simulated.toml"
     config.write_text(SIMULATED, encoding="utf-8")
-    with daemon(tmp_path, f"sim-{os.getpid()}", "--config", str(config)) as running:
-        if is_remote:
-            with through_portal(running, tmp_path) as remote:
-                yield remote
-        else:
-            yield running
-
-
-@contextlib.contextmanager
-def through_portal(running: DaemonProcess, folder: Path) -> Iterator[DaemonProcess]:
-    """Let a daemon be met at a portal's sockets."""
-    running.connect().close()
-    certificates = make_certificates(folder / "tls", HOST, "user:op1", "gateway:robot1")
-    own = running.socket_path
-    with fleet(folder / "fleet", certificates, {"left": own}, role="admin") as remote:
-        running.socket_path, running.remote_as = remote.socket_path(), "op1@lab via gateway"
+    name = f"sim-{os.getpid()}"
+    with daemon(tmp_path, name, "--config", str(config)) as running, met(running):
         yield running
-        running.socket_path, running.remote_as = own, None

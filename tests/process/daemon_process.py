@@ -24,15 +24,16 @@ mount = "normal"
 """
 """The configuration of a daemon over SLCAN: `format` takes the channel, a path."""
 
+BY_GATEWAY = f"[access]\ngateways = [{os.getuid()}]\n"
+"""What lets a daemon be met through a portal, too."""
+
 SIMULATED = f"""
 [bus]
 interface = "litegrip_sim"
 watchdog_s = 0.4
 [gripper]
 mount = "normal"
-[access]
-gateways = [{os.getuid()}]
-"""
+{BY_GATEWAY}"""
 """The configuration of a daemon with the simulated gripper, for remote users, too.
 
 The motor's watchdog is as slow as motors have it: a busy machine may stop the daemon for longer

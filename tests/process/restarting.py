@@ -9,11 +9,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.process.daemon_process import DEADLINE_S, MODULE, SLCAN, Client, DaemonProcess
+from tests.process.daemon_process import (
+    BY_GATEWAY,
+    DEADLINE_S,
+    MODULE,
+    SLCAN,
+    Client,
+    DaemonProcess,
+)
 from tests.sim.simulator_process import simulator
 
 RATE_HZ = 100
-CONFIG = f"{SLCAN}[control]\nrate_hz = {RATE_HZ}\n"
+CONFIG = f"{SLCAN}[control]\nrate_hz = {RATE_HZ}\n{BY_GATEWAY}"
 """At this rate a busy machine may keep pump and simulator away for 40 ms without any harm."""
 
 OBJECT_MM = 40.0

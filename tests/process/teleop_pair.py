@@ -12,9 +12,17 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
+from tests.process.daemon_process import BY_GATEWAY, DEADLINE_S, Client, DaemonProcess
 
-CONFIG = '[bus]\ninterface = "litegrip_sim"\nwatchdog_s = 0.4\n[gripper]\nmount = "{mount}"\n'
+CONFIG = f"""
+[bus]
+interface = "litegrip_sim"
+watchdog_s = 0.4
+[gripper]
+mount = "{{mount}}"
+{BY_GATEWAY}"""
+"""The configuration of one: `format` takes the mount."""
+
 HAND = ("-m", "bench.handheld", "2.5", "30", "90")
 """A hand that moves the jaws by 60 mm and back in 2.5 s: 75 mm/s at most."""
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import daemon
+from tests.process.by_portal import Met
+from tests.process.daemon_process import BY_GATEWAY, daemon
 
 CHANNEL = "sim0"
 
@@ -16,18 +17,18 @@ def config(tmp_path: Path) -> Path:
     path = tmp_path / "sim0.toml"
     path.write_text(
         '[bus]\ninterface = "litegrip_sim"\nmount = "reverse"\nwatchdog_s = 0.4\n'
-        '[gripper]\nmount = "reverse"\n',
+        f'[gripper]\nmount = "reverse"\n{BY_GATEWAY}',
         encoding="utf-8",
     )
     return path
 
 
 def test_a_measured_calibration_and_a_kept_configuration_survive_a_restart(
-    tmp_path: Path, config: Path
+    met: Met, tmp_path: Path, config: Path
 ) -> None:
     state = tmp_path / "state"
     arguments = (CHANNEL, "--config", str(config))
-    with daemon(state, *arguments) as running, running.connect() as client:
+    with daemon(state, *arguments) as running, met(running), running.connect() as client:
         nominal = client.result("calibration.get")
         assert str(nominal["file"]).endswith("reverse.json")
         client.enabled()
@@ -39,7 +40,7 @@ def test_a_measured_calibration_and_a_kept_configuration_survive_a_restart(
     content = json.loads((state / "sim0_calibration.json").read_text(encoding="utf-8"))
     assert content == measured["content"]
     assert content["channel"] == CHANNEL
-    with daemon(state, *arguments) as running, running.connect() as client:
+    with daemon(state, *arguments) as running, met(running), running.connect() as client:
         again = client.result("calibration.get")
         assert again["file"] == measured["path"]
         assert again["mount"] == "reverse"
@@ -51,13 +52,17 @@ def test_a_measured_calibration_and_a_kept_configuration_survive_a_restart(
 
 
 def test_an_unreadable_file_of_its_own_stops_motions_and_not_the_daemon(
-    tmp_path: Path, config: Path
+    met: Met, tmp_path: Path, config: Path
 ) -> None:
     state = tmp_path / "state"
     state.mkdir()
     (state / "sim0_calibration.json").write_text("{", encoding="utf-8")
     (state / "sim0_motion.json").write_text('{"channel": "sim0"}', encoding="utf-8")
-    with daemon(state, CHANNEL, "--config", str(config)) as running, running.connect() as client:
+    with (
+        daemon(state, CHANNEL, "--config", str(config)) as running,
+        met(running),
+        running.connect() as client,
+    ):
         client.until(lambda seen: bool(seen["motor"] == "disabled"))
         assert client.despite_silence("motor.enable")["ok"]
         error = client.call("motion.open")["error"]

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.process.by_portal import Met
 from tests.process.daemon_process import DaemonProcess, daemon
 from tests.process.teleop_pair import CONFIG
 from tests.sdk_compat import blocks
@@ -13,9 +14,11 @@ TRIES = 4
 """A daemon that is kept off the processor loses its simulated motor: then a user tries again."""
 
 
-def run_script(running: DaemonProcess) -> "subprocess.CompletedProcess[str]":
+def run_script(running: DaemonProcess, channel: str) -> "subprocess.CompletedProcess[str]":
+    source = blocks.source("quick_start")
+    assert '"can0"' in source
     return subprocess.run(
-        [sys.executable, "-c", blocks.source("quick_start")],
+        [sys.executable, "-c", source.replace('"can0"', f'"{channel}"')],
         env={**os.environ, "LITEGRIPD_SOCKET": str(running.socket_path)},
         capture_output=True,
         text=True,
@@ -24,16 +27,21 @@ def run_script(running: DaemonProcess) -> "subprocess.CompletedProcess[str]":
     )
 
 
-def test_quick_start(tmp_path: Path) -> None:
+def test_quick_start(met: Met, tmp_path: Path) -> None:
     config = tmp_path / "gripper.toml"
     config.write_text(CONFIG.format(mount="normal"), encoding="utf-8")
     arguments = ("can0", "--config", str(config))
-    with daemon(tmp_path / "daemon", *arguments) as running, running.connect() as client:
+    with (
+        daemon(tmp_path / "daemon", *arguments) as running,
+        met(running),
+        running.connect() as client,
+    ):
         client.until(lambda state: bool(state["motor"] == "disabled"))
-        done = run_script(running)
+        channel = client.result("hello")["channel"]
+        done = run_script(running, channel)
         for _ in range(TRIES - 1):
             if "HardwareError" in done.stderr:
-                done = run_script(running)
+                done = run_script(running, channel)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout == "True False 0\n"  # nothing was between the jaws
         state = client.until(lambda state: bool(state["motor"] == "disabled"))

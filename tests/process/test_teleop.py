@@ -19,6 +19,7 @@ from typing import Any
 import pytest
 import zenoh
 
+from tests.process.by_portal import Met
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.teleop_pair import (
     LossyProxy,
@@ -170,8 +171,8 @@ def test_over_a_network_that_loses_delays_and_reorders(tmp_path: Path) -> None:
     assert largest_lead_rad(samples) <= CAP_RAD + 1e-9
 
 
-def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(tmp_path: Path) -> None:
-    with gripper(tmp_path, "one") as running, running.connect() as client:
+def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(met: Met, tmp_path: Path) -> None:
+    with gripper(tmp_path, "one") as running, met(running), running.connect() as client:
         client.enabled()
         port = free_port()
         client.result("teleop.start", mode="slave", host="127.0.0.1", port=port)
@@ -197,8 +198,8 @@ def test_frames_of_a_script_are_followed_and_ours_are_read_by_one(tmp_path: Path
         assert times == sorted(set(times))
 
 
-def test_a_leader_that_is_not_there_is_told_by_status_and_health(tmp_path: Path) -> None:
-    with gripper(tmp_path, "alone") as running, running.connect() as client:
+def test_a_leader_that_is_not_there_is_told_by_status_and_health(met: Met, tmp_path: Path) -> None:
+    with gripper(tmp_path, "alone") as running, met(running), running.connect() as client:
         client.enabled()
         port = free_port()
         client.result("teleop.start", mode="slave", host="127.0.0.1", port=port)

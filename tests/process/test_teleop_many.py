@@ -16,6 +16,7 @@ import pytest
 import zenoh
 
 from tests.control.reflection_pair import FORCE, force_frame
+from tests.process.by_portal import Met
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.teleop_pair import Samples, children, free_port, gripper, until
 from tests.process.test_teleop import CAP_RAD, KEY, QUICK, largest_lead_rad, peer, swing
@@ -32,7 +33,9 @@ def follow(client: Client, link: str, port: int) -> None:
 
 
 @pytest.mark.parametrize("link", ["zenoh", "udp"])
-def test_two_followers_of_one_leader_are_followed_and_felt(tmp_path: Path, link: str) -> None:
+def test_two_followers_of_one_leader_are_followed_and_felt(
+    met: Met, tmp_path: Path, link: str
+) -> None:
     kind = socket.SOCK_DGRAM if link == "udp" else socket.SOCK_STREAM
     ports = [free_port(kind), free_port(kind)]
     used = ports if link == "udp" else [ports[0]] * 2
@@ -43,6 +46,7 @@ def test_two_followers_of_one_leader_are_followed_and_felt(tmp_path: Path, link:
         gripper(tmp_path / "l", "lead", by_hand=True) as leading,
         gripper(tmp_path / "a", "first") as first,
         gripper(tmp_path / "b", "second", "reverse") as second,
+        met(leading, first, second),
         leading.connect() as leader,
         first.connect() as one,
         second.connect() as other,

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+from tests.process.by_portal import Met
 from tests.process.daemon_process import DEADLINE_S, DaemonProcess, daemon
 from tests.process.teleop_pair import CONFIG
 
@@ -30,7 +31,7 @@ def disabled(running: DaemonProcess) -> None:
         client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
 
 
-def test_one_holds_while_the_other_works(tmp_path: Path) -> None:
+def test_one_holds_while_the_other_works(met: Met, tmp_path: Path) -> None:
     """A daemon that is kept off the processor may lose its motor: then a user tries again."""
     places = tmp_path / "places"
     (places / "litegripd").mkdir(parents=True)
@@ -44,7 +45,10 @@ def test_one_holds_while_the_other_works(tmp_path: Path) -> None:
     with (
         daemon(tmp_path / channels[0], *left) as holds,
         daemon(tmp_path / channels[1], *right) as works,
+        met(holds, works) as lab,
     ):
+        if lab is not None:
+            places, channels = lab.runtime_directory(), ["lab.left", "lab.right"]
         for _ in range(4):
             disabled(holds)
             disabled(works)

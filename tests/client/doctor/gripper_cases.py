@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from tests.client.doctor.case import Case
-from tests.client.doctor.known import facts, with_daemon
+from tests.client.doctor.known import daemon, facts, with_daemon
 
 ZERO = "litegripctl -c can0 enable && litegripctl -c can0 zero"
 
@@ -205,6 +205,23 @@ GRIPPER_CASES = [
     ),
     Case("channel", facts(), "ok", "the calibration is for can0"),
     Case("channel", with_daemon(info_calibration__channel=None), None),
+    Case(
+        "channel",
+        facts(
+            channel="lab.left",
+            daemon=daemon(hello_channel="lab.left", hello_remote={"channel": "can0"}),
+        ),
+        "ok",
+        "the calibration is for can0",
+    ),
+    Case(
+        "channel",
+        with_daemon(hello_remote={"channel": "can3"}),
+        "warning",
+        "the calibration is for can0, this is can3",
+        ZERO,
+        "look at its mount",
+    ),
     Case(
         "channel",
         with_daemon(info_calibration__channel="can1"),

@@ -7,15 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.process.daemon_process import SIMULATED, DaemonProcess, daemon
-from tests.process.fleet.fleet_process import HOST, Fleet, fleet, make_certificates
-from tests.process.fleet.lab import CERTIFICATES
-
-
-@pytest.fixture(scope="session")
-def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("certificates")
-    names = ("user:viewer", "gateway:forger", *CERTIFICATES)
-    return make_certificates(folder, HOST, *names)
+from tests.process.fleet.fleet_process import Fleet, fleet
 
 
 @pytest.fixture

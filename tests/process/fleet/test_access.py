@@ -1,10 +1,8 @@
-"""The router's rules, each allowed and refused, by real certificates; and hostile messages.
+"""The router's rules, each allowed and refused, by real certificates.
 
-What the rules cannot see, a session repeated or a motion replayed, is tried in tests/fleet.
+What the rules cannot see, hostile and repeated messages, is tried in test_hostile.py.
 """
 
-import asyncio
-import contextlib
 import json
 import os
 import subprocess
@@ -14,13 +12,12 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from litegrip_fleet.keys import Place
 from litegrip_fleet.messages import Ask, Reply, packed, unpacked
-from litegrip_fleet.network import Answered, Network, Tls, ask, configuration, the_newest
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, DaemonProcess, daemon
+from litegrip_fleet.network import the_newest
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, daemon
 from tests.process.fleet.fleet_process import Fleet, fleet, make_certificates
+from tests.process.fleet.on_network import LEFT, answers, connected
 
-LEFT = Place("lab", "left")
 USERS = {"op1": "operator", "op2": "operator", "viewer": "observer"}
 HELLO = b'{"jsonrpc":"2.0","id":1,"method":"hello"}\n'
 STOP = b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"level":"hold"}}\n'
@@ -37,41 +34,6 @@ def shared(tmp_path_factory: pytest.TempPathFactory, certificates: Path) -> Iter
         sockets = {"left": running.socket_path}
         with fleet(folder / "fleet", certificates, sockets, users=USERS) as lab:
             yield lab
-
-
-@contextlib.contextmanager
-def connected(
-    lab: Fleet, name: str | None, certificates: Path | None = None
-) -> Iterator[zenoh.Session]:
-    """Be on the network with a certificate, or without one; raises `ZError` if not let in."""
-    folder = certificates or lab.certificates
-    own = folder / (name or "op1")
-    tls = Tls(str(own / "ca.pem"), str(own / "own.pem"), str(own / "own.key"))
-    config = configuration(Network([lab.endpoint], tls=tls), "client")
-    config.insert_json5("connect/timeout_ms", "2000")
-    config.insert_json5("connect/exit_on_failure", "true")
-    if name is None:
-        authority = {"root_ca_certificate": tls.ca}
-        config.insert_json5("transport/link/tls", json.dumps(authority))
-    session = zenoh.open(config)
-    try:
-        yield session
-    finally:
-        session.close()
-
-
-def answers(
-    session: zenoh.Session,
-    key: str,
-    payload: bytes = b"",
-    attached: bytes | None = None,
-    within_s: float = 1.5,
-) -> list[Answered]:
-    async def asked() -> list[Answered]:
-        loop = asyncio.get_running_loop()
-        return await ask(session, key, payload, attached, loop, within_s=within_s)
-
-    return asyncio.run(asked())
 
 
 def opening(session: zenoh.Session, user: str, role: str) -> Reply | None:
@@ -214,38 +176,3 @@ def make_expired(authority: Path, own: Path) -> None:
         files = f"-in {own}/own.csr -out {own}/own.pem {dates}" if command[:2] == "ca" else ""
         arguments = ["openssl", *command.split(), *files.split()]
         subprocess.run(arguments, check=True, capture_output=True, timeout=DEADLINE_S)
-
-
-# What is hostile ----------------------------------------------------------------------------------
-
-MALFORMED = 3000
-
-
-def test_malformed_messages_change_nothing(lab: Fleet, gripper: DaemonProcess) -> None:
-    key = LEFT.rpc("op1", "s-9", "operator")
-    bad = [b"", b"\xff" * 40, b"{}", b'{"v":1,"op":"line"}', b"[" * 500, packed(Ask("line", 7))]
-    with connected(lab, "op1") as session, Client(lab.socket_path()) as client:
-        before = client.result("clients.list")
-        for number in range(MALFORMED):
-            attached = bad[number % len(bad)]
-            session.get(key, lambda _reply: None, payload=b"\x00" * 50, attachment=attached)
-        assert client.result("state.get")["stop"] is None
-        assert len(client.result("clients.list")["clients"]) == len(before["clients"])
-    assert lab.gateway.process.poll() is None
-    assert "Traceback" not in lab.gateway.log
-
-
-def test_a_message_of_a_megabyte_is_not_taken_and_the_others_go_on(
-    lab: Fleet, gripper: DaemonProcess
-) -> None:
-    with Client(lab.socket_path()) as client:
-        client.result("hello")
-        with connected(lab, "op1") as session:
-            big = b"x" * 1024 * 1024
-            assert (
-                answers(session, LEFT.rpc("op1", "s-9", "operator"), big, packed(Ask("open"))) == []
-            )
-        assert client.result("state.get")["stop"] is None
-    for part in (lab.gateway, lab.router):
-        assert part.process.poll() is None
-        assert "Traceback" not in part.log
