@@ -7,6 +7,7 @@ the limits that changed a command: they appear as `limited` in the state.
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.calibration import Calibration
@@ -99,8 +100,7 @@ _DAMPING_BACK_S = 0.1
 """Damping that follows a late measurement of the speed, up and down, throws the jaws to and fro."""
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(NamedTuple):
     """The bounds of commands: the widened travel; a lead and a torque where no travel is known.
 
     The torque never exceeds the motor's.
