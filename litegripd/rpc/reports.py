@@ -612,10 +612,11 @@ class Waiters:
 
         A client that has not read the last report gets none.
         """
-        job, progress = self._controller.jobs.running, self._controller.progress()
-        if job is None or progress is None:
+        job = self._controller.jobs.running
+        if job is None or job.number not in self._waiters or now_s < self._next_progress_s:
             return
-        if job.number not in self._waiters or now_s < self._next_progress_s:
+        progress = self._controller.progress()
+        if progress is None:
             return
         self._next_progress_s = now_s + PROGRESS_INTERVAL_S
         for waiter in self._waiters[job.number]:
