@@ -46,9 +46,7 @@ def said(process: "subprocess.Popen[str]") -> str:
 class Row:
     """One size and rate: what came, and what each process used."""
 
-    def __init__(
-        self, grippers: int, hz: float, seconds: float, figures: dict[str, Any]
-    ) -> None:
+    def __init__(self, grippers: int, hz: float, seconds: float, figures: dict[str, Any]) -> None:
         self.grippers = grippers
         self.hz = hz
         self.seconds = seconds

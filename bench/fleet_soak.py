@@ -106,7 +106,9 @@ class Soak:
         self._running: dict[int, tuple[str, float]] = {}
         self._stack = stack
         self._folder = folder
-        self._certificates = make_certificates(folder / "tls", HOST, f"user:{USER}", "gateway:robot1")
+        self._certificates = make_certificates(
+            folder / "tls", HOST, f"user:{USER}", "gateway:robot1"
+        )
         recorded = folder / "recorded.json"
         record(recorded)
         standins = folder / "standins"
@@ -256,7 +258,9 @@ def _progress(soak: Soak, at_s: float) -> str:
         f"{name}: {use.resident_kb / 1024:.1f} MB, {use.descriptors} fds, {use.threads} threads"
         for name, use in used.items()
     )
-    return f"{at_s / 60:.0f} min, {soak.clients} clients, {sum(soak.breaks.values())} breaks; {cells}"
+    return (
+        f"{at_s / 60:.0f} min, {soak.clients} clients, {sum(soak.breaks.values())} breaks; {cells}"
+    )
 
 
 def report(soak: Soak) -> list[str]:
@@ -264,8 +268,10 @@ def report(soak: Soak) -> list[str]:
     rows = [
         f"clients: {soak.clients}; {_counts(soak.outcomes)}",
         f"breaks: {sum(soak.breaks.values())}; {_counts(soak.breaks)}",
-        f"{'':<24}{'MB begin':>9}{'end':>7}{'thirds: 2nd':>13}{'3rd':>7}{'kB per 1000':>13}"
-        f"{'breaks':>8}{'kB per 100':>12}{'fds':>10}{'threads':>10}{'CPU s':>8}",
+        (
+            f"{'':<24}{'MB begin':>9}{'end':>7}{'thirds: 2nd':>13}{'3rd':>7}{'kB per 1000':>13}"
+            f"{'breaks':>8}{'kB per 100':>12}{'fds':>10}{'threads':>10}{'CPU s':>8}"
+        ),
         f"{'':<60}{'clients':>13}{'':>8}{'breaks':>12}",
     ]
     return rows + [_row(name, watched.points) for name, watched in soak.watched.items()]

@@ -27,7 +27,7 @@ class Answers:
     def __init__(self, recorded: Mapping[str, Any]) -> None:
         self.of = {name: _compact(result).encode() for name, result in recorded.items()}
         sample = {"jsonrpc": "2.0", "method": "state.sample", "params": recorded[SAMPLE]}
-        number, at_s = '"seq":%d,' % sample["params"]["seq"], sample["params"]["monotonic_s"]
+        number, at_s = f'"seq":{sample["params"]["seq"]},', sample["params"]["monotonic_s"]
         before, found, rest = _compact(sample).partition(number)
         between, also_found, after = rest.partition(f'"monotonic_s":{json.dumps(at_s)}')
         if not found or not also_found:
@@ -60,7 +60,7 @@ class Connection(asyncio.Protocol):
         assert isinstance(transport, asyncio.Transport)
         self._transport = transport
 
-    def connection_lost(self, exc: Exception | None) -> None:
+    def connection_lost(self, _error: Exception | None) -> None:
         if self._timer is not None:
             self._timer.cancel()
 

@@ -26,7 +26,7 @@ def usage_of(pid: int) -> Usage:
     return Usage(
         cpu_s=(int(after_name[11]) + int(after_name[12])) * _TICK_S,
         resident_kb=int(status["VmRSS"].split()[0]),
-        descriptors=len(os.listdir(proc / "fd")),
+        descriptors=sum(1 for _descriptor in (proc / "fd").iterdir()),
         threads=int(status["Threads"]),
     )
 
