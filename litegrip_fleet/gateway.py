@@ -98,10 +98,7 @@ class Gateway:
         try:
             self._hello = await _asked_of(reader, writer, "hello", {"client": "gateway"})
             self._generation = self._hello["stop_generation"]
-            document = await _asked_of(reader, writer, "rpc.discover")
-            self._voided = frozenset(
-                row["name"] for row in document["methods"] if row.get("x-stop-voids")
-            )
+            self._voided = await _voided(reader, writer)
             await _asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
             token = self._session.liveliness().declare_token(self.place.alive)
             _log.info("%s: %s can be reached", self.place, self._channel)
@@ -430,6 +427,12 @@ async def _asked_of(
         if answer.get("id") == 0:
             result: dict[str, Any] = answer["result"]
             return result
+
+
+async def _voided(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> frozenset[str]:
+    """Return the methods that a stop makes void; the whole description is not kept."""
+    document = await _asked_of(reader, writer, "rpc.discover")
+    return frozenset(row["name"] for row in document["methods"] if row.get("x-stop-voids"))
 
 
 def _in_the_name_of(user: str, line: bytes) -> bytes:
