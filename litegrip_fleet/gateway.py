@@ -102,10 +102,7 @@ class Gateway:
         try:
             self._hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
             self._generation = self._hello["stop_generation"]
-            document = await asked_of(reader, writer, "rpc.discover")
-            self._voided = frozenset(
-                row["name"] for row in document["methods"] if row.get("x-stop-voids")
-            )
+            self._voided = await _voided(reader, writer)
             await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
             token = self._session.liveliness().declare_token(self.place.alive)
             _log.info("%s: %s can be reached", self.place, self._channel)
@@ -404,6 +401,12 @@ def _gone(error: Exception) -> dict[str, Any]:
 def _answer(query: zenoh.Query, reply: Reply) -> None:
     with query:
         query.reply(query.key_expr, b"", attachment=packed(reply))
+
+
+async def _voided(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> frozenset[str]:
+    """Return the methods that a stop makes void; the whole description is not kept."""
+    document = await asked_of(reader, writer, "rpc.discover")
+    return frozenset(row["name"] for row in document["methods"] if row.get("x-stop-voids"))
 
 
 def _in_the_name_of(user: str, line: bytes) -> bytes:

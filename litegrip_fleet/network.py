@@ -182,7 +182,9 @@ def ask(
 
     session.get(
         key,
-        handler=zenoh.handlers.Callback(took, done),
+        # On zenoh's own thread: otherwise it starts one for each query, which costs more than the
+        # rest of it. What is called there waits for nothing, and asks nothing of zenoh.
+        handler=zenoh.handlers.Callback(took, done, indirect=False),
         payload=payload,
         attachment=attached,
         timeout=within_s,
