@@ -9,16 +9,14 @@ from typing import Any, Literal, NewType, Protocol, TypeAlias, TypedDict
 
 from litegripd.control.controller import Controller
 from litegripd.control.events import KEPT_JOBS
-from litegripd.control.snapshot import snapshot
+from litegripd.control.snapshot import GripperState, JobSummary, snapshot
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Mount
 from litegripd.model.motor import BusState
 from litegripd.model.state import (
     EventKind,
-    GripperState,
     Job,
     JobKind,
-    JobSummary,
     Owner,
     Progress,
     Result,

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import TypedDict, get_args
 
+from litegripd.control.snapshot import GripperState
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
-from litegripd.model.state import Event, EventKind, GripperState
+from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode, notification_line
 from litegripd.rpc.reports import NumberedEvent, state_view
 from litegripd.rpc.sessions import Session
