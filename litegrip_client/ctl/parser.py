@@ -14,7 +14,7 @@ import shlex
 from argparse import ArgumentTypeError
 from collections.abc import Iterable
 
-from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE, CommandRow
+from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE, READING, CommandRow
 from litegrip_client.discovery import (
     CHANNEL_VARIABLE,
     DEFAULT_CHANNEL,
@@ -165,8 +165,8 @@ def common() -> argparse.ArgumentParser:
 def parse(given: list[str]) -> argparse.Namespace:
     """Read the command line; raises `UsageError` when it is wrong.
 
-    `channel_chosen` is true if a channel was asked for, by option or by environment, and `call`
-    how the same gripper is called again.
+    `channel_chosen` is true if a channel was asked for, by option or by environment. `only_reads`
+    is true if the command changes nothing. `call` is how the same gripper is called again.
     """
     parser = whole_parser()
     options, rest = parser.parse_known_args([protect_target(argument) for argument in given])
@@ -176,6 +176,7 @@ def parse(given: list[str]) -> argparse.Namespace:
         raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
+    options.only_reads = options.command in READING
     options.call = _call(options)
     options.socket = getattr(options, "socket", None)
     options.ssh_host = getattr(options, "ssh_host", None)

@@ -263,15 +263,9 @@ class Way:
             )
 
 
-READING = (
-    "state", "watch", "events", "clients", "jobs", "job", "health", "metrics", "info", "discover",
-)  # fmt: skip
-"""Commands that change nothing: they may go to the only daemon there is, whichever that is."""
-
-
 def _take_the_only_one(options: Namespace) -> None:
     """Let a command that only reads ask the only daemon, and say so."""
-    running = running_channels() if options.command in READING else []
+    running = running_channels() if options.only_reads else []
     if len(running) == 1 and running[0] != DEFAULT_CHANNEL:
         say(f"{running[0]}, the only daemon here:")
         options.channel, options.channel_chosen = running[0], True

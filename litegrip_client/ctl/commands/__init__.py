@@ -14,9 +14,9 @@ from litegrip_client.ctl.run import Command, Fill
 
 
 class CommandRow:
-    """One command: its name, what the list says of it, and in which module of this room it is.
+    """One command: its name, its line in the list of commands, and its module in this folder.
 
-    A module has `COMMANDS`: what carries out its commands, and what adds their arguments.
+    A module has `COMMANDS`: the functions of its commands, and what adds their arguments.
     """
 
     __slots__ = ("_module", "name", "text")
@@ -94,6 +94,12 @@ COMMANDS = (
 
 OF_THIS_MACHINE = ("doctor", "completion", "install-units")
 """Commands that ask no daemon for anything."""
+
+
+READING = (
+    "state", "watch", "events", "clients", "jobs", "job", "health", "metrics", "info", "discover",
+)  # fmt: skip
+"""Commands that change nothing: they may go to the only daemon that runs, whatever its channel."""
 
 
 def needs_daemon(options: Namespace) -> bool:
