@@ -14,7 +14,6 @@ import math
 import os
 import socket
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from types import TracebackType
 from typing import Any, Generic, TypeVar, overload
 
 from litegrip_client.calibration import GripperConfig
@@ -390,12 +389,7 @@ class Subscription(Generic[_Item]):
         await self._begin()
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         await leave(self.close, error)
 
 

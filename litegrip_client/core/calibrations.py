@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Awaitable, Callable
-from types import TracebackType
 from typing import Any
 
 from litegrip_client import calibration_files as files
@@ -153,12 +152,7 @@ class ManualCalibration:
             raise
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         await leave(self._cancel, error)
 
     async def _cancel(self) -> None:

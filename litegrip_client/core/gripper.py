@@ -6,8 +6,6 @@ generated from this file: its docstrings are written for both.
 
 from __future__ import annotations
 
-from types import TracebackType
-
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
 from litegrip_client.discovery import stop
@@ -68,12 +66,7 @@ class Gripper(GripperActions):
         """
         await self._session.close()
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         await leave(self.disconnect, error)
 
     @property

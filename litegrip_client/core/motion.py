@@ -10,7 +10,6 @@ import math
 import os
 import time
 from collections.abc import Awaitable, Callable, Mapping
-from types import TracebackType
 
 from litegrip_client.checks import given_numbers, number
 from litegrip_client.core.session import DaemonSession
@@ -196,12 +195,7 @@ class SetpointStream:
     async def __aenter__(self) -> SetpointStream:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         await leave(self.close, error)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Coroutine, Mapping
-from types import TracebackType
 
 from litegrip_client.checks import given_numbers
 from litegrip_client.discovery import chosen_channel
@@ -351,12 +350,7 @@ class Lease:
         self._token = str(granted["lease"])
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         self._token = None
         await leave(self._leave, error)
 

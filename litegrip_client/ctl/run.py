@@ -29,7 +29,6 @@ from litegrip_client.voices import in_shell, is_said
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Mapping
-    from types import TracebackType
     from typing import Any, TypeAlias
 
     from litegrip_client.ctl.parser import LateParser
@@ -112,8 +111,8 @@ class Output:
     def result(self, data: Mapping[str, Any], text: str) -> None:
         """Print a result: as it came, or as `text`."""
         self.end_line()
-        told = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
-        _write(f"{told}\n")
+        shown = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
+        _write(f"{shown}\n")
 
     def line(self, text: str) -> None:
         """Write `text` over the line before, if that was written by this, too."""
@@ -139,8 +138,8 @@ class Output:
             data = {"reason": error.reason, **error.data}
             if hint:
                 data.setdefault("hint", hint)
-            told = {"code": error.code, "message": error.message, "data": data}
-            _write(f"{json.dumps({'error': told}, ensure_ascii=False)}\n")
+            view = {"code": error.code, "message": error.message, "data": data}
+            _write(f"{json.dumps({'error': view}, ensure_ascii=False)}\n")
         else:
             self.note(error.message)
             if hint and not is_said(error.message, hint):  # many a message has its remedy
@@ -206,8 +205,8 @@ class Way:
         PermissionError,
         TimeoutError,
     )
-    """What a stop raises where nobody listens for stops, or not to this user, who is told so by the
-    other socket."""
+    """What a stop raises if nobody listens for stops, or not to this user. The other socket then
+    says so."""
 
     def __init__(self, options: Namespace) -> None:
         self.options = options
@@ -237,12 +236,7 @@ class Way:
     def __enter__(self) -> Way:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _connected(self) -> Connection:
