@@ -191,7 +191,7 @@ def _group_of(path: str) -> str:
         name = grp.getgrgid(os.stat(path).st_gid).gr_name  # noqa: PTH116 - see _names
     except (OSError, KeyError):
         return GROUP
-    return GROUP if name == "root" else name  # nobody is told to join that one
+    return GROUP if name == "root" else name  # nobody is advised to join that one
 
 
 def _why(path: str, error: OSError) -> str:

@@ -370,9 +370,10 @@ class Exchange:
         self.client = client if isinstance(client, int) else None
         stop_socket = hello.get("stop_socket")
         self.stop_socket = stop_socket if isinstance(stop_socket, str) else None
-        told_s = hello.get("monotonic_s")
+        clock_s = hello.get("monotonic_s")
         self.has_clock = hello.get("remote") is None and (
-            not isinstance(told_s, int | float) or abs(told_s - time.monotonic()) < _CLOCKS_AGREE_S
+            not isinstance(clock_s, int | float)
+            or abs(clock_s - time.monotonic()) < _CLOCKS_AGREE_S
         )
 
     def note_stops(self, result: Mapping[str, Any]) -> None:

@@ -237,7 +237,7 @@ class Recording:
     async def run(self) -> dict[str, Any]:
         """Record; return the result of `trajectory.record_stop`.
 
-        Raises `CommandError` that tells how many samples there are when it did not fill. Whatever
+        Raises `CommandError`, with the number of samples, when it did not fill. Whatever
         else ends the waiting ends the recording first, so that the jaws hold, and is then raised.
         """
         wire = self._wire
@@ -284,22 +284,22 @@ async def fetch(
     in the middle, because somebody has replaced it.
     """
     whole = bytearray()
-    told: tuple[int, str] | None = None
-    while told is None or len(whole) < told[0]:
+    announced: tuple[int, str] | None = None  # the size in bytes, and the SHA-256
+    while announced is None or len(whole) < announced[0]:
         params = {**source, "offset": len(whole)}
         piece = await wire.call("trajectory.get", params, ACTION_TIMEOUT_S)
-        first, told = told, (int(piece["total"]), str(piece["sha256"]))
-        if first not in (None, told):
+        before, announced = announced, (int(piece["total"]), str(piece["sha256"]))
+        if before not in (None, announced):
             text = "the trajectory was replaced while it was being fetched: fetch it again"
             raise CommandError(text, reason="trajectory_unreadable", data={"retryable": True})
         data = base64.b64decode(piece["data"])
-        if not data and len(whole) < told[0]:
+        if not data and len(whole) < announced[0]:
             raise ProtocolError(f"the daemon sent nothing of a trajectory from {len(whole)} on")
         whole += data
-        on_share(len(whole) / max(told[0], 1))
+        on_share(len(whole) / max(announced[0], 1))
     content = bytes(whole)
-    if hashlib.sha256(content).hexdigest() != told[1]:
-        raise ProtocolError("what the daemon sent of a trajectory has not the SHA-256 that it told")
+    if hashlib.sha256(content).hexdigest() != announced[1]:
+        raise ProtocolError("a trajectory came without the SHA-256 that the daemon had announced")
     return content
 
 

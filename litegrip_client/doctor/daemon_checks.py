@@ -57,10 +57,10 @@ def version(facts: Facts) -> Finding | None:
     """Check whether daemon and client are of one version."""
     if facts.daemon is None:
         return None
-    told = facts.daemon.hello.get("version")
-    if told == facts.version:
-        return ok(f"{told}, as this program")
-    text = f"the daemon is {told}, this program {facts.version}"
+    version = facts.daemon.hello.get("version")
+    if version == facts.version:
+        return ok(f"{version}, as this program")
+    text = f"the daemon is {version}, this program {facts.version}"
     why = "a daemon goes on running as what it was started; else install one version for both"
     if facts.interface in SIMULATED:
         return warning(text, advice=f"end it, and start it again; {why}")

@@ -134,14 +134,14 @@ def configuration_file(channel: str) -> Configuration | None:
         return Configuration(
             path, unchecked=f"litegripd cannot be run{f' as {USER}' if identity else ''}: {error}"
         )
-    told = done.stderr.decode(errors="replace").strip()
-    if done.returncode == _WRONG and not told.startswith("usage:"):  # of an older litegripd
-        why = told.rpartition("\n")[2].removeprefix("litegripd: ")
+    said = done.stderr.decode(errors="replace").strip()
+    if done.returncode == _WRONG and not said.startswith("usage:"):  # of an older litegripd
+        why = said.rpartition("\n")[2].removeprefix("litegripd: ")
         return Configuration(path, error=why, as_user=as_user)
     try:
         return Configuration(path, content=json.loads(done.stdout), as_user=as_user)
     except ValueError:
-        last = told.rpartition("\n")[2] or "no word"
+        last = said.rpartition("\n")[2] or "no word"
         why = f"litegripd --check ended with {done.returncode}: {last}"
         return Configuration(path, unchecked=why)
 
@@ -251,8 +251,8 @@ def ask_ip(name: str) -> str | None:
 def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
     """Return the link, and why iproute2 gave no answer, or None."""
     try:
-        told = ask_ip(name)
-        return (None if told is None else from_ip(told)), None
+        shown = ask_ip(name)
+        return (None if shown is None else from_ip(shown)), None
     except IpError as error:
         problem = str(error)
     except ValueError:

@@ -35,16 +35,16 @@ def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
 
 def _lines(name: str, finding: Finding) -> list[str]:
     head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{_NAME_WIDTH}}{_told(finding.text)}"]
+    lines = [f"{head}{name:<{_NAME_WIDTH}}{_shown(finding.text)}"]
     if finding.command is not None:
         lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
     if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({_told(finding.advice)})")
+        lines.append(f"{'':<{_LEVEL_WIDTH}}({_shown(finding.advice)})")
     return lines
 
 
-def _told(text: str) -> str:
-    """Show a text that may be the daemon's, which names methods."""
+def _shown(text: str) -> str:
+    """Show a text that may be the daemon's: name commands in place of methods."""
     return plain(in_shell(text))
 
 

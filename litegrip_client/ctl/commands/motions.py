@@ -259,7 +259,7 @@ def release(run: Run) -> int:
         raise CommandError("the gripper is not calibrated", reason="not_calibrated")
     if opening_mm is None:
         raise HardwareError(
-            "the opening is not known: the motor has not told its position",
+            "the opening is not known: the motor has not reported its position",
             reason="motor_silent",
             data={"hint": "see: litegripctl health"},
         )

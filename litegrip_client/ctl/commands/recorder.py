@@ -273,9 +273,9 @@ def _show_dump(run: Run) -> int:
         if event.at_s - end_s >= from_s
     ]
     head = f"{len(dump.ticks)} ticks; 0 s is the end"
-    told = [f"{event['time_s']:8.2f} s  {plain(event['message'])}" for event in events]
+    happened = [f"{event['time_s']:8.2f} s  {plain(event['message'])}" for event in events]
     data = {"ticks": len(dump.ticks), "lines": lines, "events": events}
-    run.output.result(data, "\n".join([head, *lines, *told]))
+    run.output.result(data, "\n".join([head, *lines, *happened]))
     return OK
 
 

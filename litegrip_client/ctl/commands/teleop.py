@@ -168,8 +168,8 @@ def _leave(run: Run, data: dict[str, Any]) -> int:
     if data["active"] and data.get("link_state") == "failed":
         why = data.get("link_error")
         data = run.connection.call("teleop.stop")
-        told = f"the link has failed: {why}"
-        run.output.result({**data, "link_error": why}, f"{data['mode']}: ended, {told}")
+        text = f"{data['mode']}: ended, the link has failed: {why}"
+        run.output.result({**data, "link_error": why}, text)
         return NOT_OK
     if not data["active"]:
         run.output.result(data, status_text(data))

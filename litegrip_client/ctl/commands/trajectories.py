@@ -391,12 +391,12 @@ def record(run: Run) -> int:
     options = run.options
     refuse_unkeepable(run, options.name, overwrite=options.overwrite)
     samples = max(1, round(options.seconds * options.rate))
-    told = options.no_zero_gravity
+    is_said = options.no_zero_gravity
 
     def show(status: dict[str, Any]) -> None:
-        nonlocal told
-        if not told:  # not before: where recording is refused the jaws are not slack
-            told = True
+        nonlocal is_said
+        if not is_said:  # not before: where recording is refused the jaws are not slack
+            is_said = True
             say(f"The jaws are slack for {options.seconds:g} s: push them. {_CTRL_C}")
         if run.output.live:
             run.output.line(_recording_line(status, samples))

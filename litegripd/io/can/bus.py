@@ -83,10 +83,10 @@ class FrameBus(Protocol):
         """Open what a successor opens for itself, and drop what comes until it takes over."""
 
     def hand_over(self) -> tuple[tuple[int, ...], int]:
-        """Return what a successor goes on with: descriptors, and the pump's pid (0: none)."""
+        """Return what a successor continues with: descriptors, and the pump's pid (0: none)."""
 
     def take_over(self, descriptors: Sequence[int], pid: int) -> None:
-        """Go on with what the predecessor has handed over."""
+        """Continue with what the predecessor has handed over."""
 
     def leave(self) -> None:
         """Close our end of what a successor has taken over."""
@@ -149,8 +149,8 @@ def not_opened(error: BaseException, text: str, interface: str, channel: str) ->
     return condition_of(error, f"cannot be opened: {why}", channel)
 
 
-def told_by(message: can.Message) -> BusState | None:
-    """Return the state that an error frame tells of, if any: `bus_off`, or `up` when over."""
+def state_in(message: can.Message) -> BusState | None:
+    """Return the state that an error frame reports: `bus_off`, `up` at its end; None for others."""
     if not message.is_error_frame:
         return None
     if message.arbitration_id & RESTARTED:
@@ -277,7 +277,7 @@ class DirectBus:
         return (), 0
 
     def take_over(self, _descriptors: Sequence[int], _pid: int) -> None:
-        """Go on with our own socket."""
+        """Continue with our own socket."""
 
     def leave(self) -> None:
         """Close our socket."""
@@ -298,12 +298,12 @@ class DirectBus:
                 continue
             self.counters.count(frame)
             frames.append(frame)
-            self._works()  # here, so that a bus-off that is told behind it counts
+            self._works()  # here, so that a bus-off that is reported after it counts
 
     def _take_error_frame(self, message: can.Message) -> None:
-        """Note a bus-off, and its end; most error frames only tell what the controller mended."""
+        """Note a bus-off, and its end; most error frames report only corrected errors."""
         self.counters.error_frames += 1
-        state = told_by(message)
+        state = state_in(message)
         if state == "bus_off":
             self.counters.errors += 1
             self._sending_failed = False  # a frame that can be sent again proves nothing any more

@@ -269,7 +269,7 @@ def use_all_cpus() -> None:
 
 
 def _despite_reset(receive: Callable[[], T]) -> T:
-    """Receive; a reset, which tells that our words were not read, comes before the last packets."""
+    """Receive; a reset (what we sent was not read) comes before the last packets."""
     try:
         return receive()
     except ConnectionResetError:

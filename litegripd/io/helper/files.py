@@ -180,7 +180,7 @@ def _read(path: Path) -> Calibration:
 def load_operation(parameters: Mapping[str, object]) -> dict[str, object]:
     """Find a calibration, as the helper's operation `calibration.load`.
 
-    `mount` is what is asked for, if anything is; `configured` tells that the configuration asks.
+    `mount` is what is asked for, if anything is; `configured` is true if the configuration asks.
     """
     mount = parameters["mount"]
     find = find_configured if parameters["configured"] else find_calibration

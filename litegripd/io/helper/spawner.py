@@ -70,7 +70,7 @@ class Spawner:
             is_sent = self._child.send(packet, descriptors)
         if not is_sent:
             ours.close()
-            raise OSError(errno.EAGAIN, "the process that starts the others takes no order")
+            raise OSError(errno.EAGAIN, "the process that starts the others takes no request")
         child = Child(ours, settle=self._settle)
         self._starting[self._last] = child
         return child

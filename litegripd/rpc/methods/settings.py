@@ -162,10 +162,7 @@ class SettingsMethods:
         "calibration.templates", "Tell the templates of the mounts.", "The templates.", Templates
     )
     def _templates(self, call: Call) -> Answer:
-        def told(value: Any) -> Templates:
-            return {"templates": value}
-
-        return self._task(call, "calibration.templates", {}, told)
+        return self._task(call, "calibration.templates", {}, lambda value: {"templates": value})
 
     @Method(
         "calibration.load",
