@@ -191,7 +191,7 @@ class GripperActions:
     def clear_fault(self, *, enable: bool = True) -> bool:
         """Clear the motor's latched fault and enable the motor; true if it is enabled.
 
-        The motor holds the measured position then, and `enable` tells what else that means. With
+        The motor holds the measured position then; `enable` describes what else that means. With
         `enable` false it stays disabled, and true means that no fault is left. An enabled motor
         has no fault: nothing happens. This also accepts a position that has jumped: check first
         where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.

@@ -100,7 +100,7 @@ def is_socket_given(path: str | None = None) -> bool:
 def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
     """List the channels whose sockets there are, as far as this user can see them.
 
-    A daemon that was killed may have left one: whether somebody answers is seen by connecting.
+    A daemon that was killed may have left one: only connecting shows if a daemon answers.
     """
     environment = os.environ if environment is None else environment
     directories = (*_directories(environment), PORTAL_DIRECTORY)

@@ -49,7 +49,7 @@ class GripperState(StateNames):
     `command_rad` and `command_torque_nm` are the motor's command, `requested_rad` and
     `requested_torque_nm` the motion's request; `limited` says why they differ.
     `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
-    when the motor is off; `is_grasped` whether an object is being held.
+    when the motor is off; `is_grasped` is true if an object is held.
 
     While one is, `clamp_n` is the least and the most force (N) that it may feel, for friction hides
     the difference; the least is 0 while the jaws search for an object that gave way.

@@ -60,7 +60,7 @@ class Waiting:
         return True
 
     def wake(self) -> None:
-        """Let those go on for whom it is so by now."""
+        """Wake the waiters whose condition is true by now."""
         for waiter, ready in self._waiting.items():
             if ready():
                 _wake(waiter)
@@ -413,7 +413,7 @@ class EventSubscription(Subscription[Event]):
 _Result = TypeVar("_Result")
 
 _KEPT_S = 0.5
-"""What a slow task finds of the states that came meanwhile: it shall get new ones."""
+"""The most states that wait for a slow task: it should get new ones."""
 
 
 class AsyncSession(DaemonSession):

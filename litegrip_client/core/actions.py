@@ -132,7 +132,7 @@ class GripperActions:
     async def clear_fault(self, *, enable: bool = True) -> bool:
         """Clear the motor's latched fault and enable the motor; true if it is enabled.
 
-        The motor holds the measured position then, and `enable` tells what else that means. With
+        The motor holds the measured position then; `enable` describes what else that means. With
         `enable` false it stays disabled, and true means that no fault is left. An enabled motor
         has no fault: nothing happens. This also accepts a position that has jumped: check first
         where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
@@ -484,7 +484,7 @@ class GripperActions:
         held then. `error` of `trajectory_status` reports later errors.
         """
         params = _play_params(speed, kp, kd, align, torque_nm, force)
-        # It shall end with the connection, which a motion for which nobody waits does not.
+        # It must end with the connection. A motion for which nobody waits does not.
         params |= {"loop": bool(loop), "wait": False, "detach": False}
         params["upload"] = await self._trajectories.upload(trajectory)
         await self._command("trajectory.play", self._configured(params))
@@ -628,7 +628,7 @@ class GripperActions:
         if transport is not None:
             raise CommandError(
                 "a transport of the caller's own cannot be used: the link is the daemon's, so that"
-                " it goes on while a script is late",
+                " it continues while a script is late",
                 reason="unsupported",
                 data={"parameter": "transport", "hint": 'leave it out, or take link="udp"'},
             )

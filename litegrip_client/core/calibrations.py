@@ -163,7 +163,7 @@ class ManualCalibration:
     async def _step(self, step: str, **more: Any) -> dict[str, Any]:
         if not self._running:
             raise CommandError(
-                "no calibration by hand is going on",
+                "no calibration by hand is under way",
                 reason="not_begun",
                 data={"hint": "use it as: with gripper.manual_calibration() as manual:"},
             )

@@ -243,8 +243,8 @@ class DaemonSession:
     async def close(self) -> None:
         """End the connection, after having seen to the motor if this session enabled it.
 
-        That is: disable it, or, without `disable_on_disconnect`, make sure that the daemon goes
-        on holding. Raises the error of that; the connection is closed all the same. In a forked
+        That is: disable it, or, without `disable_on_disconnect`, make sure that the daemon
+        keeps holding. Raises the error of that; the connection is closed all the same. In a forked
         child only the child's copy is closed.
         """
         wire, self._wire = self._wire, None
@@ -270,7 +270,7 @@ class DaemonSession:
         wait_s: float = 0.0,
         on_lost: str = "hold",
     ) -> dict[str, Any]:
-        """Get the lease, or change what is wished of it; the purpose is the program by default.
+        """Get the lease, or change its options; the purpose is the program by default.
 
         One that was lost is only got again by this: until then the daemon refuses all that moves.
         """

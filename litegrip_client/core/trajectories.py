@@ -299,7 +299,7 @@ async def fetch(
         on_share(len(whole) / max(announced[0], 1))
     content = bytes(whole)
     if hashlib.sha256(content).hexdigest() != announced[1]:
-        raise ProtocolError("a trajectory came without the SHA-256 that the daemon had announced")
+        raise ProtocolError("the trajectory has not the SHA-256 that the daemon announced")
     return content
 
 

@@ -98,7 +98,7 @@ def _connected(scene: Scene, connection: Connection, hz: float) -> Iterator[Scen
             scene.events.extend(feed.recent)
             for sample in samples:
                 scene.take(sample.state)
-                while feed.inbox:  # filled by whoever reads the samples
+                while feed.inbox:  # filled while the samples are read
                     event = feed.take()
                     if event is not None:
                         scene.events.append(event)

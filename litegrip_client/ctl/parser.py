@@ -52,7 +52,7 @@ EXIT_CODES: tuple[tuple[int, str], ...] = (
     (130, "interrupted by Ctrl-C"),
     (141, "the reader of the output has gone"),
 )
-CLOSING = "A motion goes on when litegripctl is killed; Ctrl-C cancels it."
+CLOSING = "A motion continues when litegripctl is killed; Ctrl-C cancels it."
 
 _UNITS = {"mm": "opening_mm", "rad": "position_rad", "%": "openness"}
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"

@@ -173,7 +173,7 @@ def _report_cancelled(motion: Motion, run: Run) -> None:
     hint = ""
     if motion.cancel_error is not None:
         text = f"interrupted, but the motion could NOT be cancelled: {motion.cancel_error.message}"
-        hint = "it may go on; stop it with: litegripctl stop"
+        hint = "it may continue; stop it with: litegripctl stop"
     elif motion.cancelled is None:
         text = "interrupted: no motion was running, the jaws hold"
     elif motion.cancelled["state"] in ENDING:
@@ -203,7 +203,7 @@ def bar(share: float) -> str:
 
 
 def verdict(data: Data) -> str:
-    """Show whether it went as it should, and how it ended."""
+    """Show if it ended as it should, and how."""
     return f"{'' if data.get('ok') else 'NOT ok: '}{words(data.get('outcome'))}"
 
 

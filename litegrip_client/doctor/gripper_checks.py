@@ -80,7 +80,7 @@ def other_master(facts: Facts) -> Finding | None:
     watch = f"candump {facts.bus_channel}" if facts.interface == "socketcan" else None
     if counters.get("foreign_active", True):  # an older daemon does not report it
         advice = "end that program, or let it use the daemon"
-        return error(f"{text}, and goes on: a second master", watch, advice)
+        return error(f"{text}, and continues: a second master", watch, advice)
     return warning(
         f"{text} since the daemon was started; it is quiet now",
         advice="should that program come back, motions are refused: let it use the daemon",

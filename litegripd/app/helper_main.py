@@ -124,7 +124,7 @@ OPERATIONS: dict[str, Operation] = {
 
 
 def serve(operations: Mapping[str, Operation]) -> bool:
-    """Answer requests until the daemon is gone; return whether it has sent a goodbye.
+    """Answer requests until the daemon is gone; return True if it has sent a goodbye.
 
     A daemon that is gone reads no answer, but its goodbye may follow its last request.
     """

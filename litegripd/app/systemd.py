@@ -34,11 +34,11 @@ class Notifier:
         ones."""
 
     def send(self, text: str) -> bool:
-        """Send lines (READY=1); return whether they left. Never waits, raises nothing."""
+        """Send lines (READY=1); return True if they left. Never waits, raises nothing."""
         return self._left(lambda address: self._send_text(text, address))
 
     def insist(self, text: str, goes_on: Callable[[], bool]) -> bool:
-        """Send lines, and retry while there is no room; return whether they left.
+        """Send lines, and retry while there is no room; return True if they left.
 
         `goes_on` is called every few milliseconds; when it returns False, the attempt ends.
         """

@@ -167,7 +167,7 @@ class Durations(TypedDict):
 
 
 class ControlFigures(TypedDict):
-    """How the control loop fares."""
+    """The figures of the control loop."""
 
     rate_hz: float
     ticks: int
@@ -184,7 +184,7 @@ class ControlFigures(TypedDict):
 
 
 class BusFigures(TypedDict):
-    """How the bus fares."""
+    """The figures of the bus."""
 
     state: BusState
     error: str | None
@@ -199,7 +199,7 @@ class BusFigures(TypedDict):
 
 
 MotorFigures = NewType("MotorFigures", dict[str, object])
-"""The motor's counters, and whether somebody else commands it just now."""
+"""The motor's counters, and `ForeignActive`."""
 
 
 class ForeignActive(TypedDict):
@@ -256,7 +256,7 @@ class LinkFigures(TypedDict):
 
 
 class LogFigures(TypedDict):
-    """How the log fares."""
+    """The figures of the log."""
 
     dropped: int
     is_stuck: bool
@@ -278,7 +278,7 @@ class Figures(TypedDict):
 
 
 class Judged(TypedDict):
-    """How the daemon fares, and why not better."""
+    """The verdict on the daemon's health, and its reasons."""
 
     verdict: Verdict
     reasons: list[str]

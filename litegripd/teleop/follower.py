@@ -190,7 +190,7 @@ class PressGuard:
         self._rearm_openness = 0.0
 
     def step(self, now_s: float, torque_nm: float, openness: float) -> bool:
-        """Take this tick's torque and the leader's openness; return whether the state has changed.
+        """Take this tick's torque and the leader's openness; return True if the state has changed.
 
         It re-arms when the leader has reopened by `REARM_OPENNESS` since the trip. Near full open,
         where that way is missing, it re-arms at the open stop.

@@ -38,7 +38,7 @@ class Link(Protocol):
         """The present status."""
 
     def publish(self, payload: bytes, now_s: float) -> bool:
-        """Send to all listeners, without waiting; return whether it left."""
+        """Send to all listeners, without waiting; return True if it was sent."""
 
     def reply(self, payload: bytes, to: str, now_s: float) -> bool:
         """Send from a follower to its leader, the `source` of the frames; as `publish`."""
@@ -255,7 +255,7 @@ _OPEN: Mapping[TeleopMode, str] = {
         " both ends nor for an access list or passwords"
     ),
     "slave": (
-        "whoever answers at the leader's address can move these jaws: zenoh_config names no"
+        "anybody who answers at the leader's address can move these jaws: zenoh_config names no"
         " authority for the leader's certificate"
     ),
 }

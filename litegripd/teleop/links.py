@@ -93,7 +93,9 @@ class TeleopLinks:
                 else f"can send to port {port}"
             )
             whose = "the follower's" if leads else "these"
-            return f"whoever {who} can move {whose} jaws: datagrams are not encrypted nor signed"
+            return (
+                f"anybody who {who} can move {whose} jaws: datagrams are not encrypted nor signed"
+            )
         if options.kind == "none" or self._zenoh_config is not None:
             return None
         what = f"listens for anybody at port {port}" if leads else f"follows {options.host}:{port}"
@@ -129,7 +131,7 @@ class TeleopLinks:
     # For the links
 
     def send(self, packet: bytes) -> bool:
-        """Send a packet to the process; return whether it was taken."""
+        """Send a packet to the process; return True if it was taken."""
         return self._child is not None and self._child.send(packet)
 
     def exchange(self, link: "ProcessLink") -> None:
@@ -196,7 +198,7 @@ class ProcessLink:
     def publish(self, payload: bytes, _now_s: float) -> bool:
         """Send a frame to the process; while the link is not open, it may be lost.
 
-        It is sent in any case: only sending shows whether a network is back.
+        It is sent in any case: only sending shows that a network is back.
         """
         return self._links.send(FRAME + payload) and self.status.state == "open"
 

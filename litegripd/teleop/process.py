@@ -200,7 +200,7 @@ class Station:
             self._reported = status
 
     def _send(self, packet: bytes) -> bool:
-        """Send a packet to the daemon; return whether its socket had room for it.
+        """Send a packet to the daemon; return True if its socket had room for it.
 
         Without a daemon, end the process from any thread.
         """

@@ -75,7 +75,7 @@ COMMANDS = (
     CommandRow("dump", "write the last minute, tick by tick, to a file", "recorder"),
     CommandRow("plot", "draw a dump or a trajectory, as a picture or as text", "recorder"),
     CommandRow(
-        "doctor", "check link, daemon, motor and calibration; say what mends them", "machine"
+        "doctor", "check link, daemon, motor and calibration; say what corrects them", "machine"
     ),
     CommandRow("health", "show how the daemon is; the exit code is the verdict", "daemon"),
     CommandRow(

@@ -168,7 +168,7 @@ def zero(run: Run) -> int:
 
 
 def _measured_text(name: str, data: Data) -> str:
-    """Show what was measured between the stops, and whether it is stored."""
+    """Show what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
         text += f": {plain(in_shell(str(data['message'])))}"
@@ -302,7 +302,7 @@ def load(run: Run) -> int:
 
 
 def _loaded_text(data: Data, *, source: str | None) -> str:
-    """Show what was loaded, what was not and why, and whether it is stored.
+    """Show what was loaded, what was not and why, and where it is stored.
 
     Without a `source` the daemon has found it itself, and will do so again. A template is no
     measurement: what is to be done next is to measure.

@@ -200,7 +200,7 @@ def _kept(run: Run, gap_s: float) -> str:
         with run.way.connect() as successor:
             state = successor.call("state.get")
     except LiteGripError as error:
-        return f"whether the jaws are held is not known: {error.message}"
+        return f"but it is not known if the jaws are held: {error.message}"
     if not state["enabled"]:
         return f"nothing is held: the motor is {state['motor']}"
     slack = state["mode"] == "relaxed"

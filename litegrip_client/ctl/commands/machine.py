@@ -16,7 +16,7 @@ from litegrip_client.doctor import daemon_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check, Finding, as_data, examine
 from litegrip_client.doctor.gather import gather
 from litegrip_client.units import install
-from litegrip_client.units.install import Done, Wishes
+from litegrip_client.units.install import Done, Wanted
 from litegrip_client.voices import in_shell
 
 _LEVEL_WIDTH = 9
@@ -138,7 +138,7 @@ def install_units_options(parser: LateParser) -> None:
 def _interface(text: str) -> str:
     """Read the name of a network interface."""
     if not _INTERFACE.fullmatch(text):
-        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface, such as can0")
+        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface (can0, for example)")
     return text
 
 
@@ -157,8 +157,8 @@ def install_units(run: Run) -> int:
         following = _after_removal(root, done)
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
-        wishes = Wishes(options.can, options.serial, options.fleet)
-        done = install.install(root, wishes, install.program_directory())
+        wanted = Wanted(options.can, options.serial, options.fleet)
+        done = install.install(root, wanted, install.program_directory())
         following = _after_installation(root, done, options.can)
         notes += install.foreign_users(root)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]

@@ -169,7 +169,7 @@ def _moved_text(name: str, data: Data) -> str:
 _GRASP = """\
 Close until the jaws hold something, then squeeze it with a force.
 
-Ends with the verdict whether something is held; the daemon goes on holding.
+Ends with the verdict: held or not. The daemon continues to hold.
 The exit code is 0 only when it is. Let go again with: litegripctl release
 """
 _GRASP_EXAMPLES = """\
@@ -200,7 +200,7 @@ def grasp_options(parser: LateParser) -> None:
         "--hold",
         type=not_negative,
         metavar="S",
-        help="wait while it is held for S seconds, and see whether it still is",
+        help="hold for S seconds, and then check that it is still held",
     )
     parser.add_argument(
         "--gains", action="store_true", help="hold by position and gains, not by torque"
@@ -228,7 +228,7 @@ def grasp(run: Run) -> int:
 
 
 def _grasp_text(data: Data) -> str:
-    """Show whether something is held, how wide it is, and how to let go of it."""
+    """Show what is held, how wide it is, and how to let go of it."""
     width = data.get("width_mm")
     text = f"grasp: {verdict(data)}, "
     text += f"at {opening_of(data)}" if width is None else f"{figure(width, '.1f', 'mm')} wide"

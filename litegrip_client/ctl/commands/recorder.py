@@ -222,7 +222,7 @@ def _begins_as_one(path: str) -> bool:
         with Path(path).open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC
     except OSError:
-        return False  # whoever reads it says why
+        return False  # its reader says why
 
 
 def _show(run: Run, trajectory: Trajectory | None) -> int:

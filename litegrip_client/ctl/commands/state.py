@@ -53,7 +53,7 @@ def _clients_text(rows: list[render.Data]) -> str:
 
 _TAKE = """\
 End somebody's lease, and with it the motion that runs; the gripper is nobody's
-then. The jaws go on holding what they hold, whatever the loser wished. On a
+then. The jaws keep holding what they hold, whatever the loser had chosen. On a
 terminal it asks first.
 """
 
@@ -395,7 +395,7 @@ of other clients that were refused.
 def events_options(parser: LateParser) -> None:
     """Take which, and how long."""
     parser.description = _EVENTS
-    parser.add_argument("-f", "--follow", action="store_true", help="go on until Ctrl-C")
+    parser.add_argument("-f", "--follow", action="store_true", help="continue until Ctrl-C")
     parser.add_argument(
         "--kind", action="append", metavar="KIND", help="only these; may be given again"
     )

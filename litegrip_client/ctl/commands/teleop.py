@@ -105,12 +105,12 @@ def _slave_options(parser: LateParser) -> None:
         "--torque-limit",
         type=positive,
         metavar="NM",
-        help="let go at or over so much torque, in N·m (default: never)",
+        help="let go at this torque or more, in N·m (default: never)",
     )
     parser.add_argument(
         "--force-limit", type=positive, metavar="N", help="push by no more than this, in newtons"
     )
-    parser.add_argument("--reflect", action="store_true", help="tell the leader that force")
+    parser.add_argument("--reflect", action="store_true", help="report that force to the leader")
     parser.add_argument(
         "--watchdog", type=positive, metavar="S", help="hold after so long without a frame (0.2)"
     )

@@ -107,7 +107,7 @@ def _delete_options(parser: LateParser) -> None:
 
 def _keep_options(parser: LateParser) -> None:
     parser.description = _KEEP_HELP
-    parser.add_argument("name", metavar="NAME", help="what the daemon shall keep it under")
+    parser.add_argument("name", metavar="NAME", help="the name under which the daemon keeps it")
     parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
 
@@ -371,7 +371,7 @@ off and keeps nothing; the jaws hold at the end in any case.
 def record_options(parser: LateParser) -> None:
     """Take what, how long and how."""
     parser.description = _RECORD
-    parser.add_argument("name", metavar="NAME", help="what the daemon shall keep it under")
+    parser.add_argument("name", metavar="NAME", help="the name under which the daemon keeps it")
     parser.add_argument(
         "--seconds", type=positive, required=True, metavar="S", help="how long, in s"
     )

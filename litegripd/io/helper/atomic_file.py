@@ -30,7 +30,7 @@ class FileSystem:
     """
 
     def is_directory(self, path: Path) -> bool:
-        """Return whether there is a directory."""
+        """Return True if there is a directory."""
         return path.is_dir()
 
     def make_directory(self, path: Path) -> None:

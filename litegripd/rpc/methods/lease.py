@@ -288,7 +288,7 @@ class LeaseMethods:
 
 
 def _lease_options(params: Mapping[str, Any], before: LeaseOptions) -> LeaseOptions:
-    """Return what is wished; what a holder does not name stays as it was."""
+    """Return the wanted options; what a holder does not name stays as it was."""
     return LeaseOptions(
         purpose=params.get("purpose", before.purpose),
         ttl_s=params.get("ttl_s", before.ttl_s),

@@ -109,7 +109,7 @@ class FrameInterval(TypedDict):
 
 
 class ConfigView(TypedDict):
-    """The motion configuration; `kept` says whether it outlives the daemon."""
+    """The motion configuration; `kept` is true if it outlives the daemon."""
 
     config: MotionFields
     ranges: Mapping[str, list[float]]
