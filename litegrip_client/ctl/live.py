@@ -68,7 +68,7 @@ class Scene:
 
 
 def scenes(way: Way, connection: Connection, hz: float) -> Iterator[Scene]:
-    """Return the same scene again with each state and each trouble; does not end by itself.
+    """Yield the same scene again with each state and each trouble; does not end by itself.
 
     Begins with a `connection` and makes another one by `way` whenever it is lost. Raises
     `LiteGripError` when a daemon is there and refuses.
@@ -210,7 +210,7 @@ def _company(scene: Scene) -> RenderableType:
 
 
 def _events(scene: Scene) -> list[RenderableType]:
-    """Show the last events, the newest at the end, with their age by the state's time."""
+    """Return the last events, the newest at the end, with their age by the state's time."""
     now_s = (scene.state or {}).get("monotonic_s")
     grid = Table.grid(padding=(0, 2))
     for event in scene.events:

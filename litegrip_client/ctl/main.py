@@ -82,7 +82,7 @@ def _stop_first(way: Way, output: Output) -> bool:
 
 
 def _refuse(wrong: UsageError, output: Output) -> int:
-    """Say what is wrong with the command line."""
+    """Report what is wrong with the command line."""
     if not output.as_json:
         sys.stderr.write(wrong.usage)
     hint = f"see: {wrong.program} --help"
@@ -91,7 +91,7 @@ def _refuse(wrong: UsageError, output: Output) -> int:
 
 
 def _open_closed_streams() -> None:
-    """Let what a caller has closed (`>&-`) lead nowhere: else a socket would take its number."""
+    """Open /dev/null for each closed stream (`>&-`); else a socket would get its number."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)

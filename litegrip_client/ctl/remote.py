@@ -104,7 +104,7 @@ def begin(
 
 
 def explained(said: str, host: str, path: str) -> ConnectError | None:
-    """Make an error of what ssh said, where that is known to be one."""
+    """Return the error that ssh has reported, None for what is not known as one."""
     for part, text, hint in _KNOWN:
         if part in said.lower():
             return _error(said, text.format(host=host, path=path), hint.format(host=host))
@@ -112,7 +112,7 @@ def explained(said: str, host: str, path: str) -> ConnectError | None:
 
 
 def ended(said: str, host: str) -> ConnectError:
-    """Make an error of whatever an ssh that has ended said."""
+    """Return the error of an ssh that has ended: the last line that it printed."""
     last = said.strip().rpartition("\n")[2].strip() or "it ended without a word"
     return _error(said, f"ssh to {host} failed: {last}", f"try: ssh {host}")
 

@@ -120,7 +120,7 @@ class Output:
         self._open_line = True
 
     def erase_line(self) -> None:
-        """Take away the line that `line` wrote."""
+        """Erase the line that `line` wrote."""
         if self._open_line:
             _write("\r\x1b[K")
             self._open_line = False
@@ -132,7 +132,7 @@ class Output:
             self._open_line = False
 
     def error(self, error: LiteGripError, hint: str) -> None:
-        """Say what went wrong in one line, and what to do in another."""
+        """Report an error in one line, and what to do in another."""
         self.end_line()
         if self.as_json:
             data = {"reason": error.reason, **error.data}
@@ -146,7 +146,7 @@ class Output:
                 print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
 
     def note(self, text: str) -> None:
-        """Show a person something that is not a result."""
+        """Print something that is not a result, on standard error."""
         print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
 
 
@@ -162,7 +162,7 @@ def _write(text: str) -> None:
 
 
 def one_line(text: str) -> str:
-    """Make one printable line of a text that may come from the daemon."""
+    """Return one printable line of a text that may come from the daemon."""
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
@@ -231,7 +231,7 @@ class Way:
         return Path(path).read_bytes()
 
     def close(self) -> None:
-        """Leave nothing behind."""
+        """Release what was opened."""
 
     def __enter__(self) -> Way:
         return self
@@ -258,7 +258,7 @@ class Way:
 
 
 def _take_the_only_one(options: Namespace) -> None:
-    """Let a command that only reads ask the only daemon, and say so."""
+    """Use the only running daemon for a command that only reads, and say so."""
     running = running_channels() if options.only_reads else []
     if len(running) == 1 and running[0] != DEFAULT_CHANNEL:
         say(f"{running[0]}, the only daemon here:")
@@ -304,7 +304,7 @@ class Run:
         return self._connection
 
     def refuse(self, text: str, hint: str) -> int:
-        """Say that it cannot be used like this, and what to do; returns the exit code."""
+        """Report wrong usage and what to do; return the exit code."""
         self.output.error(CommandError(text, reason="wrong_usage"), hint)
         return WRONG_USAGE
 

@@ -136,7 +136,7 @@ before: by the calibration in use, or by --mount.
 
 
 def zero_options(parser: LateParser) -> None:
-    """Take what is known before, and what is agreed to."""
+    """Add the arguments of `zero`."""
     parser.description = _ZERO
     parser.add_argument(
         "--mount",
@@ -168,7 +168,7 @@ def zero(run: Run) -> int:
 
 
 def _measured_text(name: str, data: Data) -> str:
-    """Show what was measured between the stops, and where it is stored."""
+    """Return what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
         text += f": {plain(in_shell(str(data['message'])))}"
@@ -180,7 +180,7 @@ def _measured_text(name: str, data: Data) -> str:
 
 
 def _travel_text(data: Data) -> str:
-    """Show the two stops and what lies between, in one line."""
+    """Return the two stops and what lies between, in one line."""
     closed_rad, open_rad = data["closed_rad"], data["open_rad"]
     travel_rad = abs(closed_rad - open_rad)
     mount = "normal" if closed_rad > open_rad else "reverse"
@@ -202,7 +202,7 @@ travel between is used. Nothing changes before you agree at the end.
 
 
 def actions_options(parser: LateParser) -> None:
-    """Take what to do."""
+    """Add the actions of `calibration`, and their arguments."""
     parser.description = _CALIBRATION
     add = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser).add_parser
     add("show", help="show the calibration in use (default)")
@@ -254,7 +254,7 @@ def show(run: Run) -> int:
 
 
 def _calibration_text(data: Data) -> str:
-    """Show the calibration in use in aligned lines."""
+    """Return the calibration in use in aligned lines."""
     if not data.get("calibrated"):
         return f"not calibrated; {CHOOSE_MOUNT}"
     rows = [
@@ -277,7 +277,7 @@ def templates(run: Run) -> int:
 
 
 def _templates_text(rows: Iterable[Data]) -> str:
-    """Show the templates, one in a line."""
+    """Return the templates, one in a line."""
     return "\n".join(
         f"{plain(row.get('name')):<8} closed "
         f"{figure(row['content'].get('zero_position_rad'), '+.4f', 'rad')}, "
@@ -302,7 +302,7 @@ def load(run: Run) -> int:
 
 
 def _loaded_text(data: Data, *, source: str | None) -> str:
-    """Show what was loaded, what was not and why, and where it is stored.
+    """Return what was loaded, what was not and why, and where it is stored.
 
     Without a `source` the daemon has found it itself, and will do so again. A template is no
     measurement: what is to be done next is to measure.
@@ -345,7 +345,7 @@ def _store(run: Run) -> dict[str, Any]:
 
 
 def _stored_text(data: Data) -> str:
-    """Show where the calibration was stored."""
+    """Return where the calibration was stored."""
     previous = data.get("previous")
     before = f" (the one before: {plain(previous)})" if previous else ""
     return f"stored in {plain(data.get('path'))}{before}"

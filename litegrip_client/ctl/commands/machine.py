@@ -24,7 +24,7 @@ _NAME_WIDTH = 14
 
 
 def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
-    """Show all findings, and how many are not all right."""
+    """Return all findings, and how many are not all right."""
     lines = [line for name, finding in findings for line in _lines(name, finding)]
     counts = [
         _counted(sum(finding.level == level for _, finding in findings), level)
@@ -44,7 +44,7 @@ def _lines(name: str, finding: Finding) -> list[str]:
 
 
 def _shown(text: str) -> str:
-    """Show a text that may be the daemon's: name commands in place of methods."""
+    """Return a text for a shell: a daemon's text names methods, this one commands."""
     return plain(in_shell(text))
 
 
@@ -111,7 +111,7 @@ an earlier call had brought up or allowed stays so, and is renewed.
 
 
 def install_units_options(parser: LateParser) -> None:
-    """Take where to, and what else."""
+    """Add the arguments of `install-units`."""
     parser.description = _INSTALL_UNITS
     parser.add_argument(
         "--root", type=Path, default=Path("/"), metavar="DIR", help="a system below DIR (/)"
@@ -244,7 +244,7 @@ examples:
 
 
 def completion_options(parser: LateParser) -> None:
-    """Take which shell."""
+    """Add the arguments of `completion`."""
     parser.description, parser.epilog = _COMPLETION, _COMPLETION_EXAMPLES
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
 

@@ -105,7 +105,7 @@ command it, and when a tick fails.
 
 
 def dump_options(parser: LateParser) -> None:
-    """Take why, and where to."""
+    """Add the arguments of `dump`."""
     parser.description = _DUMP
     parser.add_argument("--note", metavar="TEXT", help="kept in the file: why it was asked for")
     parser.add_argument("-o", "--output", metavar="FILE", help="copy it to this file, here")
@@ -154,7 +154,7 @@ need matplotlib and mcap: pip install matplotlib mcap
 
 
 def plot_options(parser: LateParser) -> None:
-    """Take what to draw, and how."""
+    """Add the arguments of `plot`."""
     parser.description = _PLOT
     parser.add_argument("file", metavar="FILE|NAME", help="a dump, or a trajectory")
     parser.add_argument("--local", action="store_true", help="a trajectory of this user's")
@@ -280,7 +280,7 @@ def _show_dump(run: Run) -> int:
 
 
 def _grip_line(grip: TaughtGrip) -> str:
-    """Show a grip that is kept with a trajectory."""
+    """Return a grip that is kept with a trajectory."""
     span = f"{grip.start_s:.2f} to {grip.end_s:.2f} s"
     return f"grip: {span}, {grip.force_n:g} N, {grip.width_mm:.1f} mm wide, {plain(grip.source)}"
 

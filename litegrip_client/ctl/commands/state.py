@@ -34,7 +34,7 @@ def clients(run: Run) -> int:
 
 
 def _clients_text(rows: list[render.Data]) -> str:
-    """Show who is connected as a table; the asking program itself is marked."""
+    """Return a table of the connected clients; this program is marked."""
     table = [("CLIENT", "ROLE", "REQUESTS", "REFUSED", "DROPPED", "WORST", "CONNECTED")]
     table += [
         (
@@ -59,7 +59,7 @@ terminal it asks first.
 
 
 def lease_options(parser: LateParser) -> None:
-    """Take what to do."""
+    """Add the arguments of `lease`."""
     parser.description = "Show who has the gripper to itself. Without an action, just that."
     actions = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser)
     actions.add_parser("show", help="show it")
@@ -117,7 +117,7 @@ def _question(before: Mapping[str, Any], whose: Mapping[str, Any], options: Name
 
 
 def _jaws(state: Mapping[str, Any]) -> str:
-    """Show what the jaws do after a take-over."""
+    """Return what the jaws do after a take-over."""
     if state.get("mode") == "relaxed":
         return "the jaws are slack"
     if state.get("mode") != "holding":
@@ -144,7 +144,7 @@ def stop_first(way: Way, output: Output) -> bool:
 
 
 def stop_options(parser: LateParser) -> None:
-    """Take what stopping means."""
+    """Add the arguments of `stop`."""
     parser.add_argument(
         "--level",
         choices=("hold", "relax", "disable"),
@@ -166,7 +166,7 @@ def _params(options: Namespace) -> dict[str, str]:
 
 
 def stopped(data: Mapping[str, Any]) -> str:
-    """Show that a stop is latched."""
+    """Return the text for a latched stop."""
     return render.plain(f"stopped: {data['level']}, until: litegripctl clear")
 
 
@@ -192,7 +192,7 @@ def state(run: Run) -> int:
 
 
 def _state_text(data: Data) -> str:
-    """Show a state in aligned lines."""
+    """Return a state in aligned lines."""
     lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in state_rows(data)]
     if is_unheard(data):
         lines.insert(0, "the motor has not answered yet: nothing is known of it")
@@ -202,7 +202,7 @@ def _state_text(data: Data) -> str:
 
 
 def state_rows(data: Data) -> list[tuple[str, str]]:
-    """Show a state as labels and texts; the texts may hold anything.
+    """Return a state as labels and texts; the texts may hold anything.
 
     What is measured is left out while the motor has never answered.
     """
@@ -243,7 +243,7 @@ def _rows(data: Data) -> list[tuple[str, str]]:
 
 
 def age(data: Data) -> str:
-    """Show how old a state's feedback is, in capitals when it is too old."""
+    """Return how old a state's feedback is, in capitals when it is too old."""
     seconds = data.get("age_s")
     if is_unheard(data):
         return "no answer yet"
@@ -300,7 +300,7 @@ def _stop(stop: Data) -> str:
 
 
 def state_line(data: Data) -> str:
-    """Show a state in one line."""
+    """Return a state in one line."""
     parts = [
         f"{data.get('mode')!s:<9}",
         f"{figure(data.get('opening_mm'), '7.2f', 'mm'):>10}",
@@ -328,7 +328,7 @@ and with --plain, a line for each state.
 
 
 def watch_options(parser: LateParser) -> None:
-    """Take how often, until when, and in which form."""
+    """Add the arguments of `watch`."""
     parser.description = _WATCH
     parser.add_argument("--hz", type=positive, default=5.0, metavar="N", help="0.1 to 200 (5)")
     parser.add_argument("--count", type=count, metavar="N", help="end after N states")
@@ -369,7 +369,7 @@ def _live_view(run: Run) -> Show | None:
 
 
 def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
-    """Give scenes, as many as are wanted; `last` holds the newest."""
+    """Yield at most `--count` scenes; `last` holds the newest."""
     from litegrip_client.ctl.live import scenes  # noqa: PLC0415 - only the view needs it
 
     for scene in islice(scenes(run.way, run.connection, run.options.hz), run.options.count):
@@ -393,7 +393,7 @@ of other clients that were refused.
 
 
 def events_options(parser: LateParser) -> None:
-    """Take which, and how long."""
+    """Add the arguments of `events`."""
     parser.description = _EVENTS
     parser.add_argument("-f", "--follow", action="store_true", help="continue until Ctrl-C")
     parser.add_argument(

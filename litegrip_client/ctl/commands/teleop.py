@@ -60,7 +60,7 @@ examples:
 
 
 def teleop_options(parser: LateParser) -> None:
-    """Take what to do."""
+    """Add the arguments of `teleop`."""
     parser.description, parser.epilog = _TELEOP, _EXAMPLES
     add = parser.add_subparsers(
         dest="action", required=True, metavar="ACTION", parser_class=LateParser
@@ -199,7 +199,7 @@ def _stop(run: Run, *, holding: bool = False) -> int:
 
 
 def status_line(data: Data) -> str:
-    """Show how it goes in one line."""
+    """Return the status in one line."""
     whose, own = _owners(data)
     parts = [
         f"{data.get('mode')!s} {data.get('phase')!s:<9}",
@@ -214,7 +214,7 @@ def status_line(data: Data) -> str:
 
 
 def ended_text(data: Data, *, holding: bool = False) -> str:
-    """Show in one line how it ended; with `holding` a command ended it and the jaws hold."""
+    """Return how it ended, in one line. With `holding` a command ended it, and the jaws hold."""
     if data.get("mode") is None:
         return "no teleoperation so far"
     by = f" by {data['fault']}" if data.get("fault") else ""
@@ -223,7 +223,7 @@ def ended_text(data: Data, *, holding: bool = False) -> str:
 
 
 def status_text(data: Data) -> str:
-    """Show a status in aligned lines."""
+    """Return a status in aligned lines."""
     if data.get("mode") is None:
         return "no teleoperation so far"
     verdict = "runs" if data.get("active") else "does not run"
@@ -260,7 +260,7 @@ def _owners(data: Data) -> tuple[str, str]:
 
 
 def _followers(data: Data) -> str:
-    """Show how many follow, as far as a leader can know: each is heard only with reflection."""
+    """Return how many follow, as far as a leader can know: each is heard only with reflection."""
     count = data.get("followers")
     if count is not None:
         return f"{count} heard"
@@ -291,7 +291,7 @@ def _address(host: object, port: object) -> str:
 
 
 def _felt(data: Data) -> list[str]:
-    """Show force reflection: the slave's last report, or the master's present push."""
+    """Return force reflection: the slave's last report, or the master's present push."""
     force_n = data.get("reflected_n")
     if force_n is None:
         return []
