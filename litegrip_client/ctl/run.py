@@ -1,6 +1,6 @@
-"""What every command works with: the way to the daemon, its output, files, and exit codes.
+"""What every command works with: the daemon's host, the output, files, and exit codes.
 
-The way leads to the sockets of this machine, or by ssh to those of another (see `remote`).
+A host is this machine, or another one that ssh reaches (see `remote`).
 Questions go to standard error, so that standard output keeps results only. This module must not
 know single commands.
 """
@@ -196,8 +196,8 @@ def confirm(question: str) -> bool:
     return ask(f"{question} [y/N]") in ("y", "yes")
 
 
-class Way:
-    """To a daemon of this machine, as the command line names it."""
+class Host:
+    """The machine of the daemon that the command line names: this one."""
 
     not_listening: tuple[type[Exception], ...] = (
         FileNotFoundError,
@@ -212,7 +212,7 @@ class Way:
         self.options = options
 
     def connect(self) -> Connection:
-        """Connect, and make sure that it is the daemon that is meant; raises `LiteGripError`."""
+        """Connect, and check that this is the named daemon; raises `LiteGripError`."""
         connection = self._connected()
         connection.voice = in_shell
         try:
@@ -223,7 +223,7 @@ class Way:
         return connection
 
     def paths(self) -> list[str]:
-        """List the sockets where the daemon may be found, here."""
+        """Return the sockets on this machine where the daemon may be found."""
         return socket_paths(self.options.channel, self.options.socket)
 
     def content(self, path: str) -> bytes:
@@ -233,7 +233,7 @@ class Way:
     def close(self) -> None:
         """Release what was opened."""
 
-    def __enter__(self) -> Way:
+    def __enter__(self) -> Host:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -265,13 +265,13 @@ def _take_the_only_one(options: Namespace) -> None:
         options.channel, options.channel_chosen = running[0], True
 
 
-def way_of(options: Namespace) -> Way:
-    """Return the way that the command line asks for."""
+def host_of(options: Namespace) -> Host:
+    """Return the host that the command line names."""
     if options.ssh_host is None:
-        return Way(options)
-    from litegrip_client.ctl.remote import SshWay  # noqa: PLC0415 - seldom needed
+        return Host(options)
+    from litegrip_client.ctl.remote import SshHost  # noqa: PLC0415 - seldom needed
 
-    return SshWay(options)
+    return SshHost(options)
 
 
 OK = 0
@@ -286,15 +286,15 @@ ENDING = ("cancelled", "running")
 class Run:
     """What a command works with; one that needs no daemon gets no connection."""
 
-    __slots__ = ("_connection", "options", "output", "way")
+    __slots__ = ("_connection", "host", "options", "output")
 
     def __init__(
-        self, connection: Connection | None, options: Namespace, output: Output, way: Way
+        self, connection: Connection | None, options: Namespace, output: Output, host: Host
     ) -> None:
         self._connection = connection
         self.options = options
         self.output = output
-        self.way = way
+        self.host = host
 
     @property
     def connection(self) -> Connection:

@@ -197,7 +197,7 @@ def restart(run: Run) -> int:
 def _kept(run: Run, gap_s: float) -> str:
     """Return what became of the jaws: a successor holds only what was held before."""
     try:
-        with run.way.connect() as successor:
+        with run.host.connect() as successor:
             state = successor.call("state.get")
     except LiteGripError as error:
         return f"but it is not known if the jaws are held: {error.message}"

@@ -130,7 +130,7 @@ def dump(run: Run) -> int:
 
 def _content(run: Run, path: str) -> bytes:
     try:
-        return run.way.content(path)
+        return run.host.content(path)
     except OSError as error:
         raise CommandError(
             f"the dump is {path} on the daemon's machine, but cannot be read from here: "

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
     from litegrip_client.ctl.live import Scene
-    from litegrip_client.ctl.run import Output, Way
+    from litegrip_client.ctl.run import Host, Output
 
 _STOP_WITHIN_S = 2.0
 
@@ -127,16 +127,16 @@ def _jaws(state: Mapping[str, Any]) -> str:
     return f"the jaws hold on{by}"
 
 
-def stop_first(way: Way, output: Output) -> bool:
+def stop_first(host: Host, output: Output) -> bool:
     """Stop by the stop socket; return True if there was one.
 
     A daemon that serves none is stopped as by any other request, and so for too long a reason.
     """
-    options = way.options
+    options = host.options
     if not is_taken_as_meant(_params(options)):
         return False
-    for path in way.paths():
-        with suppress(*way.not_listening):
+    for path in host.paths():
+        with suppress(*host.not_listening):
             data = stop_at(path, options.level, options.why, _STOP_WITHIN_S)
             output.result(data, stopped(data))
             return True
@@ -372,7 +372,7 @@ def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
     """Yield at most `--count` scenes; `last` holds the newest."""
     from litegrip_client.ctl.live import scenes  # noqa: PLC0415 - only the view needs it
 
-    for scene in islice(scenes(run.way, run.connection, run.options.hz), run.options.count):
+    for scene in islice(scenes(run.host, run.connection, run.options.hz), run.options.count):
         last[:] = [scene]
         yield scene
 
