@@ -18,9 +18,10 @@ from litegrip_client.errors import (
     LeaseError,
     LiteGripError,
     ProtocolError,
+    leave,
+    warn,
 )
 from litegrip_client.exchange import Call, Progress, Undo
-from litegrip_client.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
