@@ -8,13 +8,13 @@ know single commands.
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from litegrip_client import atomic_file
 from litegrip_client.blocking import connect
 from litegrip_client.connection import Connection
 from litegrip_client.discovery import (
@@ -34,28 +34,6 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from litegrip_client.ctl.parser import LateParser
 
 
-def read_calibration(path: str) -> dict[str, Any]:
-    """Read a calibration file; raises `CommandError` when it is no JSON object."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
-    try:
-        content = json.loads(text, parse_constant=_no_number)
-    except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"not valid JSON: {error}") from error
-    if not isinstance(content, dict):
-        raise _unreadable(path, "not a JSON object")
-    return content
-
-
-def write_calibration(path: str, content: Mapping[str, Any], *, overwrite: bool) -> None:
-    """Write a calibration file, wholly or not at all; raises `CommandError`."""
-    if not overwrite:
-        refuse_existing(path, "take another name, or replace it with: --overwrite")
-    put_file(path, (json.dumps(content, indent=2) + "\n").encode())
-
-
 def refuse_existing(path: str, hint: str) -> None:
     """Raise `CommandError` for a file that exists already."""
     if Path(path).exists():
@@ -64,31 +42,14 @@ def refuse_existing(path: str, hint: str) -> None:
 
 def put_file(path: str, content: bytes) -> None:
     """Write a file, wholly or not at all; raises `CommandError`."""
-    beside = Path(f"{path}.{os.getpid()}.new")
     try:
-        try:
-            beside.write_bytes(content)
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
+        atomic_file.write(Path(path), content, makes_folder=False)
     except OSError as error:
         raise CommandError(
             f"cannot write {path}: {error.strerror}",
             reason="file_not_written",
             data={"hint": "choose a directory that you may write to"},
         ) from error
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is no number")
-
-
-def _unreadable(path: str, why: str) -> CommandError:
-    return CommandError(
-        f"cannot load {path}: {why}",
-        reason="calibration_unreadable",
-        data={"hint": "give a calibration file, or a template: normal, reverse"},
-    )
 
 
 class OutputLostError(Exception):

@@ -6,7 +6,9 @@ this program dies, and the calibration in use changes at the very end only.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import LateParser
@@ -22,9 +24,9 @@ from litegrip_client.ctl.run import (
     confirm,
     may_ask,
     one_line,
-    read_calibration,
+    put_file,
+    refuse_existing,
     say,
-    write_calibration,
 )
 from litegrip_client.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.voices import in_shell
@@ -293,7 +295,7 @@ def load(run: Run) -> int:
     if source in _TEMPLATES:
         params["template"] = source
     elif source is not None:
-        params["content"] = read_calibration(source)
+        params["content"] = _read_file(source)
     data = run.connection.call("calibration.load", params)
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
@@ -324,6 +326,33 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
     return "\n".join(lines)
 
 
+def _read_file(path: str) -> dict[str, Any]:
+    """Read a calibration file; raises `CommandError` when it is no JSON object."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
+    try:
+        content = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise _unreadable(path, f"not valid JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise _unreadable(path, "not a JSON object")
+    return content
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _unreadable(path: str, why: str) -> CommandError:
+    return CommandError(
+        f"cannot load {path}: {why}",
+        reason="calibration_unreadable",
+        data={"hint": "give a calibration file, or a template: normal, reverse"},
+    )
+
+
 def save(run: Run) -> int:
     """Have the daemon store the calibration in use, or write it to a file of this side."""
     path = run.options.file
@@ -335,7 +364,9 @@ def save(run: Run) -> int:
     content = data["content"]
     if not data["calibrated"] or not content:
         raise CommandError("there is no calibration to write", reason="not_calibrated")
-    write_calibration(path, content, overwrite=run.options.overwrite)
+    if not run.options.overwrite:
+        refuse_existing(path, "take another name, or replace it with: --overwrite")
+    put_file(path, (json.dumps(content, indent=2) + "\n").encode())
     run.output.result({"path": path, "content": content}, f"written to {plain(path)}")
     return OK
 
