@@ -77,7 +77,7 @@ def check_channel(channel: str) -> str:
 def socket_paths(
     channel: str, path: str | None = None, environment: Mapping[str, str] | None = None
 ) -> list[str]:
-    """List where the daemon of `channel` may be found, in the order to try.
+    """Return the paths where the daemon of `channel` may be found, in the order to try.
 
     An explicit `path` or else `LITEGRIPD_SOCKET` is the only one when given.
     """
@@ -98,7 +98,7 @@ def is_socket_given(path: str | None = None) -> bool:
 
 
 def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
-    """List the channels whose sockets there are, as far as this user can see them.
+    """Return the channels that have a socket, as far as this user can see.
 
     A daemon that was killed may have left one: only connecting shows if a daemon answers.
     """
@@ -152,7 +152,7 @@ async def reach(
 
 
 def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectError:
-    """Say what was tried; a single path was given, so that it and not the channel was asked for."""
+    """Return the error with all attempts; a single one was by a given path, not by the channel."""
     of_channel = f" for channel {channel}" if len(failures) > 1 else ""
     tried = "; ".join(f"{path}: {_why(path, error)}" for path, error in failures)
     unit = f"'systemctl start litegripd@{channel}' or " if is_unit_installed() else ""
@@ -184,7 +184,7 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
 
 
 def _group_of(path: str) -> str:
-    """Name the group that may open a socket, as far as this user can see it."""
+    """Return the group that may open a socket, as far as this user can see it."""
     import grp  # noqa: PLC0415 - seldom needed
 
     try:
@@ -267,8 +267,8 @@ def _result(received: bytes) -> dict[str, Any]:
 async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
     """Stop; return the latched level, the generation and the state after it.
 
-    What the session sends next knows of the stop, whichever way it went. Raises `LiteGripError`
-    when both ways fail, or when the stop is in force and the state cannot be had.
+    The session's next requests know of the stop, whichever socket it went by. Raises
+    `LiteGripError` if both sockets fail, or if the stop is in force and the state cannot be read.
     """
     wire = session.wire
     result: dict[str, Any] = {}

@@ -1,7 +1,7 @@
 """The state of the gripper, and the results of its actions, as values.
 
-A newer daemon may say more than they hold, which is ignored; what they need and the daemon does
-not say is a `ProtocolError`, but for `NEWER_FIELDS`, which are None for an older daemon.
+Fields that only a newer daemon sends are ignored. A missing field is a `ProtocolError`, except for
+`NEWER_FIELDS`: these are None if the daemon is older.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NEWER_FIELDS = ("clamp_n", "loss_detection", "loss_detection_from_n")
 
 
 class ShortRepr:
-    """Shows the fields that are known, rounded to four digits; whole they are in the fields."""
+    """Shows the known fields, rounded to four digits; the fields themselves are not rounded."""
 
     __slots__ = ()
 

@@ -364,12 +364,12 @@ class GripperActions:
         return True
 
     def _speed_limit(self) -> dict[str, float]:
-        """Return the speed of the tunables, if it was set; nothing else of them is for streams."""
+        """Return the tunable speed if it was set: streams use no other tunable."""
         config = self._motion_config.to_wire()
         return {name: config[name] for name in ("speed_mm_s",) if name in config}
 
     async def _end_frames(self) -> None:
-        """Let no set-point of `send_mit_frame` stand in the way of what comes next."""
+        """End the stream of `send_mit_frame`, so that another request can begin."""
         if self._frames is not None:
             frames, self._frames = self._frames, None
             await frames.close()
@@ -847,7 +847,7 @@ class GripperActions:
     async def _run(
         self, method: str, params: dict[str, Any], progress: ProgressCallback | None
     ) -> dict[str, Any]:
-        """Wait for a motion's result; whatever else ends the waiting cancels the motion."""
+        """Wait for a motion's result; an interrupt or an error cancels the motion."""
         positions: list[float] = []
 
         def report(data: dict[str, Any]) -> None:
@@ -860,7 +860,7 @@ class GripperActions:
     async def _command(
         self, method: str, params: dict[str, Any], timeout_s: float | None = None
     ) -> dict[str, Any]:
-        """Make a call that is answered soon, and that must never act after a stop."""
+        """Make a call that is answered soon and must never act after a stop."""
         await self._end_frames()
         return await self._session.command(method, params, timeout_s)
 

@@ -51,7 +51,7 @@ async def load(
     name = files.template_at(asked)
     if name is not None:
         return await _load(command, {"template": name})
-    return await _load(command, {"content": await session.aside(files.read, asked)})
+    return await _load(command, {"content": await session.run_blocking(files.read, asked)})
 
 
 async def use(command: Command, data: CalibrationData) -> bool:
@@ -77,7 +77,7 @@ async def _load_found(session: DaemonSession, command: Command) -> bool:
         return True
     for reason in answer["skipped"]:
         warn(f"the daemon passed over: {reason}")
-    found = await session.aside(next, files.own_files(session.channel), None)
+    found = await session.run_blocking(next, files.own_files(session.channel), None)
     if found is None:
         return answer["loaded"] is True
     try:
@@ -96,7 +96,7 @@ async def save_calibration(session: DaemonSession, path: str | os.PathLike[str] 
     present = await session.wire.call("calibration.get")
     if present["calibrated"] is not True:
         raise CommandError("there is no calibration to be saved", reason="not_calibrated")
-    return await session.aside(files.write, target, present["content"])
+    return await session.run_blocking(files.write, target, present["content"])
 
 
 class ManualCalibration:
@@ -179,7 +179,7 @@ class ManualCalibration:
 
 
 class ProbePrinter:
-    """Prints what a probe does, as the vendor's SDK; nothing else of the client prints.
+    """Prints what a probe does, as the vendor's SDK does; nothing else in the client prints.
 
     It prints each new phase, and its progress now and then.
     """

@@ -1,6 +1,6 @@
 """A gripper at its daemon: the actions, and the connection, the lease, the stop, and what is read.
 
-How to wait for the daemon is the session's. `litegrip_client/gripper.py`, for threads, is partly
+The session knows how to wait for the daemon. `litegrip_client/gripper.py`, for threads, is partly
 generated from this file: its docstrings are written for both.
 """
 

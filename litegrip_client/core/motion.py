@@ -1,7 +1,7 @@
-"""Motions to their end, cancelled when their caller is interrupted; and streams of set-points.
+"""Motions, which are cancelled when their caller is interrupted, and streams of set-points.
 
-A set-point is a target that a program sends again and again, each valid for a short time only. It
-is sent here, and what became of it is found out; how the jaws follow is the daemon's.
+A set-point is a target that a program sends again and again; each is valid for a short time. This
+module sends it and finds out what became of it. The daemon decides how the jaws follow.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ class Motion:
     async def run(self) -> dict[str, Any]:
         """Wait for the motion's result, however long it takes.
 
-        Whatever else ends the waiting (KeyboardInterrupt, a cancelled task, an error of the
-        progress callback) cancels the motion first, so that the jaws hold, and is then raised.
+        If something else ends the waiting (KeyboardInterrupt, a cancelled task, an error of the
+        progress callback), the motion is cancelled, so that the jaws hold, and that is raised.
         """
         wire = self._wire
         call = wire.prepare_guarded(self._method, self._params, self._on_progress)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     _Result = TypeVar("_Result")
 
     class Wire(Protocol):
-        """A connection: what of it does not wait is described by `Exchange`."""
+        """A connection. `Exchange` describes the methods that do not wait."""
 
         @property
         def path(self) -> str:
@@ -66,13 +66,13 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
             """Make a call that never acts after a stop that its sender did not know."""
 
         def accept(self, hello: Mapping[str, Any]) -> None:
-            """Note what the daemon says of itself."""
+            """Store the daemon's `hello`."""
 
         def note_stops(self, result: Mapping[str, Any]) -> None:
             """Store the stop generation of a result from any source."""
 
         def forget(self, call: Call) -> None:
-            """Drop what still comes for a call."""
+            """Drop later messages for a call."""
 
         def abandon(self, call: Call, undo: Undo) -> None:
             """Take back what a call begins, now or when its answer comes."""
@@ -92,7 +92,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
             """Send a guarded request that gets no answer."""
 
         async def take_refusal(self) -> LiteGripError | None:
-            """Return why the daemon refused such a request, once it has said so."""
+            """Return the daemon's refusal of such a request, or None."""
 
         async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
             """Await something to its end, even when the awaiting task is cancelled again."""
@@ -122,7 +122,7 @@ class DaemonSession:
         disable_on_disconnect: bool,
         expected: Mapping[str, Any] | None = None,
     ) -> None:
-        """Expect what `expected` says of the daemon's `GripperConfig`, by its fields."""
+        """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields."""
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.can_id = can_id
@@ -154,8 +154,8 @@ class DaemonSession:
         wire = self.wire
         return await wire.run(wire.prepare_guarded(method, params), timeout_s)
 
-    async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Return what `function` does, which works with files and so may take its time."""
+    async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Run a function that works with files, and so may block; return its result."""
         raise NotImplementedError
 
     async def pause(self, seconds: float) -> None:
@@ -190,13 +190,13 @@ class DaemonSession:
         self._connect_first = connect
 
     async def open_first(self) -> None:
-        """Connect, if nobody has yet: the SDK's calls on calibrations work before `connect`."""
+        """Connect if not connected: the SDK's calls on calibrations work before `connect`."""
         connect = self._connect_first
         if connect is not None and self._wire is None:
             await connect()
 
     async def open(self, begin: Callable[[Wire], Awaitable[None]]) -> None:
-        """Connect, unless that is done; others see the connection when `begin` is through with it.
+        """Connect if not connected. Others see the connection once `begin` has returned.
 
         Raises `ConnectError`, `CommandError` when the daemon there drives something else, and
         what `begin` raises.
@@ -242,7 +242,7 @@ class DaemonSession:
             check_expected(self._expected, hello, path)
 
     async def close(self) -> None:
-        """End the connection, after having seen to the motor if this session enabled it.
+        """End the connection; first take care of the motor if this session enabled it.
 
         That is: disable it, or, without `disable_on_disconnect`, make sure that the daemon
         keeps holding. Raises the error of that; the connection is closed all the same. In a forked
@@ -273,7 +273,7 @@ class DaemonSession:
     ) -> dict[str, Any]:
         """Get the lease, or change its options; the purpose is the program by default.
 
-        One that was lost is only got again by this: until then the daemon refuses all that moves.
+        Only this gets a lost lease again. Until then the daemon refuses all that moves.
         """
         numbers = given_numbers(ttl_s=ttl_s, wait_s=wait_s or None)
         params = {"on_lost": on_lost, **numbers}
@@ -294,23 +294,23 @@ class DaemonSession:
         return granted
 
     def _note_grant(self, number: int | None) -> None:
-        """Notice that the lease is another one: what was done under a lost one is another's now."""
+        """Note a new lease: what was enabled under a lost one is no longer this session's."""
         if self._grant not in (None, number):
             self.enabled_here = self.keeps_lease = False
         self._grant = number
 
     def _unwanted(self, granted: dict[str, Any]) -> tuple[str, dict[str, Any]] | None:
-        """Give back a lease that comes after nobody waits for it any more."""
+        """Return the request that gives back a lease, None if somebody still wants it."""
         return None if self.leased else ("lease.release", {"lease": granted["lease"]})
 
     def enter_lease(self) -> Wire:
-        """Count one who wants the lease that was acquired; return what to say on leaving."""
+        """Count a user of the acquired lease; return the connection, for `leave_lease`."""
         wire = self.wire
         self._leases += 1
         return wire
 
     async def leave_lease(self, wire: Wire) -> None:
-        """Count one who no longer wants the lease; the last gives it back."""
+        """Count a user less; the last one gives the lease back."""
         if wire is self._wire:
             self._leases -= 1
             await self.let_go()

@@ -1,7 +1,7 @@
-"""The command line of `litegripctl`: parsers that are made when they are used, and what they take.
+"""The command line of `litegripctl`: its parsers, and the types of its arguments.
 
-A parser takes half a millisecond to make, and one command is run at a time. Of values only the form
-is checked here; which ranges are allowed is the daemon's to say.
+A parser takes half a millisecond to make, so only that of the command that runs is made. The form
+of values is checked here; the daemon checks ranges.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The commands of `litegripctl`: each makes its calls, has the result shown, gives an exit code.
+"""The commands of `litegripctl`: each makes its calls, shows the result and returns an exit code.
 
-Errors are raised; what they look like and which exit code they have is not decided here. Only
-the module of the command that is run is imported, so that a `state` does not wait for the rest.
+Errors are raised, and shown by `main`. Only the module of the command that runs is imported, so
+that a `state` does not wait for the others.
 """
 
 from __future__ import annotations
