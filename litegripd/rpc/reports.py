@@ -285,7 +285,7 @@ class Judged(TypedDict):
 
 
 class Facts(Protocol):
-    """What JSON can hold."""
+    """The daemon's own facts, as JSON can hold them."""
 
     def hello(self) -> Mapping[str, object]:
         """Return what `Hello` declares."""

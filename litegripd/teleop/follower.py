@@ -45,7 +45,7 @@ _SLOWEST_RAD_S = 1e-3
 class FollowerCommand:
     """Makes the commands of one follower.
 
-    With `force_limit_n`, stiffness and damping have a budget (`control/gains.py`): jaws that are
+    With `force_limit_n`, stiffness and damping have a budget (`control/limiter.py`): jaws that are
     stopped suddenly are pushed with at most that force, at any speed of the leader.
     """
 
@@ -179,7 +179,10 @@ re-arm the guard in the tick of its trip."""
 
 
 class PressGuard:
-    """Off with a limit of 0. While `is_tripped`, the jaws must have no stiffness and no damping."""
+    """Trips when the jaws press too hard; a limit of 0 switches it off.
+
+    While `is_tripped`, the jaws must have no stiffness and no damping.
+    """
 
     def __init__(self, limit_nm: float) -> None:
         self.is_tripped = False

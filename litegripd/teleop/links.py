@@ -1,4 +1,4 @@
-"""The control thread's end of teleoperation links, which live in a process of their own.
+"""The control thread's end of teleoperation links; a process of their own keeps them.
 
 Nothing here waits: the process opens, connects and resolves names. It is started with the first
 link, kept for the daemon's life, and restarted when it dies.

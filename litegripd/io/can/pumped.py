@@ -26,12 +26,12 @@ FRAME_LIFETIME_PERIODS = 2.0
 
 
 def pack_frames(frames: Sequence[CanFrame]) -> bytes:
-    """Lay frames behind one another, 16 bytes each."""
+    """Return the frames one after another, 16 bytes each."""
     return b"".join(_FRAME.pack(frame.can_id, len(frame.data), frame.data) for frame in frames)
 
 
 def unpack_frames(packed: bytes) -> list[CanFrame]:
-    """Take `pack_frames` apart again."""
+    """Return the frames in `pack_frames`'s bytes."""
     return [CanFrame(can_id, data[:length]) for can_id, length, data in _FRAME.iter_unpack(packed)]
 
 
@@ -94,7 +94,7 @@ class PumpedBus:
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
-        """Hand `frames` to the pump; while the adapter is not open they are dropped.
+        """Pass `frames` to the pump, which drops them while the adapter is not open.
 
         Before it was open for the first time, that is no loss to be counted.
         """
@@ -118,7 +118,7 @@ class PumpedBus:
             self._child = None
 
     def stand_by(self, _now_s: float) -> None:
-        """Do nothing: the adapter can be opened only once, so its pump is what is taken over."""
+        """Do nothing: the adapter can be opened only once, so its pump is taken over."""
 
     def hand_over(self) -> tuple[tuple[int, ...], int]:
         """Return the socket to the pump, its pidfd, and its pid."""
@@ -167,7 +167,7 @@ class PumpedBus:
             self.condition = BusCondition(state, text)
 
     def _judge_drops(self, now_s: float) -> None:
-        """Say that the adapter is blocked once drops have lasted, and no longer once they end.
+        """Report a blocked adapter once drops have lasted; end that when they end.
 
         A blocked one shows at every request. A motor that does not answer is asked all the time.
         """

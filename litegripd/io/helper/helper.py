@@ -1,4 +1,4 @@
-"""The control thread's end of the helper process, where disk and every other slow thing lives.
+"""The control thread's end of the helper process, which does all that is slow, as disk access.
 
 Requests go out as JSON packets and come back as calls of `on_result`; nothing here waits. A
 helper that dies is started again, and every request it left unanswered fails with that reason.
@@ -27,7 +27,7 @@ MOST_OWN = 64
 
 @dataclass(frozen=True, slots=True)
 class HelperResult(TaskResult):
-    """What became of one request; what came in pieces is in `pieces`."""
+    """The outcome of one request; a value that came in pieces is in `pieces`."""
 
     pieces: tuple[bytes, ...] = ()
 
@@ -107,7 +107,7 @@ class HelperRequests:
         del self._sent[request.identity]
 
     def take_sent(self) -> list[HelperRequest]:
-        """Forget and return what a helper had got that is gone; the rest waits for the next one."""
+        """Forget and return the requests at a helper that is gone; others wait for the next one."""
         orphans, self._sent = list(self._sent.values()), {}
         return orphans
 
@@ -341,7 +341,7 @@ class Helper:
 
 
 def _answer(request: HelperRequest, result: HelperResult) -> None:
-    """Hand a result over; a defect of who takes it must not leave the helper unserved."""
+    """Pass a result on; a defect of its receiver must not leave the helper unserved."""
     try:
         request.on_result(result)
     except Exception:  # noqa: BLE001 - whatever it is

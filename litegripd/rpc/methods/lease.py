@@ -71,14 +71,14 @@ class LeaseNumber(TypedDict):
 
 
 class Granted(LeaseNumber):
-    """A lease, and the token by which it is shown."""
+    """A lease, and the token that proves it."""
 
     lease: str
     state: StateView
 
 
 class Taken(Granted):
-    """A lease that was taken, and what became of what was."""
+    """A lease that was taken: its former owner, the job that ended, and what the jaws do."""
 
     taken_from: Holder | None
     ended_job: int | None

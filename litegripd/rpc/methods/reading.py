@@ -33,7 +33,7 @@ DEFAULT_SAMPLE_HZ = 20.0
 
 
 class Greeting(TypedDict):
-    """What `hello` says of the connection that asks; the rest are the daemon's facts."""
+    """What `hello` says of the asking connection; the other members are the daemon's facts."""
 
     client: int
     role: Role

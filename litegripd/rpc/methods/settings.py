@@ -82,7 +82,7 @@ class Marks(TypedDict):
 
 
 class Nothing(TypedDict):
-    """An answer that only says that it is done."""
+    """An answer without members: it is done."""
 
 
 BY_HAND = (
@@ -236,7 +236,7 @@ class SettingsMethods:
     def _adopt_found(
         self, value: Any, authority: Authority, owner: Owner
     ) -> CalibrationLoaded | Refusal:
-        """Take what the helper found, unless a motion has begun or somebody else decides now."""
+        """Use what the helper found, unless a motion has begun or the authority has changed."""
         refusal = authority()
         if refusal is not None:
             return refusal
@@ -420,7 +420,7 @@ class SettingsMethods:
     def _task(
         self, call: Call, operation: str, parameters: Mapping[str, Any], then: Any
     ) -> Deferred:
-        """Have something done by the helper process, and answer with what `then` makes of it."""
+        """Let the helper process do a task; answer with what `then` makes of its value."""
         deferred = Deferred()
 
         def done(result: TaskResult) -> None:
@@ -432,7 +432,7 @@ class SettingsMethods:
 
 
 def _register(text: str) -> Register:
-    """Find a register by its name, in any case, or its number, decimal or after 0x."""
+    """Return a register by its name, in any case, or its number, decimal or after 0x."""
     named = {register.name.lower(): register for register in REGISTERS.values()}
     register = named.get(text.strip().lower())
     if register is None:
@@ -454,7 +454,7 @@ _FAILURES = {
 
 
 def _outcome(operation: str, result: TaskResult) -> Any:
-    """Return what a task brought, or a refusal that says why it brought nothing."""
+    """Return the value of a task, or a refusal that says why there is none."""
     if result.error is None:
         return result.value
     return Refusal(result.reason or _FAILURES.get(operation, "not_saved"), result.error)
