@@ -60,38 +60,6 @@ class BlockingWire:
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
-        self.path = connection.path
-        self.prepare = connection.prepare
-        self.prepare_guarded = connection.prepare_guarded
-        self.accept = connection.accept
-        self.note_stops = connection.note_stops
-        self.forget = connection.forget
-        self.abandon = connection.abandon
-
-    @property
-    def client(self) -> int | None:
-        """The daemon's number for the connection."""
-        return self.connection.client
-
-    @property
-    def stop_socket(self) -> str | None:
-        """The daemon's priority socket for stops; None until the daemon reports it."""
-        return self.connection.stop_socket
-
-    @property
-    def daemon_pid(self) -> int:
-        """The process id of the other end, 0 if unknown."""
-        return self.connection.daemon_pid
-
-    @property
-    def closed(self) -> bool:
-        """True if the connection has ended: every further call fails."""
-        return self.connection.closed
-
-    @property
-    def is_own(self) -> bool:
-        """True if this process made the connection, not the parent process before a fork."""
-        return self.connection.is_own
 
     async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
         """Send a call, and return its result."""

@@ -277,7 +277,7 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
         result.update(
             await _by_stop_socket(session, wire, params) or await session.ask("stop", params)
         )
-        wire.note_stops(result)
+        wire.connection.note_stops(result)
 
     await wire.finish(give())  # who cancels a stop on its way has stopped all the same
     if "state" not in result:
@@ -297,14 +297,15 @@ async def _by_stop_socket(
     The path is the daemon's. Here, behind a forwarded socket or in a container, it may lead to
     the daemon of another gripper: so only to the very process that the session is connected to.
     """
-    if wire.stop_socket is None or not is_taken_as_meant(params):
+    if wire.connection.stop_socket is None or not is_taken_as_meant(params):
         return None
     try:
-        stops = await session.reach(wire.stop_socket, STOP_WITHIN_S)
+        stops = await session.reach(wire.connection.stop_socket, STOP_WITHIN_S)
     except OSError:
         return None
     try:
-        if stops.daemon_pid == 0 or stops.daemon_pid != wire.daemon_pid:
+        pid = stops.connection.daemon_pid
+        if pid == 0 or pid != wire.connection.daemon_pid:
             return None
         return await stops.call("stop", params)
     except LiteGripError:

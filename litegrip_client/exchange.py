@@ -305,6 +305,16 @@ class Exchange:
         """True if the connection has ended: every further call fails."""
         raise NotImplementedError
 
+    @property
+    def is_own(self) -> bool:
+        """True if this process made the connection, not the parent process before a fork."""
+        raise NotImplementedError
+
+    @property
+    def daemon_pid(self) -> int:
+        """The process id of the other end, 0 if unknown."""
+        raise NotImplementedError
+
     def _post(self, line: bytes) -> None:
         """Send a line for which nobody waits; not at all when the connection is gone."""
         raise NotImplementedError

@@ -183,6 +183,11 @@ class Connection(Exchange):
         await connection._stream.connect(path, timeout_s)
         return connection
 
+    @property
+    def connection(self) -> Connection:
+        """This object: it has both what waits and what does not."""
+        return self
+
     # Calls
 
     async def call(

@@ -95,7 +95,7 @@ class GripperActions:
         session = self._session
         wire = session.wire
         params = {} if retries is None else {"retries": integer("retries", retries)}
-        call = wire.prepare_guarded("motor.enable", self._configured(params))
+        call = wire.connection.prepare_guarded("motor.enable", self._configured(params))
         await session.acquire(on_lost="disable" if session.disable_on_disconnect else "hold")
         if self._mount_due is not None:
             await self._load_mount(wire)
@@ -114,7 +114,7 @@ class GripperActions:
 
     async def _load_mount(self, wire: Wire) -> None:
         """Have the daemon use the nominal calibration of the constructor's `mount`."""
-        call = wire.prepare_guarded("calibration.load", {"template": self._mount_due})
+        call = wire.connection.prepare_guarded("calibration.load", {"template": self._mount_due})
         await wire.run(call, ACTION_TIMEOUT_S)
         self._mount_due = None
 

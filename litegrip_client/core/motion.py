@@ -61,7 +61,7 @@ class Motion:
         progress callback), the motion is cancelled, so that the jaws hold, and that is raised.
         """
         wire = self._wire
-        call = wire.prepare_guarded(self._method, self._params, self._on_progress)
+        call = wire.connection.prepare_guarded(self._method, self._params, self._on_progress)
         call.keep = True
         try:
             return await wire.run(call, FOREVER_S)
@@ -72,10 +72,10 @@ class Motion:
                 await wire.finish(self._cancel(call))
             raise
         finally:
-            wire.forget(call)
+            wire.connection.forget(call)
 
     async def _cancel(self, call: Call) -> None:
-        if self._wire.closed:
+        if self._wire.connection.closed:
             self.cancel_error = ConnectError("the daemon is gone", reason="connection_lost")
             return
         try:
@@ -105,7 +105,7 @@ class Motion:
 
     def _is_own(self, owner: Mapping[str, Any]) -> bool:
         """Return True if a job is of this connection, or, where unknown, of this process."""
-        client = self._wire.client
+        client = self._wire.connection.client
         if client is not None and "client" in owner:
             return bool(owner["client"] == client)
         return bool(owner["pid"] == os.getpid())
@@ -185,7 +185,7 @@ class SetpointStream:
         else:
             # Also after half of the validity: the job that it began may have ended on its way.
             self._wire = self._job = None
-            job = (await wire.run(wire.prepare_guarded("stream.set", params)))["job"]
+            job = (await wire.run(wire.connection.prepare_guarded("stream.set", params)))["job"]
             await wire.take_refusal()  # of what was sent before, and is answered by now
             self._wire, self._job = wire, job
         self._sent_s = time.monotonic()
@@ -195,7 +195,7 @@ class SetpointStream:
         wire, job = self._wire, self._job
         self._wire = self._job = None
         lives = time.monotonic() - self._sent_s < 2.0 * self._valid_s
-        if wire is not None and job is not None and lives and not wire.closed:
+        if wire is not None and job is not None and lives and not wire.connection.closed:
             await wire.call("job.cancel", {"job": job})
 
     async def __aenter__(self) -> SetpointStream:

@@ -21,61 +21,22 @@ from litegrip_client.errors import (
     leave,
     warn,
 )
-from litegrip_client.exchange import Call, Progress, Undo
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Awaitable
     from typing import Any, Protocol, TypeVar
 
+    from litegrip_client.exchange import Call, Exchange
+
     _Result = TypeVar("_Result")
 
     class Wire(Protocol):
-        """A connection. `Exchange` describes the methods that do not wait."""
+        """What waits for the daemon, as coroutines; `connection` does the rest."""
 
         @property
-        def path(self) -> str:
-            """The daemon's socket."""
-
-        @property
-        def client(self) -> int | None:
-            """The daemon's number for the connection."""
-
-        @property
-        def stop_socket(self) -> str | None:
-            """The daemon's priority socket for stops; None until the daemon reports it."""
-
-        @property
-        def daemon_pid(self) -> int:
-            """The process id of the other end, 0 if unknown."""
-
-        @property
-        def closed(self) -> bool:
-            """True if the connection has ended: every further call fails."""
-
-        @property
-        def is_own(self) -> bool:
-            """True if this process made the connection, not the parent process before a fork."""
-
-        def prepare(self, method: str, params: Mapping[str, Any] | None = None) -> Call:
-            """Make a call."""
-
-        def prepare_guarded(
-            self, method: str, params: Mapping[str, Any], on_progress: Progress | None = None
-        ) -> Call:
-            """Make a call that never acts after a stop that its sender did not know."""
-
-        def accept(self, hello: Mapping[str, Any]) -> None:
-            """Store the daemon's `hello`."""
-
-        def note_stops(self, result: Mapping[str, Any]) -> None:
-            """Store the stop generation of a result from any source."""
-
-        def forget(self, call: Call) -> None:
-            """Drop later messages for a call."""
-
-        def abandon(self, call: Call, undo: Undo) -> None:
-            """Take back what a call begins, now or when its answer comes."""
+        def connection(self) -> Exchange:
+            """The connection, for all that does not wait."""
 
         async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
             """Send a call, and return its result."""
@@ -152,7 +113,7 @@ class DaemonSession:
     ) -> dict[str, Any]:
         """Make a call that must never act after a stop that this program did not know of."""
         wire = self.wire
-        return await wire.run(wire.prepare_guarded(method, params), timeout_s)
+        return await wire.run(wire.connection.prepare_guarded(method, params), timeout_s)
 
     async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
         """Run a function that works with files, and so may block; return its result."""
@@ -165,7 +126,7 @@ class DaemonSession:
     @property
     def is_open(self) -> bool:
         """True if calls can be made."""
-        return self._wire is not None and not self._wire.closed
+        return self._wire is not None and not self._wire.connection.closed
 
     @property
     def leased(self) -> bool:
@@ -208,8 +169,8 @@ class DaemonSession:
         wire = await self._connect()
         try:
             hello = await wire.call("hello", {"client": _program()})
-            wire.accept(hello)
-            self._check(hello, wire.path)
+            wire.connection.accept(hello)
+            self._check(hello, wire.connection.path)
             await begin(wire)
         except GeneratorExit:
             raise
@@ -217,7 +178,7 @@ class DaemonSession:
             await wire.close()
             raise
         old = self._wire
-        if old is not None and not old.closed:  # another task was faster
+        if old is not None and not old.connection.closed:  # another task was faster
             await wire.close()
             return
         self._wire = wire
@@ -255,9 +216,9 @@ class DaemonSession:
         self.enabled_here = self.keeps_lease = False
         self._leases = 0
         try:
-            if enabled_here and wire.is_own and self.disable_on_disconnect:
+            if enabled_here and wire.connection.is_own and self.disable_on_disconnect:
                 await _disable(wire)
-            if leased and wire.is_own:
+            if leased and wire.connection.is_own:
                 await _release(wire)
         finally:
             await wire.close()
@@ -283,12 +244,12 @@ class DaemonSession:
 
     async def _get(self, method: str, params: dict[str, Any], wait_s: float) -> dict[str, Any]:
         wire = self.wire
-        call = wire.prepare(method, params)
+        call = wire.connection.prepare(method, params)
         call.keep = True
         try:
             granted = await wire.run(call, wait_s + ACTION_TIMEOUT_S)
         except BaseException:
-            wire.abandon(call, self._unwanted)
+            wire.connection.abandon(call, self._unwanted)
             raise
         self._note_grant(granted.get("number"))
         return granted

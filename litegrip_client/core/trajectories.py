@@ -178,12 +178,13 @@ def _is_playing(status: Mapping[str, Any]) -> bool:
 
 async def begin(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
     """Begin to record; return the status. An interrupt meanwhile ends the recording."""
-    call = wire.prepare_guarded("trajectory.record_start", params)
+    call = wire.connection.prepare_guarded("trajectory.record_start", params)
     call.keep = True
     try:
         return await wire.run(call)
     except BaseException:
-        wire.abandon(call, lambda _status: ("trajectory.record_stop", _WHATEVER_THERE_IS))
+        undo = ("trajectory.record_stop", _WHATEVER_THERE_IS)
+        wire.connection.abandon(call, lambda _status: undo)
         raise
 
 
@@ -254,7 +255,7 @@ class Recording:
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise
         except BaseException as error:
-            if getattr(error, "reason", None) not in _STAYS and not wire.closed:
+            if getattr(error, "reason", None) not in _STAYS and not wire.connection.closed:
                 await wire.finish(self._cancel())
             raise
 
