@@ -1,13 +1,17 @@
-"""The client's exceptions, how the daemon's error objects become them, and the reasons of both."""
+"""The client's exceptions, their reasons, and the warnings in place of those that cannot be raised.
+
+`from_error_object` makes exceptions of the daemon's error objects.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from litegrip_client._error_table import CODES, REASONS
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
+    from collections.abc import Awaitable
     from typing import Any
 
     from litegrip_client.voices import Voice
@@ -25,7 +29,7 @@ OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "missing_field": ("ProtocolError", 70, "Something is missing in what the daemon sent."),
     "wrong_gripper": ("CommandError", 4, "The daemon has another channel or motor than named."),
     "unsupported": ("CommandError", 4, "What the SDK can do, but not through a daemon."),
-    "not_begun": ("CommandError", 4, "No calibration by hand is going on."),
+    "not_begun": ("CommandError", 4, "No calibration by hand is under way."),
     "file_exists": ("CommandError", 4, "There is a file or a trajectory of that name."),
     "file_not_read": ("CommandError", 4, "A file cannot be read from here."),
     "file_not_written": ("CommandError", 4, "A file cannot be written."),
@@ -281,3 +285,23 @@ def exit_code(error: LiteGripError) -> int:
         return row[1]
     name = type(error).__name__
     return next((code for kind, code in REASONS.values() if kind == name), INTERNAL_EXIT_CODE)
+
+
+def warn(text: str) -> None:
+    """Log a warning under the name `litegrip_client`."""
+    import logging  # noqa: PLC0415 - takes milliseconds to import, and is hardly ever needed
+
+    logging.getLogger("litegrip_client").warning("%s", text)
+
+
+async def leave(close: Callable[[], Awaitable[object]], error: BaseException | None) -> None:
+    """Close at the end of a `with` block, which `error` ended, if any.
+
+    An error of the closing is raised, but only logged where it would hide the block's own.
+    """
+    try:
+        await close()
+    except LiteGripError as second:
+        if error is None:
+            raise
+        warn(f"on leaving after {type(error).__name__}: {second}")

@@ -17,6 +17,7 @@ from typing import Any, ClassVar
 
 from litegripd.app.build import build_service
 from litegripd.app.machine import Machine
+from litegripd.control.snapshot import GripperState
 from litegripd.handover.state import OnRestart, OnRestarted, no_restart
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.files import load_operation, templates_operation
@@ -25,7 +26,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, Geometry, GripperId, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import UP, CanFrame, MitCommand, MotorPhase, Ranges
-from litegripd.model.state import GripperState, HelperTask, TaskResult
+from litegripd.model.state import HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.recorder.files import Recording, read
 from litegripd.recorder.recorder import Dumps, Recorder, memory_bytes, tick_slots

@@ -20,7 +20,7 @@ _shtab_litegripctl_commands() {
     config:'show or change the daemon'"'"'s defaults for motions'
     disable:'disable the motor: no torque'
     discover:'list the methods of the daemon (with --json: its OpenRPC document)'
-    doctor:'check link, daemon, motor and calibration; say what mends them'
+    doctor:'check link, daemon, motor and calibration; say what corrects them'
     dump:'write the last minute, tick by tick, to a file'
     enable:'enable the motor; it stays enabled'
     events:'show what has happened, and with -f what happens'
@@ -369,7 +369,7 @@ _shtab_litegripctl_events_options=(
   "--socket[the daemon\'s socket]:PATH:_files"
   "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
-  {-f,--follow}"[go on until Ctrl-C]"
+  {-f,--follow}"[continue until Ctrl-C]"
   "*--kind[only these\; may be given again]:KIND:"
 )
 
@@ -398,7 +398,7 @@ _shtab_litegripctl_grasp_options=(
   "--speed[in mm\/s (default\: the daemon\'s)]:MM_S:"
   "--width[how wide the object must be, in mm\; give both]:MM:"
   "--tolerance[how far the width may be off, in mm\; give both]:MM:"
-  "--hold[wait while it is held for S seconds, and see whether it still is]:S:"
+  "--hold[hold for S seconds, and then check that it is still held]:S:"
   "--gains[hold by position and gains, not by torque]"
   "--no-wait[do not wait for the end]"
 )
@@ -596,7 +596,7 @@ _shtab_litegripctl_record_options=(
   "--rate[samples a second (100)]:HZ:"
   "--no-zero-gravity[leave the jaws as they are\: watch what another program makes them do]"
   "--overwrite[replace one of that name]"
-  ":what the daemon shall keep it under:"
+  ":the name under which the daemon keeps it:"
 )
 
 # guard to ensure default positional specs are added only once per session
@@ -807,9 +807,9 @@ _shtab_litegripctl_teleop_slave_options=(
   "--detach[leave it running, until \'teleop stop\']"
   "--host[the leader\'s machine]:host:"
   "--fake-leader[follow a synthetic sweep, without a network]"
-  "--torque-limit[let go at or over so much torque, in N\·m (default\: never)]:NM:"
+  "--torque-limit[let go at this torque or more, in N\·m (default\: never)]:NM:"
   "--force-limit[push by no more than this, in newtons]:N:"
-  "--reflect[tell the leader that force]"
+  "--reflect[report that force to the leader]"
   "--watchdog[hold after so long without a frame (0.2)]:S:"
 )
 
@@ -896,7 +896,7 @@ _shtab_litegripctl_trajectories_keep_options=(
   "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--overwrite[replace one of that name]"
-  ":what the daemon shall keep it under:"
+  ":the name under which the daemon keeps it:"
 )
 
 # guard to ensure default positional specs are added only once per session

@@ -1,4 +1,4 @@
-"""The checks of the daemon: whether it runs, whether this user may use it, and what it was granted.
+"""The checks of the daemon: does it run, may this user use it, and which rights has it got.
 
 Facts in, findings out; nothing is asked.
 """
@@ -57,11 +57,11 @@ def version(facts: Facts) -> Finding | None:
     """Check whether daemon and client are of one version."""
     if facts.daemon is None:
         return None
-    told = facts.daemon.hello.get("version")
-    if told == facts.version:
-        return ok(f"{told}, as this program")
-    text = f"the daemon is {told}, this program {facts.version}"
-    why = "a daemon goes on running as what it was started; else install one version for both"
+    version = facts.daemon.hello.get("version")
+    if version == facts.version:
+        return ok(f"{version}, as this program")
+    text = f"the daemon is {version}, this program {facts.version}"
+    why = "a daemon keeps running the version that was started; else install one version for both"
     if facts.interface in SIMULATED:
         return warning(text, advice=f"end it, and start it again; {why}")
     hold = f"{facts.ctl} restart --hold" if facts.unit is None else _systemctl("reload", facts)
@@ -112,7 +112,7 @@ def real_time(facts: Facts) -> Finding | None:
         return warning(
             stood_still,
             f"{facts.ctl} health",
-            "find what kept it from running, such as another real-time program or a suspended"
+            "find what kept it from running, for example another real-time program or a suspended"
             " machine; cpus in [control] gives it processors of its own",
         )
     if not missing:
@@ -177,7 +177,7 @@ def _no_daemon(facts: Facts) -> Finding:
         return _not_installed(facts, failure)
     start = _systemctl("start", facts)
     if facts.configuration is not None and facts.configuration.error is not None:
-        return error(failure, start, "not before the configuration is mended")
+        return error(failure, start, "not before the configuration is corrected")
     if facts.is_unit_enabled:
         why = f"its unit is enabled, so it was stopped or has failed: {status} says which"
         return error(failure, start, why)
@@ -194,7 +194,7 @@ def _not_installed(facts: Facts, failure: str) -> Finding:
     foreground = f"litegripd {facts.channel}"
     option = f" --can {facts.bus_channel}" if facts.interface == "socketcan" else ""
     is_wrong = facts.configuration is not None and facts.configuration.error is not None
-    advice = "not before the configuration is mended; " if is_wrong else ""
+    advice = "not before the configuration is corrected; " if is_wrong else ""
     advice += "that is in the foreground; as a service, as root: litegripctl install-units"
     advice += f"{option}, which says what comes next; without hardware: {foreground} --simulate"
     return error(failure, foreground, advice)

@@ -186,22 +186,22 @@ class Check:
 
 
 def ok(text: str) -> Finding:
-    """Find that something is as it should be."""
+    """Return a finding: this is as it should be."""
     return Finding("ok", text)
 
 
 def warning(text: str, command: str | None = None, advice: str | None = None) -> Finding:
-    """Find something that works, but not well, or not always."""
+    """Return a finding: this works, but not well, or not always."""
     return Finding("warning", text, command, advice)
 
 
 def error(text: str, command: str | None = None, advice: str | None = None) -> Finding:
-    """Find something with which the gripper cannot be used."""
+    """Return a finding: with this the gripper cannot be used."""
     return Finding("error", text, command, advice)
 
 
 def examine(facts: Facts, checks: Iterable[Check]) -> list[tuple[str, Finding]]:
-    """Let every check look at the facts; return what was found, by the check's name."""
+    """Run every check on the facts; return the findings with the names of their checks."""
     found = ((check.name, check.examine(facts)) for check in checks)
     return [(name, finding) for name, finding in found if finding is not None]
 

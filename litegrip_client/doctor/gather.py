@@ -134,14 +134,14 @@ def configuration_file(channel: str) -> Configuration | None:
         return Configuration(
             path, unchecked=f"litegripd cannot be run{f' as {USER}' if identity else ''}: {error}"
         )
-    told = done.stderr.decode(errors="replace").strip()
-    if done.returncode == _WRONG and not told.startswith("usage:"):  # of an older litegripd
-        why = told.rpartition("\n")[2].removeprefix("litegripd: ")
+    said = done.stderr.decode(errors="replace").strip()
+    if done.returncode == _WRONG and not said.startswith("usage:"):  # of an older litegripd
+        why = said.rpartition("\n")[2].removeprefix("litegripd: ")
         return Configuration(path, error=why, as_user=as_user)
     try:
         return Configuration(path, content=json.loads(done.stdout), as_user=as_user)
     except ValueError:
-        last = told.rpartition("\n")[2] or "no word"
+        last = said.rpartition("\n")[2] or "no word"
         why = f"litegripd --check ended with {done.returncode}: {last}"
         return Configuration(path, unchecked=why)
 
@@ -162,7 +162,7 @@ def _daemons_identity() -> dict[str, Any]:
 
 
 def _program() -> str | None:
-    """Find litegripd beside the Python that runs this program, else where a shell finds it."""
+    """Return the path of litegripd: beside this Python, else from the shell's PATH."""
     beside = shutil.which("litegripd", path=str(Path(sys.executable).parent))
     return beside or shutil.which("litegripd")
 
@@ -211,7 +211,7 @@ def user(group: str) -> User:
 
 
 def sockets(paths: list[str]) -> tuple[Socket, ...]:
-    """Look at those of the daemon's sockets that there are, without connecting to any."""
+    """Return the daemon's sockets that exist, without connecting."""
     found = []
     for path in paths:
         for one in (path, f"{path.removesuffix('.sock')}.stop.sock"):
@@ -227,7 +227,7 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
 
 
 def ask_ip(name: str) -> str | None:
-    """Let iproute2 describe an interface; None where there is none. Raises `IpError`."""
+    """Return what iproute2 says of an interface, None if it does not exist. Raises `IpError`."""
     path = os.pathsep.join([os.environ.get("PATH", os.defpath), *_ADMIN_PATHS])
     program = shutil.which("ip", path=path)
     if program is None:
@@ -251,8 +251,8 @@ def ask_ip(name: str) -> str | None:
 def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
     """Return the link, and why iproute2 gave no answer, or None."""
     try:
-        told = ask_ip(name)
-        return (None if told is None else from_ip(told)), None
+        shown = ask_ip(name)
+        return (None if shown is None else from_ip(shown)), None
     except IpError as error:
         problem = str(error)
     except ValueError:
@@ -309,7 +309,7 @@ ANSWER_WITHIN_S = 5.0
 
 
 def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
-    """Find out all that the checks need; without a daemon, what can be known without.
+    """Return the facts that the checks need; without a daemon, those that need none.
 
     `channel_chosen` is true if the user named this channel.
     """

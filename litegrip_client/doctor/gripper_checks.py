@@ -78,9 +78,9 @@ def other_master(facts: Facts) -> Finding | None:
         return ok("nobody but the daemon commands the motor")
     text = f"another program has sent the motor {count} frames"
     watch = f"candump {facts.bus_channel}" if facts.interface == "socketcan" else None
-    if counters.get("foreign_active", True):  # a daemon that does not tell: it may
+    if counters.get("foreign_active", True):  # an older daemon does not report it
         advice = "end that program, or let it use the daemon"
-        return error(f"{text}, and goes on: a second master", watch, advice)
+        return error(f"{text}, and continues: a second master", watch, advice)
     return warning(
         f"{text} since the daemon was started; it is quiet now",
         advice="should that program come back, motions are refused: let it use the daemon",
@@ -140,9 +140,9 @@ def watchdog(facts: Facts) -> Finding | None:
     timeout_s = timeout * TIMEOUT_UNIT_S
     if 0.0 < timeout_s <= LONGEST_WATCHDOG_S:
         return ok(f"TIMEOUT {timeout:.0f}: the motor lets go {timeout_s * 1e3:.0f} ms after a loss")
-    told = "TIMEOUT is 0, off" if not timeout else f"TIMEOUT is {timeout_s:g} s"
+    text = "TIMEOUT is 0, off" if not timeout else f"TIMEOUT is {timeout_s:g} s"
     return warning(
-        f"{told} after power-on; the daemon sets it to 100 ms before it enables",
+        f"{text} after power-on; the daemon sets it to 100 ms before it enables",
         advice=f"for other programs, too: set register 9 to 2000 and save it, {_SET}",
     )
 
@@ -237,8 +237,8 @@ def _registers(facts: Facts) -> Mapping[str, Any]:
 
 def _calibration(daemon: Daemon) -> Mapping[str, Any]:
     """Return where the calibration came from; an older daemon reports only the file."""
-    told = daemon.info.get("calibration")
-    return told if isinstance(told, Mapping) else {"file": daemon.info.get("calibration_file")}
+    facts = daemon.info.get("calibration")
+    return facts if isinstance(facts, Mapping) else {"file": daemon.info.get("calibration_file")}
 
 
 def _age(now_s: float, saved_s: object) -> str:

@@ -115,7 +115,7 @@ class Ending:
             self._machine.controller.shut_down()
 
     def is_over(self, now_s: float) -> bool:
-        """Return whether the end has begun and there is nothing more to wait for."""
+        """Return True if the end has begun and there is nothing more to wait for."""
         if self._since_s is None:
             return False
         waited_s = now_s - self._since_s

@@ -255,7 +255,7 @@ def _figures(ratio: float | None, ranges: Ranges) -> str:
 
 
 def warnings(identity: MotorIdentity, motor_type: MotorType = DM4310) -> list[str]:
-    """Return what is unusual about a motor, whether or not it can be used."""
+    """Return what is unusual about a motor, usable or not."""
     found = []
     if (wrong := wrong_type(identity, motor_type)) is not None:
         found.append(wrong.message)

@@ -9,16 +9,14 @@ from typing import Any, Literal, NewType, Protocol, TypeAlias, TypedDict
 
 from litegripd.control.controller import Controller
 from litegripd.control.events import KEPT_JOBS
-from litegripd.control.snapshot import snapshot
+from litegripd.control.snapshot import GripperState, JobSummary, snapshot
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Mount
 from litegripd.model.motor import BusState
 from litegripd.model.state import (
     EventKind,
-    GripperState,
     Job,
     JobKind,
-    JobSummary,
     Owner,
     Progress,
     Result,
@@ -169,7 +167,7 @@ class Durations(TypedDict):
 
 
 class ControlFigures(TypedDict):
-    """How the control loop fares."""
+    """The figures of the control loop."""
 
     rate_hz: float
     ticks: int
@@ -186,7 +184,7 @@ class ControlFigures(TypedDict):
 
 
 class BusFigures(TypedDict):
-    """How the bus fares."""
+    """The figures of the bus."""
 
     state: BusState
     error: str | None
@@ -201,7 +199,7 @@ class BusFigures(TypedDict):
 
 
 MotorFigures = NewType("MotorFigures", dict[str, object])
-"""The motor's counters, and whether somebody else commands it just now."""
+"""The motor's counters, and `ForeignActive`."""
 
 
 class ForeignActive(TypedDict):
@@ -258,7 +256,7 @@ class LinkFigures(TypedDict):
 
 
 class LogFigures(TypedDict):
-    """How the log fares."""
+    """The figures of the log."""
 
     dropped: int
     is_stuck: bool
@@ -280,14 +278,14 @@ class Figures(TypedDict):
 
 
 class Judged(TypedDict):
-    """How the daemon fares, and why not better."""
+    """The verdict on the daemon's health, and its reasons."""
 
     verdict: Verdict
     reasons: list[str]
 
 
 class Facts(Protocol):
-    """What JSON can hold."""
+    """The daemon's own facts, as JSON can hold them."""
 
     def hello(self) -> Mapping[str, object]:
         """Return what `Hello` declares."""

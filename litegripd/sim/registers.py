@@ -305,7 +305,7 @@ class Registers:
         return encode(rid, self[rid]) if rid in TABLE else None
 
     def write(self, rid: int, raw: bytes) -> bool:
-        """Write 4 bytes to a register; return whether the firmware took them."""
+        """Write 4 bytes to a register; return True if the firmware took them."""
         entry = TABLE.get(rid)
         if entry is None or not entry.writable:
             return False

@@ -16,7 +16,7 @@ from litegrip_client.doctor import daemon_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check, Finding, as_data, examine
 from litegrip_client.doctor.gather import gather
 from litegrip_client.units import install
-from litegrip_client.units.install import Done, Wishes
+from litegrip_client.units.install import Done, Wanted
 from litegrip_client.voices import in_shell
 
 _LEVEL_WIDTH = 9
@@ -24,7 +24,7 @@ _NAME_WIDTH = 14
 
 
 def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
-    """Show all findings, and how many are not all right."""
+    """Return all findings, and how many are not all right."""
     lines = [line for name, finding in findings for line in _lines(name, finding)]
     counts = [
         _counted(sum(finding.level == level for _, finding in findings), level)
@@ -35,16 +35,16 @@ def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
 
 def _lines(name: str, finding: Finding) -> list[str]:
     head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{_NAME_WIDTH}}{_told(finding.text)}"]
+    lines = [f"{head}{name:<{_NAME_WIDTH}}{_shown(finding.text)}"]
     if finding.command is not None:
         lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
     if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({_told(finding.advice)})")
+        lines.append(f"{'':<{_LEVEL_WIDTH}}({_shown(finding.advice)})")
     return lines
 
 
-def _told(text: str) -> str:
-    """Show a text that may be the daemon's, which names methods."""
+def _shown(text: str) -> str:
+    """Return a text for a shell: a daemon's text names methods, this one commands."""
     return plain(in_shell(text))
 
 
@@ -111,7 +111,7 @@ an earlier call had brought up or allowed stays so, and is renewed.
 
 
 def install_units_options(parser: LateParser) -> None:
-    """Take where to, and what else."""
+    """Add the arguments of `install-units`."""
     parser.description = _INSTALL_UNITS
     parser.add_argument(
         "--root", type=Path, default=Path("/"), metavar="DIR", help="a system below DIR (/)"
@@ -138,7 +138,7 @@ def install_units_options(parser: LateParser) -> None:
 def _interface(text: str) -> str:
     """Read the name of a network interface."""
     if not _INTERFACE.fullmatch(text):
-        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface, such as can0")
+        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface (can0, for example)")
     return text
 
 
@@ -157,8 +157,8 @@ def install_units(run: Run) -> int:
         following = _after_removal(root, done)
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
-        wishes = Wishes(options.can, options.serial, options.fleet)
-        done = install.install(root, wishes, install.program_directory())
+        wanted = Wanted(options.can, options.serial, options.fleet)
+        done = install.install(root, wanted, install.program_directory())
         following = _after_installation(root, done, options.can)
         notes += install.foreign_users(root)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
@@ -244,7 +244,7 @@ examples:
 
 
 def completion_options(parser: LateParser) -> None:
-    """Take which shell."""
+    """Add the arguments of `completion`."""
     parser.description, parser.epilog = _COMPLETION, _COMPLETION_EXAMPLES
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
 

@@ -68,7 +68,7 @@ DAEMON_CASES = [
         "error",
         "no daemon can be reached",
         "sudo systemctl start litegripd@can0",
-        "not before the configuration is mended",
+        "not before the configuration is corrected",
     ),
     Case(
         "daemon",
@@ -121,7 +121,7 @@ DAEMON_CASES = [
         "error",
         "nobody listens",
         "litegripd can0",
-        "not before the configuration is mended; that is in the foreground",
+        "not before the configuration is corrected; that is in the foreground",
     ),
     Case(
         "daemon",

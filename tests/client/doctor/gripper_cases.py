@@ -57,7 +57,7 @@ GRIPPER_CASES = [
         "other-master",
         with_daemon(health_motor={"foreign_commands": 3, "foreign_active": True}),
         "error",
-        "another program has sent the motor 3 frames, and goes on: a second master",
+        "another program has sent the motor 3 frames, and continues: a second master",
         "candump can0",
         "let it use the daemon",
     ),
