@@ -25,7 +25,7 @@ import zenoh
 
 from litegrip_client.blocking import connect
 from litegrip_client.discovery import UNIT_DIRECTORIES
-from litegrip_client.doctor.findings import Finding, error
+from litegrip_client.doctor.findings import Finding, error, warning
 from litegrip_client.errors import LiteGripError
 from litegrip_fleet import findings
 from litegrip_fleet.certificates import Certificate, CertificateError, authorities, met, own
@@ -54,6 +54,19 @@ _WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "::1"}  # noqa: S104 - compared wi
 
 def examine(file: str, now_s: float) -> Found:
     """Return all findings by the names of their checks, at a Unix time."""
+    if not Path(file).exists():
+        yield (
+            "configuration",
+            error(
+                f"{file} is not there: this machine has no part of a fleet",
+                "sudo litegripctl install-units --fleet",
+                "it brings an example; docs/fleet.md says what to fill in",
+            ),
+        )
+        return
+    if not os.access(file, os.R_OK):
+        yield "configuration", warning(f"{file} is not for this user", findings.CHECK_AS_ROOT)
+        return
     try:
         config = load(file)
     except FleetConfigError as problem:

@@ -216,10 +216,13 @@ def calibration_channel(facts: Facts) -> Finding | None:
     channel = source.get("channel")
     if channel is None:
         return None
-    if channel == facts.channel:
+    own: object = facts.channel
+    if facts.is_remote and facts.daemon is not None:  # whose file names it as it is called there
+        own = (facts.daemon.hello.get("remote") or {}).get("channel")
+    if channel == own:
         return ok(f"the calibration is for {channel}")
     return warning(
-        f"the calibration is for {channel}, this is {facts.channel}",
+        f"the calibration is for {channel}, this is {own}",
         f"{facts.ctl} enable && {facts.ctl} zero",
         "closing may have the other direction: look at its mount first",
     )

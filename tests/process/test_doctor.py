@@ -77,7 +77,7 @@ def test_a_configuration_is_checked_by_the_daemons_program(
     file.write_text(content, encoding="utf-8")
     monkeypatch.setattr(gather, "DIRECTORY", tmp_path)
     monkeypatch.setattr(gather, "CHECK_WITHIN_S", DEADLINE_S)
-    monkeypatch.setattr(gather, "_program", lambda: str(program))
+    monkeypatch.setattr(gather, "program_of", lambda _name: str(program))
     found = gather.configuration_file("can0")
     assert found is not None
     assert found.unchecked is None
