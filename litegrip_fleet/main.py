@@ -114,6 +114,7 @@ def make_parser() -> argparse.ArgumentParser:
     stop = commands.add_parser("stop", help="stop all grippers of a site")
     stop.add_argument("site", metavar="SITE")
     stop.add_argument("--level", choices=("hold", "relax", "disable"), default="hold")
+    stop.add_argument("--json", action="store_true", help="print one JSON object")
     stop.add_argument("--why", help="for the log and for those who find the grippers stopped")
     return parser
 
@@ -311,7 +312,21 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
             return stopped
 
         stopped = asyncio.run(stop())
-    return _report(stopped)
+    return _report_as_json(stopped) if arguments.json else _report(stopped)
+
+
+def _report_as_json(stopped: Stopped) -> int:
+    print(
+        json.dumps(
+            {
+                "ok": stopped.ok,
+                "confirmed": {str(place): after_s for place, after_s in stopped.confirmed.items()},
+                "failed": {str(place): problem for place, problem in stopped.failed.items()},
+                "silent": [str(place) for place in sorted(set(stopped.silent))],
+            }
+        )
+    )
+    return EXIT_OK if stopped.ok else EXIT_FAILED
 
 
 def _report(stopped: Stopped) -> int:
