@@ -17,7 +17,14 @@ import zenoh
 from litegrip_fleet.keys import Place
 from litegrip_fleet.messages import Ask, Reply, packed, unpacked
 from litegrip_fleet.network import Answered, Network, Tls, ask, configuration, the_newest
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, DaemonProcess, daemon
+from tests.process.daemon_process import (
+    DEADLINE_S,
+    SIMULATED,
+    Client,
+    DaemonProcess,
+    daemon,
+    wait_a_moment,
+)
 from tests.process.fleet.fleet_process import Fleet, fleet, make_certificates
 
 LEFT = Place("lab", "left")
@@ -249,3 +256,17 @@ def test_a_message_of_a_megabyte_is_not_taken_and_the_others_go_on(
     for part in (lab.gateway, lab.router):
         assert part.process.poll() is None
         assert "Traceback" not in part.log
+
+
+def test_a_gateway_sees_its_own_grippers_and_no_others(shared: Fleet) -> None:
+    def seen(session: zenoh.Session, key: str) -> list[str]:
+        replies = session.liveliness().get(key, timeout=1.5)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+    with connected(shared, "robot1") as gateway, connected(shared, "forger") as forger:
+        while not seen(gateway, LEFT.alive):  # what has just connected may not see it at once
+            wait_a_moment(shared.router.process)
+        assert seen(gateway, LEFT.alive) == [LEFT.alive]
+        assert seen(gateway, f"{LEFT.key}/**") == []
+        assert seen(gateway, "litegripd/1/*/*/alive") == []
+        assert seen(forger, LEFT.alive) == []
