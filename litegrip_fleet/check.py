@@ -24,7 +24,7 @@ from typing import Any, Literal
 import zenoh
 
 from litegrip_client.blocking import connect
-from litegrip_client.discovery import UNIT_DIRECTORIES
+from litegrip_client.discovery import UNIT_DIRECTORIES, socket_paths
 from litegrip_client.doctor.findings import Finding, error, warning
 from litegrip_client.errors import LiteGripError
 from litegrip_fleet import findings
@@ -216,9 +216,18 @@ def _daemon(name: str, channel: str, site: str, user: pwd.struct_passwd | None) 
             hello = connection.call("hello", {"client": "litegripd-fleet check"})
             distrust = _distrust(connection, site) if is_possible else None
     except LiteGripError as problem:
+        if not is_possible and _is_closed(channel):
+            return DaemonFacts(name, channel)
         hint = problem.data.get("hint")
         return DaemonFacts(name, channel, problem=problem.message, hint=hint)
     return DaemonFacts(name, channel, str(hello["version"]), distrust=distrust, asked_as=asked_as)
+
+
+def _is_closed(channel: str) -> bool:
+    """Return True if a daemon of this machine has a socket that this user may not open."""
+    return any(
+        os.path.lexists(path) and not os.access(path, os.W_OK) for path in socket_paths(channel)
+    )
 
 
 def _distrust(connection: Any, site: str) -> str | None:

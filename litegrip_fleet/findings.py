@@ -230,7 +230,8 @@ def of_no_session(where: str, within_s: float) -> Finding:
     """Say that who answers at an endpoint is no router, or lets nobody in."""
     return error(
         f"{where} answers, and gives no session of zenoh within {within_s:g} s",
-        advice=_ADVICE["other"],
+        advice="if nothing is wrong with the own certificate above, does a router listen there? On"
+        " its machine: litegripd-fleet check",
     )
 
 
@@ -303,6 +304,8 @@ def of_daemon(facts: DaemonFacts) -> Finding:
     called = f"{facts.name} ({facts.channel})"
     if facts.problem is not None:
         return error(f"{called}: {facts.problem}", advice=facts.hint)
+    if facts.asked_as is None and facts.version is None:
+        return warning(f"{called} was not asked: this user may not", CHECK_AS_ROOT)
     if facts.asked_as is None:
         return warning(
             f"{called} answers, {facts.version}; not known: does it trust {facts.gateway_user}?",

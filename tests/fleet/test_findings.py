@@ -218,6 +218,7 @@ def test_units(state: str, level: str, words: list[str]) -> None:
     [
         (DaemonFacts("left", "can0", "1.2", asked_as="g"), "ok", ["left (can0)", "trusts g"]),
         (DaemonFacts("left", "can0", "1.2"), "warning", ["not known", "sudo litegripd-fleet"]),
+        (DaemonFacts("left", "can0"), "warning", ["was not asked", "sudo litegripd-fleet check"]),
         (
             DaemonFacts("left", "can0", "1.2", distrust="no", asked_as="g"),
             "error",
