@@ -11,6 +11,7 @@ import json
 import os
 import re
 import socket
+import sys
 from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.errors import (
@@ -48,6 +49,8 @@ UNIT_DIRECTORIES = (
     "/lib/systemd/system",
 )
 GROUP = "litegrip"
+FLEET_PROGRAM = "litegripd-fleet"
+"""Gateway, portal and router; this package starts it, and does not import it."""
 
 _CHANNEL = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 
@@ -123,6 +126,14 @@ def is_unit_installed() -> bool:
     return any(os.path.exists(path) for path in paths)  # noqa: PTH110 - see _names
 
 
+def program_of(name: str) -> str | None:
+    """Find a program beside the Python that runs this one, else where a shell finds it."""
+    import shutil  # noqa: PLC0415 - seldom needed
+
+    beside = shutil.which(name, path=os.path.dirname(sys.executable))  # noqa: PTH120 - see _names
+    return beside or shutil.which(name)
+
+
 def _names(directory: str) -> list[str]:
     try:
         return os.listdir(directory)  # noqa: PTH208 - pathlib takes long to import
@@ -165,6 +176,11 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
         hint = (
             f"start its daemon: 'litegripd CHANNEL --socket {path}', without hardware with"
             " --simulate"
+        )
+    elif "." in channel and not is_enabled(channel):
+        hint = (
+            "a gripper of another machine needs a portal on this one:"
+            f" 'litegripctl -c {channel} doctor' says what is missing"
         )
     elif is_enabled(channel):
         hint = f"see why it does not run: systemctl status litegripd@{channel}"

@@ -34,7 +34,11 @@ OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "file_not_read": ("CommandError", 4, "A file cannot be read from here."),
     "file_not_written": ("CommandError", 4, "A file cannot be written."),
     "dump_unreadable": ("CommandError", 4, "A file is no dump of the flight recorder."),
-    "library_missing": ("CommandError", 4, "The command needs a library that is not installed."),
+    "library_missing": (
+        "CommandError",
+        4,
+        "The command needs a library or a program that is missing.",
+    ),
     "not_simulated": (
         "CommandError",
         4,

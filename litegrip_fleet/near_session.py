@@ -27,8 +27,13 @@ AGAIN_AFTER_S = 0.3
 BEHIND_S = 0.1
 """What the gateway has sent and has not arrived by then is asked for again."""
 
-INTRODUCTIONS = ("hello", "info.get")
-"""Their answers say where the gripper is, and where it is stopped: that is at the portal."""
+INTRODUCTIONS = ("hello", "info.get", "health")
+"""Their answers say where the gripper is, and where it is stopped: that is at the portal.
+
+That of `health` says how the way to it is protected."""
+
+PROTECTION = ("insecure", "certificate_expires_s")
+"""The members of `remote` that `health` has."""
 
 CONFIRM_BYTES = 65_536
 """So much of what came is confirmed at once, not with the next sign of life."""
@@ -71,7 +76,7 @@ class NearSession:
         self._unconfirmed_bytes = 0
         self._pieces: list[bytes] = []
         self._behind_since_s: float | None = None
-        self._introductions: set[str | int] = set()
+        self._introductions: dict[str | int, str] = {}
 
     def opened(self, about: dict[str, Any] | None) -> None:
         """Store by which way the gripper is reached, as `hello` describes it."""
@@ -197,7 +202,7 @@ class NearSession:
         if isinstance(request, dict) and request.get("method") in INTRODUCTIONS:
             identity = request.get("id")
             if isinstance(identity, str | int):
-                self._introductions.add(identity)
+                self._introductions[identity] = request["method"]
 
     def _amended(self, line: bytes) -> bytes:
         """Return an answer; one that says where the gripper is, says where it is met here."""
@@ -205,8 +210,10 @@ class NearSession:
         identity = answer.get("id")
         if "method" in answer or identity not in self._introductions:
             return line
-        self._introductions.discard(identity)
-        if "result" in answer:
+        method = self._introductions.pop(identity)
+        if "result" in answer and method == "health":
+            answer["result"]["remote"] = {name: self._about.get(name) for name in PROTECTION}
+        elif "result" in answer:
             remote = {**self._about, "channel": answer["result"].get("channel")}
             answer["result"] |= {
                 "channel": self._channel,

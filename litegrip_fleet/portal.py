@@ -70,9 +70,16 @@ class Portal:
         role: str,
         ttl_s: float,
         router: Sequence[str] = (),
+        insecure: bool = False,
+        certificate_expires_s: float | None = None,
     ) -> None:
         self.place = place
-        self.way = {"portal": version("litegripd"), "router": list(router)}
+        self.way = {
+            "portal": version("litegripd"),
+            "router": list(router),
+            "insecure": insecure,
+            "certificate_expires_s": certificate_expires_s,
+        }
         self.path = path
         self.user = user
         self.role = role

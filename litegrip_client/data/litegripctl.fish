@@ -50,8 +50,8 @@ function _shtab_litegripctl_using
   test "$_shtab_litegripctl_cmdpath" = "$argv"
 end
 
-set -g _shtab_litegripctl_commands state watch events enable disable clear-fault open close grasp release move force slack hold teleop 'teleop master' 'teleop slave' 'teleop status' 'teleop stop' stop clear clients lease 'lease show' 'lease take' jobs job cancel zero calibration 'calibration show' 'calibration templates' 'calibration load' 'calibration save' 'calibration manual' config 'config get' 'config set' register record play trajectories 'trajectories list' 'trajectories get' 'trajectories put' 'trajectories delete' 'trajectories keep' 'trajectories export' dump plot doctor health metrics restart install-units info sim 'sim show' 'sim object' 'sim push' 'sim hold' 'sim fault' 'sim heat' 'sim reset' completion discover
-set -g _shtab_litegripctl_opts_with_value --as --by --can --channel --count --duration --force --force-limit --grip-id --hold --host --hz --kind --last --level --link --mount --note --output --port --rate --reflect-force --reflect-gain --repeat --retries --root --seconds --slip --socket --speed --stiffness --tolerance --torque-limit --watchdog --why --width -c -o
+set -g _shtab_litegripctl_commands state watch events enable disable clear-fault open close grasp release move force slack hold teleop 'teleop master' 'teleop slave' 'teleop status' 'teleop stop' stop clear clients lease 'lease show' 'lease take' jobs job cancel zero calibration 'calibration show' 'calibration templates' 'calibration load' 'calibration save' 'calibration manual' config 'config get' 'config set' register record play trajectories 'trajectories list' 'trajectories get' 'trajectories put' 'trajectories delete' 'trajectories keep' 'trajectories export' dump plot doctor health metrics fleet restart install-units info sim 'sim show' 'sim object' 'sim push' 'sim hold' 'sim fault' 'sim heat' 'sim reset' completion discover
+set -g _shtab_litegripctl_opts_with_value --as --by --can --channel --config --count --duration --force --force-limit --grip-id --hold --host --hz --kind --last --level --link --mount --note --output --port --rate --reflect-force --reflect-gain --repeat --retries --root --seconds --slip --socket --speed --stiffness --tolerance --torque-limit --watchdog --why --width -c -o
 
 complete -c litegripctl -e
 complete -c litegripctl -f
@@ -457,6 +457,15 @@ complete -c litegripctl -n '_shtab_litegripctl_using metrics' -s c -l channel -x
 complete -c litegripctl -n '_shtab_litegripctl_using metrics' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
 complete -c litegripctl -n '_shtab_litegripctl_using metrics' -l host -x -d 'the daemon of another machine, reached by ssh; --socket is a path there'
 complete -c litegripctl -n '_shtab_litegripctl_using metrics' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a fleet -d 'list the grippers of other machines, or stop a whole site'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -s h -l help -d 'show this help message and exit'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l host -x -d 'the daemon of another machine, reached by ssh; --socket is a path there'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l level -xka "hold relax disable" -d 'of a stop (default: hold)'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l why -x -d 'of a stop, for the log and for those who find it stopped'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l config -xka "(__fish_complete_path (commandline -ct))" -d 'another configuration of the fleet'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a restart -d 'restart the daemon without letting go of what is held'
 complete -c litegripctl -n '_shtab_litegripctl_using restart' -s h -l help -d 'show this help message and exit'
 complete -c litegripctl -n '_shtab_litegripctl_using restart' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'

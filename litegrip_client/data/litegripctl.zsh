@@ -24,6 +24,7 @@ _shtab_litegripctl_commands() {
     dump:'write the last minute, tick by tick, to a file'
     enable:'enable the motor; it stays enabled'
     events:'show what has happened, and with -f what happens'
+    fleet:'list the grippers of other machines, or stop a whole site'
     force:'change the force of a grasp, or begin to squeeze'
     grasp:'close until something is held, and hold it with a force'
     health:'show how the daemon is; the exit code is the verdict'
@@ -375,6 +376,22 @@ _shtab_litegripctl_events_options=(
 
 # guard to ensure default positional specs are added only once per session
 _shtab_litegripctl_events_defaults_added=0
+
+_shtab_litegripctl_fleet_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+  "--level[of a stop (default\: hold)]:level:(hold relax disable)"
+  "--why[of a stop, for the log and for those who find it stopped]:why:"
+  "--config[another configuration of the fleet]:FILE:_files"
+  ":default\: all sites:"
+  ":the site to stop\; \'\*\' for all:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_fleet_defaults_added=0
 
 _shtab_litegripctl_force_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
@@ -989,6 +1006,7 @@ _shtab_litegripctl() {
         dump) _arguments -C -s $_shtab_litegripctl_dump_options ;;
         enable) _arguments -C -s $_shtab_litegripctl_enable_options ;;
         events) _arguments -C -s $_shtab_litegripctl_events_options ;;
+        fleet) _arguments -C -s $_shtab_litegripctl_fleet_options ;;
         force) _arguments -C -s $_shtab_litegripctl_force_options ;;
         grasp) _arguments -C -s $_shtab_litegripctl_grasp_options ;;
         health) _arguments -C -s $_shtab_litegripctl_health_options ;;

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.findings import SIMULATED, Facts, Finding, error, ok, warning
+from litegrip_client.doctor.findings import SIMULATED, Daemon, Facts, Finding, error, ok, warning
 
 STANDSTILL_US = 100_000
 """From so late a tick on a motor with the usual watchdog reports "communication lost"."""
@@ -50,7 +50,15 @@ def daemon(facts: Facts) -> Finding | None:
         )
     uptime_s = answering.health.get("uptime_s")
     since = f" for {uptime_s:.0f} s" if isinstance(uptime_s, int | float) else ""
-    return ok(f"runs{since}, pid {answering.hello.get('pid')}, {answering.path}")
+    where = _elsewhere(answering) if facts.is_remote else ""
+    return ok(f"runs{since}, pid {answering.hello.get('pid')}{where}, {answering.path}")
+
+
+def _elsewhere(answering: Daemon) -> str:
+    """Say where another machine's daemon runs, and what is examined there."""
+    remote = answering.hello.get("remote") or {}
+    own = f"litegripctl -c {remote.get('channel')} doctor"
+    return f", on another machine (there, '{own}' examines its link and its rights)"
 
 
 def version(facts: Facts) -> Finding | None:
@@ -62,6 +70,8 @@ def version(facts: Facts) -> Finding | None:
         return ok(f"{version}, as this program")
     text = f"the daemon is {version}, this program {facts.version}"
     why = "a daemon keeps running the version that was started; else install one version for both"
+    if facts.is_remote:
+        return warning(text, advice="install one version on both machines")
     if facts.interface in SIMULATED:
         return warning(text, advice=f"end it, and start it again; {why}")
     hold = f"{facts.ctl} restart --hold" if facts.unit is None else _systemctl("reload", facts)
@@ -97,7 +107,7 @@ def group(facts: Facts) -> Finding | None:
 
 def real_time(facts: Facts) -> Finding | None:
     """Check whether the daemon has the real-time rights that it asked for."""
-    if facts.daemon is None or "control" not in facts.daemon.health:
+    if facts.daemon is None or "control" not in facts.daemon.health or facts.is_remote:
         return None
     granted = facts.daemon.health["control"]
     wanted = facts.daemon.info.get("configuration", {}).get("control", {}).get("priority")
@@ -163,6 +173,13 @@ def _no_daemon(facts: Facts) -> Finding:
         text = "not known whether it runs: its socket is closed to this user"
         return warning(text, status, None if status else "ask who has started it")
     failure = facts.failure or "it does not answer"
+    if facts.is_remote:
+        return error(
+            failure,
+            advice=f"it is a gripper of another machine: the portal has to run here, with"
+            f" {facts.channel} in [portal] of fleet.toml; what is found below says what is in its"
+            " way",
+        )
     if facts.hung_pid is not None:
         who = f"pid {facts.hung_pid}" if facts.hung_pid else "a process"
         return error(
@@ -225,7 +242,7 @@ def _admit(facts: Facts) -> str | None:
 def _then(facts: Facts) -> str:
     """Return the next steps; it is unknown if systemd runs the daemon."""
     login = "groups count from the next login on"
-    if facts.user.group_exists:
+    if facts.user.group_exists or facts.is_remote:
         return login
     if facts.daemon is None and not facts.sockets:
         return f"the daemon looks for its group when it starts; {login}"

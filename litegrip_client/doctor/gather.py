@@ -6,11 +6,11 @@ import grp
 import json
 import os
 import pwd
+import re
 import shlex
 import shutil
 import stat
 import subprocess
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,18 +19,22 @@ from typing import Any
 import litegrip_client
 from litegrip_client.blocking import connect
 from litegrip_client.discovery import (
+    FLEET_PROGRAM,
     GROUP,
     is_enabled,
     is_socket_given,
     is_unit_installed,
+    program_of,
     socket_paths,
 )
+from litegrip_client.doctor import fleet_checks
 from litegrip_client.doctor.findings import (
     SIMULATED,
     Configuration,
     Daemon,
     Device,
     Facts,
+    Fleet,
     Link,
     Socket,
     System,
@@ -103,6 +107,8 @@ DIRECTORY = Path("/etc/litegripd")
 CHECK_WITHIN_S = 10.0
 USER = "litegrip"
 """As whom systemd runs the daemons."""
+_PLACE = re.compile(r"[A-Za-z0-9_-]{1,32}\.[A-Za-z0-9_-]{1,32}")
+"""SITE.GRIPPER, as gateways call theirs."""
 _WRONG = 2
 """The exit code of litegripd for a configuration that is wrong, and for its usage."""
 
@@ -115,7 +121,7 @@ def configuration_file(channel: str) -> Configuration | None:
         return None
     if not os.access(path, os.R_OK):
         return Configuration(path, unchecked="this user may not read it")
-    program = _program()
+    program = program_of("litegripd")
     if program is None:
         return Configuration(path, unchecked="the program litegripd is not found here")
     identity = _daemons_identity()
@@ -161,10 +167,38 @@ def _daemons_identity() -> dict[str, Any]:
     return {"user": entry.pw_uid, "group": entry.pw_gid, "extra_groups": groups}
 
 
-def _program() -> str | None:
-    """Return the path of litegripd: beside this Python, else from the shell's PATH."""
-    beside = shutil.which("litegripd", path=str(Path(sys.executable).parent))
-    return beside or shutil.which("litegripd")
+FLEET_CHECK_WITHIN_S = 60.0
+
+
+def fleet_check(file: str) -> Fleet:
+    """Have this machine's parts of a fleet checked by their own program."""
+    program = program_of(FLEET_PROGRAM)
+    if program is None:
+        return Fleet(file, problem=f"the program {FLEET_PROGRAM} is not found here")
+    try:
+        done = subprocess.run(
+            [program, "--config", file, "check", "--json"],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=FLEET_CHECK_WITHIN_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return Fleet(file, problem=str(error))
+    try:
+        return fleet_checks.read(file, json.loads(done.stdout))
+    except ValueError:
+        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "no word"
+        return Fleet(file, problem=f"{FLEET_PROGRAM} check ended with {done.returncode}: {last}")
+
+
+def is_remote_name(channel: str) -> bool:
+    """Return True if a channel that does not answer is called like a gripper of another machine.
+
+    One with a configuration or a CAN interface of its own is one of this machine.
+    """
+    is_own = os.path.isfile(DIRECTORY / f"{channel}.toml") or is_can(channel)  # noqa: PTH113
+    return _PLACE.fullmatch(channel) is not None and not is_own
 
 
 NET = Path("/sys/class/net")
@@ -319,17 +353,21 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     is_channel_known = daemon is not None or channel_chosen or not is_socket_given(socket)
     file = None
     configuration: Mapping[str, Any] = {}
+    is_remote = is_channel_known and is_remote_name(channel)
     if daemon is not None:
+        is_remote = daemon.hello.get("remote") is not None
         channel = str(daemon.hello.get("channel", channel))
         configuration = daemon.info.get("configuration", {})
-    elif is_channel_known:
+    elif is_channel_known and not is_remote:
         file = configuration_file(channel)
         configuration = (file.content if file is not None else None) or {}
     bus = configuration.get("bus", {})
-    is_read = is_channel_known and (file is None or file.content is not None)
+    is_read = is_channel_known and not is_remote and (file is None or file.content is not None)
     may_be_it = file is not None and file.unchecked is not None and is_can(channel)
     interface = str(bus.get("interface", "socketcan")) if is_read or may_be_it else None
     bus_channel = str(bus.get("channel", channel))
+    fleet_file = DIRECTORY / "fleet.toml"
+    is_in_fleet = fleet_file.exists() or (is_remote and daemon is None)
     where = f" -c {channel}" if is_channel_known else ""
     if socket:
         where = f" --socket {shlex.quote(socket)}"
@@ -351,6 +389,8 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         interface=interface,
         bus_channel=bus_channel,
         now_s=time.time(),
+        is_remote=is_remote,
+        fleet=fleet_check(str(fleet_file)) if is_in_fleet else None,
     )
 
 

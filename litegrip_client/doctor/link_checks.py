@@ -251,7 +251,8 @@ def _missing(facts: Facts) -> Finding:
 
 def _configured_bit_rate(facts: Facts) -> Finding | None:
     """Check the daemon's configuration, where it and not the system sets the bit rate."""
-    if facts.daemon is None or facts.interface in ("socketcan", *SIMULATED):
+    is_the_systems = facts.interface in ("socketcan", *SIMULATED)
+    if facts.daemon is None or facts.is_remote or is_the_systems:
         return None
     bitrate = facts.daemon.info.get("configuration", {}).get("bus", {}).get("bitrate")
     if bitrate is None:

@@ -68,7 +68,18 @@ class Limits(TypedDict):
     max_connections_per_uid: int
 
 
-class Remote(TypedDict):
+class Protection(TypedDict):
+    """How the way to another machine is protected.
+
+    `insecure`: nothing is encrypted, and everybody may do everything. `certificate_expires_s` is
+    when the portal's certificate is over, in Unix time; null without one.
+    """
+
+    insecure: bool
+    certificate_expires_s: float | None
+
+
+class Remote(Protection):
     """By which way a client of another machine comes; `channel` is the gripper's name there.
 
     `user` and `role` are those that the gateway acts with for it; `portal` and `gateway` are the
@@ -278,10 +289,11 @@ class Figures(TypedDict):
 
 
 class Judged(TypedDict):
-    """The verdict on the daemon's health, and its reasons."""
+    """The verdict on the daemon and its reasons; `remote` is null, except through a portal."""
 
     verdict: Verdict
     reasons: list[str]
+    remote: Protection | None
 
 
 class Facts(Protocol):

@@ -453,6 +453,22 @@ def test_hello_says_by_which_way_it_came() -> None:
     }
 
 
+def test_health_says_how_the_way_is_protected() -> None:
+    scene = Scene()
+    scene.near.opened({"site": "lab", "insecure": True, "certificate_expires_s": None})
+    scene.say("health", 3)
+    scene.run(0.1)
+    scene.daemon_says(id=3, result={"verdict": "ok", "remote": None})
+    scene.say("health", 4)
+    scene.run(0.1)
+    scene.daemon_says(id=4, error={"code": 1, "message": "no"})
+    scene.run(0.1)
+    health, refused = scene.told
+    protection = {"insecure": True, "certificate_expires_s": None}
+    assert health["result"] == {"verdict": "ok", "remote": protection}
+    assert refused["error"] == {"code": 1, "message": "no"}
+
+
 def test_a_request_carries_the_stops_that_the_portal_knew_of() -> None:
     scene = Scene()
     assert scene.far is not None

@@ -81,6 +81,7 @@ COMMANDS = (
     CommandRow(
         "metrics", "print the figures of health as OpenMetrics text, for Prometheus", "daemon"
     ),
+    CommandRow("fleet", "list the grippers of other machines, or stop a whole site", "fleet"),
     CommandRow("restart", "restart the daemon without letting go of what is held", "daemon"),
     CommandRow("install-units", "install what lets systemd run the daemons", "machine"),
     CommandRow("info", "show what does not change: versions, motor, calibration", "daemon"),
@@ -92,7 +93,7 @@ COMMANDS = (
 )
 
 
-OF_THIS_MACHINE = ("doctor", "completion", "install-units")
+OF_THIS_MACHINE = ("doctor", "completion", "fleet", "install-units")
 """Commands that ask no daemon for anything."""
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
-from litegrip_client.doctor import daemon_checks, gripper_checks, link_checks
+from litegrip_client.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check, Finding, as_data, examine
 from litegrip_client.doctor.gather import gather
 from litegrip_client.units import install
@@ -25,7 +25,8 @@ _NAME_WIDTH = 14
 
 def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
     """Return all findings, and how many are not all right."""
-    lines = [line for name, finding in findings for line in _lines(name, finding)]
+    width = max([_NAME_WIDTH, *(len(name) + 1 for name, _finding in findings)])
+    lines = [line for name, finding in findings for line in _lines(name, finding, width)]
     counts = [
         _counted(sum(finding.level == level for _, finding in findings), level)
         for level in ("error", "warning")
@@ -33,9 +34,9 @@ def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
     return "\n".join([*lines, "", ", ".join(counts)])
 
 
-def _lines(name: str, finding: Finding) -> list[str]:
+def _lines(name: str, finding: Finding, width: int) -> list[str]:
     head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{_NAME_WIDTH}}{_shown(finding.text)}"]
+    lines = [f"{head}{name:<{width}}{_shown(finding.text)}"]
     if finding.command is not None:
         lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
     if finding.advice is not None:
@@ -67,6 +68,7 @@ CHECKS: tuple[Check, ...] = (
     Check("daemon", daemon_checks.daemon),
     Check("version", daemon_checks.version),
     Check("sockets", daemon_checks.sockets),
+    Check("protection", fleet_checks.protection),
     Check("group", daemon_checks.group),
     Check("real-time", daemon_checks.real_time),
     Check("bus", gripper_checks.bus),
@@ -93,7 +95,7 @@ def doctor(run: Run) -> int:
             f"run it there: ssh {shlex.quote(options.ssh_host)} litegripctl doctor",
         )
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
-    findings = examine(facts, CHECKS)
+    findings = [*examine(facts, CHECKS), *fleet_checks.of_fleet(facts)]
     data = as_data(facts.channel if facts.is_channel_known else None, findings)
     run.output.result(data, findings_text(findings))
     return OK if data["ok"] else NOT_OK
