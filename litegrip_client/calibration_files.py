@@ -12,11 +12,8 @@ from typing import Any
 
 from litegrip_client import atomic_file
 from litegrip_client.calibration import CALIBRATION_KEYS
-from litegrip_client.errors import (
-    CommandError,
-    ParameterError,
-    warn,
-)
+from litegrip_client.errors import CommandError, ParameterError
+from litegrip_client.warn import warn
 
 CALIB_VARIABLE = "LITEGRIP_CALIB"
 MAX_FILE_BYTES = 16_000

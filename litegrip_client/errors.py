@@ -1,17 +1,13 @@
-"""The client's exceptions, their reasons, and the warnings in place of those that cannot be raised.
-
-`from_error_object` makes exceptions of the daemon's error objects.
-"""
+"""The client's exceptions, how the daemon's error objects become them, and the reasons of both."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from litegrip_client._error_table import CODES, REASONS
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
-    from collections.abc import Awaitable
     from typing import Any
 
     from litegrip_client.voices import Voice
@@ -289,23 +285,3 @@ def exit_code(error: LiteGripError) -> int:
         return row[1]
     name = type(error).__name__
     return next((code for kind, code in REASONS.values() if kind == name), INTERNAL_EXIT_CODE)
-
-
-def warn(text: str) -> None:
-    """Log a warning under the name `litegrip_client`."""
-    import logging  # noqa: PLC0415 - takes milliseconds to import, and is hardly ever needed
-
-    logging.getLogger("litegrip_client").warning("%s", text)
-
-
-async def leave(close: Callable[[], Awaitable[object]], error: BaseException | None) -> None:
-    """Close at the end of a `with` block, which `error` ended, if any.
-
-    An error of the closing is raised, but only logged where it would hide the block's own.
-    """
-    try:
-        await close()
-    except LiteGripError as second:
-        if error is None:
-            raise
-        warn(f"on leaving after {type(error).__name__}: {second}")

@@ -51,11 +51,10 @@ class Call:
     """One request, to be given to `run` of a connection once.
 
     `inbox` gets its progress notifications and then its answer. `job` is the number of the job
-    that it started, once a notification names it; `answered` whether the answer has come, and
-    `result` what it holds, if it is no error. `on_result` is called with the result where it is
-    read, before anything behind it is read.
-    `keep` makes that `answered` is still kept up to date after an interrupt, until
-    `forget`.
+    that it started, once a notification names it. `answered` is true once the answer has come;
+    `result` is its result, None for an error. `on_result` is called with the result where it is
+    read, before anything behind it is read. With `keep`, an answer that comes after an interrupt
+    is still taken, until `forget`.
     """
 
     __slots__ = (

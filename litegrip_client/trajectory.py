@@ -27,7 +27,6 @@ from litegrip_client.errors import (
     ParameterError,
     TrajectoryFormatError,
     TrajectoryNotFoundError,
-    warn,
 )
 from litegrip_client.protocol.trajectory import (
     ENDING,
@@ -49,6 +48,7 @@ from litegrip_client.protocol.trajectory import (
     read_header,
     unpack_grips,
 )
+from litegrip_client.warn import warn
 
 _FIGURES = ("sample_hz", "created", "pos_closed_rad", "pos_open_rad", "rad_to_mm")
 

@@ -22,16 +22,13 @@ from litegrip_client.core.actions import GripperActions
 from litegrip_client.core.gripper import Gripper
 from litegrip_client.core.session import DaemonSession
 from litegrip_client.discovery import reach
-from litegrip_client.errors import (
-    CommandError,
-    LiteGripError,
-    leave,
-)
+from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, no_answer
 from litegrip_client.feeds import Event, EventFeed, Feed, StateFeed, some_fields, whole_state
 from litegrip_client.motion_config import MotionConfig
 from litegrip_client.results import GripperState
 from litegrip_client.sdk.expected import expectations
+from litegrip_client.warn import leave
 
 
 class Waiting:

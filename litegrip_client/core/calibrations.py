@@ -14,15 +14,9 @@ from typing import Any
 from litegrip_client import calibration_files as files
 from litegrip_client.calibration import CALIBRATION_KEYS, CalibrationData
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession
-from litegrip_client.errors import (
-    BusyError,
-    CommandError,
-    LiteGripError,
-    ParameterError,
-    leave,
-    warn,
-)
+from litegrip_client.errors import BusyError, CommandError, LiteGripError, ParameterError
 from litegrip_client.results import MoveProgress
+from litegrip_client.warn import leave, warn
 
 Command = Callable[[str, dict[str, Any], float], Awaitable[dict[str, Any]]]
 

@@ -9,15 +9,9 @@ from __future__ import annotations
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
 from litegrip_client.discovery import stop
-from litegrip_client.errors import (
-    BusyError,
-    HardwareError,
-    NotPermittedError,
-    StoppedError,
-    leave,
-    warn,
-)
+from litegrip_client.errors import BusyError, HardwareError, NotPermittedError, StoppedError
 from litegrip_client.results import GripperState
+from litegrip_client.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to import

@@ -18,9 +18,8 @@ from litegrip_client.errors import (
     LeaseError,
     LiteGripError,
     ProtocolError,
-    leave,
-    warn,
 )
+from litegrip_client.warn import leave, warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow

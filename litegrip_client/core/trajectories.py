@@ -21,8 +21,8 @@ from litegrip_client.errors import (
     TrajectoryEmptyError,
     TrajectoryNotActiveError,
     TrajectoryRecordingError,
-    warn,
 )
+from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: trajectories are seldom worked with

@@ -38,7 +38,7 @@ def configuration(facts: Facts) -> Finding | None:
 
 
 def daemon(facts: Facts) -> Finding | None:
-    """Check whether a daemon answers, and the one that is meant."""
+    """Check that a daemon answers, and that it is the right one."""
     answering = facts.daemon
     if answering is None:
         return _no_daemon(facts)
@@ -62,7 +62,7 @@ def _elsewhere(answering: Daemon) -> str:
 
 
 def version(facts: Facts) -> Finding | None:
-    """Check whether daemon and client are of one version."""
+    """Check that daemon and client are of one version."""
     if facts.daemon is None:
         return None
     version = facts.daemon.hello.get("version")
@@ -79,7 +79,7 @@ def version(facts: Facts) -> Finding | None:
 
 
 def sockets(facts: Facts) -> Finding | None:
-    """Check whether this user may connect, and stop."""
+    """Check that this user may connect, and stop."""
     if not facts.sockets:
         return None
     closed = _closed(facts)
@@ -90,7 +90,7 @@ def sockets(facts: Facts) -> Finding | None:
 
 
 def group(facts: Facts) -> Finding | None:
-    """Check whether this user is in the group that may connect."""
+    """Check that this user is in the group that may connect."""
     user = facts.user
     if user.has_group:
         return ok(f"{user.name} is in group {user.group}")
@@ -106,7 +106,7 @@ def group(facts: Facts) -> Finding | None:
 
 
 def real_time(facts: Facts) -> Finding | None:
-    """Check whether the daemon has the real-time rights that it asked for."""
+    """Check that the daemon has the real-time rights that it asked for."""
     if facts.daemon is None or "control" not in facts.daemon.health or facts.is_remote:
         return None
     granted = facts.daemon.health["control"]
@@ -170,7 +170,7 @@ def _no_daemon(facts: Facts) -> Finding:
     """Return why no daemon answers, as far as known, and how to start one."""
     status = None if facts.unit is None else f"systemctl status {facts.unit}"
     if _closed(facts):
-        text = "not known whether it runs: its socket is closed to this user"
+        text = "not known if it runs: its socket is closed to this user"
         return warning(text, status, None if status else "ask who has started it")
     failure = facts.failure or "it does not answer"
     if facts.is_remote:

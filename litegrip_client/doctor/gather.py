@@ -228,7 +228,7 @@ def is_can(name: str) -> bool:
 
 
 def user(group: str) -> User:
-    """Ask who runs this program, and whether that is somebody of `group`."""
+    """Return the user who runs this program; `is_member` is true for one of `group`."""
     uid = os.getuid()
     try:
         entry = pwd.getpwuid(uid)

@@ -35,7 +35,7 @@ _NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X,
 
 
 def bus(facts: Facts) -> Finding | None:
-    """Check whether the daemon can use the bus."""
+    """Check that the daemon can use the bus."""
     figures = facts.daemon.health.get("bus") if facts.daemon is not None else None
     if not figures:
         return None
@@ -49,7 +49,7 @@ def bus(facts: Facts) -> Finding | None:
 
 
 def motor(facts: Facts) -> Finding | None:
-    """Check whether the motor answers, and what it says."""
+    """Check that the motor answers and reports no fault."""
     daemon = facts.daemon
     if daemon is None or not _bus_is_up(daemon):
         return None
@@ -60,7 +60,7 @@ def motor(facts: Facts) -> Finding | None:
         status = state.get("status")
         advice = "enabling clears the fault: find its cause first"
         if status == "communication_lost":
-            advice += "; whether the bus or the daemon itself was silent, the line health says"
+            advice += "; the line health says if the bus or the daemon itself was silent"
         return error(f"it reports a fault: {status}, {age}", f"{facts.ctl} enable", advice)
     if phase in ("silent", "unknown") or state.get("stale") or age_s is None:
         can_id = daemon.hello.get("motor", {}).get("can_id", 0x08)
@@ -69,7 +69,7 @@ def motor(facts: Facts) -> Finding | None:
 
 
 def other_master(facts: Facts) -> Finding | None:
-    """Check whether somebody else commands the motor."""
+    """Check that nobody else commands the motor."""
     counters = facts.daemon.health.get("motor") if facts.daemon is not None else None
     if not counters or "foreign_commands" not in counters:
         return None
@@ -133,7 +133,7 @@ def ids(facts: Facts) -> Finding | None:
 
 
 def watchdog(facts: Facts) -> Finding | None:
-    """Check whether the motor lets go by itself when nobody commands it any more."""
+    """Check that the motor lets go by itself when no commands come any more."""
     timeout = _registers(facts).get("TIMEOUT")
     if timeout is None:
         return None
@@ -166,7 +166,7 @@ def ranges(facts: Facts) -> Finding | None:
 
 
 def calibration(facts: Facts) -> Finding | None:
-    """Check whether the travel is known, and was measured on this gripper."""
+    """Check that the travel is known, and was measured on this gripper."""
     daemon = facts.daemon
     if daemon is None:
         return None
@@ -190,7 +190,7 @@ def calibration(facts: Facts) -> Finding | None:
 
 
 def position(facts: Facts) -> Finding | None:
-    """Check whether the jaws can be where the motor says that they are."""
+    """Check that the jaws can be where the motor says that they are."""
     daemon = facts.daemon
     if daemon is None or not _bus_is_up(daemon) or daemon.state.get("stale"):
         return None
@@ -211,7 +211,7 @@ def position(facts: Facts) -> Finding | None:
 
 
 def calibration_channel(facts: Facts) -> Finding | None:
-    """Check whether the calibration is this gripper's and not another channel's."""
+    """Check that the calibration is this gripper's and not another channel's."""
     source = {} if facts.daemon is None else _calibration(facts.daemon)
     channel = source.get("channel")
     if facts.daemon is None or channel is None:

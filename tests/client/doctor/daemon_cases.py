@@ -52,7 +52,7 @@ DAEMON_CASES = [
         "daemon",
         facts(daemon=None, failure="no daemon can be reached", sockets=CLOSED),
         "warning",
-        "not known whether it runs",
+        "not known if it runs",
         "systemctl status litegripd@can0",
     ),
     Case(
