@@ -315,6 +315,7 @@ class _Connection:
         self._writer: asyncio.StreamWriter | None = None
         self._room = asyncio.Event()
         self._awaits_life = False
+        self._half_closed = False
         self._session = session
         self._key = zenoh.KeyExpr(place.to(caller.user, caller.session))
 
@@ -323,10 +324,11 @@ class _Connection:
         self._reader, self._writer = reader, writer
 
     def to_daemon(self, line: bytes | None) -> None:
-        """Write a line; None is the end of them."""
-        if self._writer is None:
+        """Write a line; None is the end of them, and what comes behind it is dropped."""
+        if self._writer is None or self._half_closed:
             return
         if line is None:
+            self._half_closed = True
             self._writer.write_eof()
         else:
             self._writer.write(line)
@@ -348,9 +350,9 @@ class _Connection:
 
     def show_life(self) -> None:
         """Renew the lease, once the daemon has answered the last time."""
-        if self._writer is not None and not self._awaits_life:
+        if not self._awaits_life:
             self._awaits_life = True
-            self._writer.write(_ALIVE)
+            self.to_daemon(_ALIVE)
 
     def wake(self) -> None:
         """Read on, if the portal is no longer behind."""

@@ -1,12 +1,13 @@
 """Every client through a portal as through a daemon: real processes, real TLS, loopback."""
 
 import contextlib
+import socket
 from pathlib import Path
 from typing import Any
 
 from litegrip_client import LiteGrip
 from tests.process.daemon_process import Client, DaemonProcess
-from tests.process.fleet.fleet_process import Fleet
+from tests.process.fleet.fleet_process import Fleet, fleet
 
 
 def of(lab: Fleet) -> dict[str, Any]:
@@ -21,6 +22,22 @@ def test_a_gripper_of_another_machine_is_used_as_one_of_this(lab: Fleet) -> None
         for sample in gripper.states(hz=50):
             assert sample.opening_mm is not None
             break
+
+
+def test_who_has_said_all_gets_the_answers_that_take_longer_than_a_session_lives(
+    tmp_path: Path, certificates: Path, gripper: DaemonProcess
+) -> None:
+    """As `socat` does at the end of its input."""
+    sockets = {"left": gripper.socket_path}
+    with fleet(tmp_path / "short", certificates, sockets, ttl_s=0.5) as lab:
+        with Client(lab.socket_path()) as client:
+            client.enabled()
+            client.result("motion.close")
+            number = client.send("motion.open", speed_mm_s=50.0)
+            client.socket.shutdown(socket.SHUT_WR)
+            assert client.answer(number)["result"]["ok"]
+            assert client.read() == {}
+        assert "Traceback" not in lab.gateway.log
 
 
 def test_hello_says_through_what(lab: Fleet) -> None:
