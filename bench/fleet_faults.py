@@ -242,7 +242,6 @@ class Found:
 @contextlib.contextmanager
 def at_work(place: Lab) -> Iterator[tuple[Operator, Robot]]:
     """Let the operator's program move the jaws, and watch them."""
-    local(place, "stop.clear")
     robot = Robot(place.grippers["left"])
     operator = moving(place)
     try:
@@ -256,12 +255,13 @@ def moving(place: Lab) -> Operator:
     """Start the operator's program, and let it move; again where it loses its session so soon."""
     for _ in range(TRIES):
         reachable(place)
+        local(place, "stop.clear")
         operator = Operator(place)
         try:
             operator.does("move")
         except EndedError:
             operator.end()
-            print("(a session ended before a fault began: this machine is too busy)", flush=True)
+            print("(a session ended before a fault began, or a stop came late)", flush=True)
         else:
             return operator
     raise RuntimeError("no session lives long enough")
@@ -298,7 +298,7 @@ def look_at_jaws(place: Lab, trouble: Trouble, found: Found) -> None:
             asked = 0
         elif not trouble.name.startswith("program"):
             asked += operator.does("ask")["asked"]
-        was_lost_before = robot.samples[-1][1] == "relaxed"
+        was_lost_before = robot.modes(began_s - TICKS_S, began_s) == "relaxed"
         robot.until(lambda: robot.first("relaxed", began_s))
         lost_s = robot.first("relaxed", began_s)
         if lost_s is None:
