@@ -27,8 +27,8 @@ class Operator:
     def move(self) -> dict[str, Any]:
         client = self._client
         client.result("lease.acquire", on_lost="relax", wait_s=10.0)
-        client.result("motor.enable")
-        client.result("motion.move", opening_mm=10, speed_mm_s=100)
+        client.despite_silence("motor.enable")
+        client.despite_silence("motion.move", opening_mm=10, speed_mm_s=100)
         client.send("motion.open", speed_mm_s=10, progress=True)
         while client.read().get("method") != "job.progress":
             pass
@@ -48,33 +48,41 @@ class Operator:
         return {"asked": sent}
 
     def work(self, count: int) -> dict[str, Any]:
-        """Make motions; return when each was asked for, and what came of it."""
-        done, ends_s = [], time.monotonic() + GIVES_UP_S
+        """Make motions; return when each was asked for, and what came of it.
+
+        `back_s` is how long it then took to have another session, in so far as there was time.
+        """
+        done, back_s, ends_s = [], [], time.monotonic() + GIVES_UP_S
         for number in range(count):
             if time.monotonic() > ends_s:
                 break
             at_s = time.monotonic()
             opening_mm = 20.0 + 5.0 * (number % 2)
-            self._client.send(
+            word = self._outcome(
                 "motion.move", opening_mm=opening_mm, speed_mm_s=100, if_busy="replace"
             )
-            word = self._outcome()
-            done.append((at_s, time.monotonic() - at_s, word))
-            while word not in ("ok", "too_late") and time.monotonic() < ends_s:
-                self._client.close()
-                self._client = Client(self._path)
-                self._client.send("lease.acquire", on_lost="relax", wait_s=10.0)
-                word = self._outcome()
-        return {"done": done}
+            lost_s = time.monotonic()
+            done.append((at_s, lost_s - at_s, word))
+            if word not in ("ok", "too_late"):
+                while word != "ok" and time.monotonic() < ends_s:
+                    self._client.close()
+                    self._client = Client(self._path)
+                    word = self._outcome("lease.acquire", on_lost="relax", wait_s=10.0)
+                back_s.append(time.monotonic() - lost_s)
+        return {"done": done, "back_s": back_s}
 
-    def _outcome(self) -> str:
-        """Read until an answer; return `ok`, or the reason of an error."""
+    def _outcome(self, method: str, **params: object) -> str:
+        """Call a method; return `ok`, or why not; the connection's end is one, too."""
+        try:
+            number = self._client.send(method, **params)
+        except ConnectionError:
+            return "ended"
         while message := self._client.read():
-            if "result" in message:
-                return "ok"
-            if "error" in message:
-                reason: str = message["error"]["data"]["reason"]
-                return reason
+            is_last = "error" in message and message["id"] is None
+            if message.get("id") != number and not is_last:
+                continue
+            reason: str = "ok" if "result" in message else message["error"]["data"]["reason"]
+            return reason
         return "ended"
 
 

@@ -10,12 +10,10 @@ import math
 import sys
 import threading
 import time
-from contextlib import suppress
-
-import can
 
 from litegripd.app.main import main
 from litegripd.sim.gripper import SimulatedGripper
+from litegripd.sim.interface import gripper_on
 
 _HAND_NM_MM = 0.06
 _HAND_NM_S_MM = 0.0008
@@ -39,14 +37,13 @@ def move(gripper: SimulatedGripper, sweep_s: float, from_mm: float, to_mm: float
 
 
 def wait_for_gripper(channel: str, sweep: tuple[float, float, float]) -> None:
-    """Begin to move the gripper as soon as the daemon has put one on its bus."""
-    time.sleep(0.5)
-    while True:
-        with suppress(ValueError, OSError):
-            bus = can.Bus(interface="litegrip_sim", channel=channel, ignore_config=True)
-            gripper = getattr(bus, "gripper")  # noqa: B009 - python-can's type does not tell of it
-            move(gripper, *sweep)
+    """Begin to move the gripper as soon as the daemon has put one on its bus.
+
+    Opened by the hand, the channel would have a gripper of its own, and be closed to the daemon.
+    """
+    while (gripper := gripper_on(channel)) is None:
         time.sleep(0.05)
+    move(gripper, *sweep)
 
 
 if __name__ == "__main__":

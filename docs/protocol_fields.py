@@ -12,7 +12,8 @@ from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from litegripd.app.build import METHODS, SIMULATED_METHODS
-from litegripd.model.state import GripperState, JobKind, JobState, Progress, ReplayProgress, Result
+from litegripd.control.snapshot import GripperState
+from litegripd.model.state import JobKind, JobState, Progress, ReplayProgress, Result
 from litegripd.model.teleop import TeleopStatus
 from litegripd.rpc.method import REFERENCE, Method, Schema, Schemas
 from litegripd.rpc.openrpc import FORMS, NOTIFICATIONS, result_schema

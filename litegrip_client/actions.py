@@ -7,7 +7,6 @@ from litegrip_client.blocking import complete
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # importing typing and dataclasses is slow
     import os
-    from types import TracebackType
     from typing import Any, Literal
 
     from litegrip_client.calibration import CalibrationData, GripperConfig
@@ -48,13 +47,8 @@ class Lease:
         complete(self._core.__aenter__())
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        complete(self._core.__aexit__(kind, error, trace))
+    def __exit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+        complete(self._core.__aexit__(_kind, error, _))
 
     def renew(self) -> None:
         """Restart `ttl_s`, as every call does. Raises `LeaseError` when the lease is lost."""
@@ -92,13 +86,8 @@ class ManualCalibration:
         complete(self._core.__aenter__())
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        complete(self._core.__aexit__(kind, error, trace))
+    def __exit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+        complete(self._core.__aexit__(_kind, error, _))
 
 
 class SetpointStream:
@@ -151,13 +140,8 @@ class SetpointStream:
         complete(self._core.__aenter__())
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        complete(self._core.__aexit__(kind, error, trace))
+    def __exit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+        complete(self._core.__aexit__(_kind, error, _))
 
 
 class GripperActions:
@@ -207,7 +191,7 @@ class GripperActions:
     def clear_fault(self, *, enable: bool = True) -> bool:
         """Clear the motor's latched fault and enable the motor; true if it is enabled.
 
-        The motor holds the measured position then, and `enable` tells what else that means. With
+        The motor holds the measured position then; `enable` describes what else that means. With
         `enable` false it stays disabled, and true means that no fault is left. An enabled motor
         has no fault: nothing happens. This also accepts a position that has jumped: check first
         where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
@@ -803,13 +787,8 @@ class BlockingGripper(GripperActions):
         """
         complete(self._core.disconnect())
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        complete(self._core.__aexit__(kind, error, trace))
+    def __exit__(self, _kind: object, error: BaseException | None, _: object) -> None:
+        complete(self._core.__aexit__(_kind, error, _))
 
     @property
     def is_connected(self) -> bool:

@@ -8,10 +8,11 @@ import threading
 from pathlib import Path
 
 
-def write(target: Path, content: bytes) -> None:
-    """Replace the file `target`; create its directory if needed. Raises `OSError`."""
+def write(target: Path, content: bytes, *, makes_folder: bool = True) -> None:
+    """Replace the file `target`, and create its directory if `makes_folder`; raises `OSError`."""
     new = target.with_name(f".{target.name}.{os.getpid()}.{threading.get_ident()}.new")
-    target.parent.mkdir(parents=True, exist_ok=True)
+    if makes_folder:
+        target.parent.mkdir(parents=True, exist_ok=True)
     try:
         with new.open("wb") as file:
             file.write(content)

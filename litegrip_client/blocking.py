@@ -1,4 +1,4 @@
-"""The core for callers without an event loop: what its coroutines await blocks instead."""
+"""Runs the core's coroutines without an event loop: they block instead of being suspended."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _PACKAGE = __file__.rpartition("/")[0]
 def complete(coroutine: Coroutine[Any, Any, _Result]) -> _Result:
     """Run a coroutine to its end, here and now: nothing that it awaits ever suspends it.
 
-    The traceback of a `LiteGripError` ends here: what this package calls on the way to it is in
-    nobody's program. What a callback has called stays.
+    The traceback of a `LiteGripError` leaves this package's own calls out. It keeps the calls of a
+    callback.
     """
     try:
         coroutine.send(None)
@@ -44,7 +44,7 @@ def complete(coroutine: Coroutine[Any, Any, _Result]) -> _Result:
 
 
 def without_us(trace: TracebackType | None) -> TracebackType | None:
-    """Return a traceback without what it begins with in this package."""
+    """Return a traceback without its first entries that are in this package."""
     while trace is not None and trace.tb_frame.f_code.co_filename.startswith(_PACKAGE):
         trace = trace.tb_next
     return trace
@@ -60,38 +60,6 @@ class BlockingWire:
 
     def __init__(self, connection: Connection) -> None:
         self.connection = connection
-        self.path = connection.path
-        self.prepare = connection.prepare
-        self.prepare_guarded = connection.prepare_guarded
-        self.accept = connection.accept
-        self.note_stops = connection.note_stops
-        self.forget = connection.forget
-        self.abandon = connection.abandon
-
-    @property
-    def client(self) -> int | None:
-        """The daemon's number for the connection."""
-        return self.connection.client
-
-    @property
-    def stop_socket(self) -> str | None:
-        """The daemon's priority socket for stops; None until the daemon reports it."""
-        return self.connection.stop_socket
-
-    @property
-    def daemon_pid(self) -> int:
-        """The process id of the other end, 0 if unknown."""
-        return self.connection.daemon_pid
-
-    @property
-    def closed(self) -> bool:
-        """True if the connection has ended: every further call fails."""
-        return self.connection.closed
-
-    @property
-    def is_own(self) -> bool:
-        """True if this process made the connection, not the parent process before a fork."""
-        return self.connection.is_own
 
     async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
         """Send a call, and return its result."""
@@ -149,8 +117,8 @@ class BlockingSession(DaemonSession):
         with Connection(connection.path) as another:
             return another.call(method, params)
 
-    async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Return what `function` does."""
+    async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Run a function; return its result."""
         return function(*arguments)
 
     async def pause(self, seconds: float) -> None:

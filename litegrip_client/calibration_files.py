@@ -1,7 +1,7 @@
 """Calibration files of the client: its own file system, its own environment, the templates.
 
-JSON, interchangeable with the vendor SDK's. What a file means, and whether it can be used, is
-the daemon's to say: here files are only found, read and written.
+JSON, interchangeable with the vendor SDK's. This module only finds, reads and writes
+them. The daemon decides what a file means, and if it can be used.
 """
 
 import json

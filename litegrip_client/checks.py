@@ -1,6 +1,6 @@
-"""What values must be before they are sent, and after they came.
+"""Checks of values before they are sent, and of what the daemon has sent.
 
-Ranges are the daemon's business; here is only what no range could hold.
+The daemon checks ranges. These checks reject only what no range can hold.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ def given_numbers(**values: Any) -> dict[str, Any]:
 
 
 def pick(data: Mapping[str, Any], names: tuple[str, ...], what: str) -> dict[str, Any]:
-    """Take `names` out of what the daemon sent; raises `ProtocolError` when one is missing."""
+    """Return these members of what the daemon sent; raises `ProtocolError` if one is missing."""
     try:
         return {name: data[name] for name in names}
     except KeyError as error:

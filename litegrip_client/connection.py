@@ -22,7 +22,6 @@ import threading
 import time
 from collections import deque
 from collections.abc import Mapping, Sequence
-from types import TracebackType
 
 from litegrip_client.errors import CommandError, ConnectError, LiteGripError
 from litegrip_client.exchange import DEFAULT_TIMEOUT_S, Call, Exchange, Progress, Router, no_answer
@@ -456,10 +455,5 @@ class Connection(Exchange):
     def __enter__(self) -> Connection:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()

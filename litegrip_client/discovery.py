@@ -11,6 +11,7 @@ import json
 import os
 import re
 import socket
+import sys
 from collections.abc import Awaitable, Callable, Mapping
 
 from litegrip_client.errors import (
@@ -48,6 +49,8 @@ UNIT_DIRECTORIES = (
     "/lib/systemd/system",
 )
 GROUP = "litegrip"
+FLEET_PROGRAM = "litegripd-fleet"
+"""Gateway, portal and router; this package starts it, and does not import it."""
 
 _CHANNEL = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 
@@ -77,7 +80,7 @@ def check_channel(channel: str) -> str:
 def socket_paths(
     channel: str, path: str | None = None, environment: Mapping[str, str] | None = None
 ) -> list[str]:
-    """List where the daemon of `channel` may be found, in the order to try.
+    """Return the paths where the daemon of `channel` may be found, in the order to try.
 
     An explicit `path` or else `LITEGRIPD_SOCKET` is the only one when given.
     """
@@ -98,9 +101,9 @@ def is_socket_given(path: str | None = None) -> bool:
 
 
 def running_channels(environment: Mapping[str, str] | None = None) -> list[str]:
-    """List the channels whose sockets there are, as far as this user can see them.
+    """Return the channels that have a socket, as far as this user can see.
 
-    A daemon that was killed may have left one: whether somebody answers is seen by connecting.
+    A daemon that was killed may have left one: only connecting shows if a daemon answers.
     """
     environment = os.environ if environment is None else environment
     directories = (*_directories(environment), PORTAL_DIRECTORY)
@@ -121,6 +124,14 @@ def is_unit_installed() -> bool:
     """Return True if systemd has the daemons' unit; without it, it can start none."""
     paths = [f"{directory}/litegripd@.service" for directory in UNIT_DIRECTORIES]
     return any(os.path.exists(path) for path in paths)  # noqa: PTH110 - see _names
+
+
+def program_of(name: str) -> str | None:
+    """Find a program beside the Python that runs this one, else where a shell finds it."""
+    import shutil  # noqa: PLC0415 - seldom needed
+
+    beside = shutil.which(name, path=os.path.dirname(sys.executable))  # noqa: PTH120 - see _names
+    return beside or shutil.which(name)
 
 
 def _names(directory: str) -> list[str]:
@@ -152,7 +163,7 @@ async def reach(
 
 
 def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectError:
-    """Say what was tried; a single path was given, so that it and not the channel was asked for."""
+    """Return the error with all attempts; a single one was by a given path, not by the channel."""
     of_channel = f" for channel {channel}" if len(failures) > 1 else ""
     tried = "; ".join(f"{path}: {_why(path, error)}" for path, error in failures)
     unit = f"'systemctl start litegripd@{channel}' or " if is_unit_installed() else ""
@@ -165,6 +176,11 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
         hint = (
             f"start its daemon: 'litegripd CHANNEL --socket {path}', without hardware with"
             " --simulate"
+        )
+    elif "." in channel and not is_enabled(channel):
+        hint = (
+            "a gripper of another machine needs a portal on this one:"
+            f" 'litegripctl -c {channel} doctor' says what is missing"
         )
     elif is_enabled(channel):
         hint = f"see why it does not run: systemctl status litegripd@{channel}"
@@ -184,14 +200,14 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
 
 
 def _group_of(path: str) -> str:
-    """Name the group that may open a socket, as far as this user can see it."""
+    """Return the group that may open a socket, as far as this user can see it."""
     import grp  # noqa: PLC0415 - seldom needed
 
     try:
         name = grp.getgrgid(os.stat(path).st_gid).gr_name  # noqa: PTH116 - see _names
     except (OSError, KeyError):
         return GROUP
-    return GROUP if name == "root" else name  # nobody is told to join that one
+    return GROUP if name == "root" else name  # nobody is advised to join that one
 
 
 def _why(path: str, error: OSError) -> str:
@@ -267,8 +283,8 @@ def _result(received: bytes) -> dict[str, Any]:
 async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]:
     """Stop; return the latched level, the generation and the state after it.
 
-    What the session sends next knows of the stop, whichever way it went. Raises `LiteGripError`
-    when both ways fail, or when the stop is in force and the state cannot be had.
+    The session's next requests know of the stop, whichever socket it went by. Raises
+    `LiteGripError` if both sockets fail, or if the stop is in force and the state cannot be read.
     """
     wire = session.wire
     result: dict[str, Any] = {}
@@ -277,7 +293,7 @@ async def stop(session: DaemonSession, params: dict[str, str]) -> dict[str, Any]
         result.update(
             await _by_stop_socket(session, wire, params) or await session.ask("stop", params)
         )
-        wire.note_stops(result)
+        wire.connection.note_stops(result)
 
     await wire.finish(give())  # who cancels a stop on its way has stopped all the same
     if "state" not in result:
@@ -297,14 +313,15 @@ async def _by_stop_socket(
     The path is the daemon's. Here, behind a forwarded socket or in a container, it may lead to
     the daemon of another gripper: so only to the very process that the session is connected to.
     """
-    if wire.stop_socket is None or not is_taken_as_meant(params):
+    if wire.connection.stop_socket is None or not is_taken_as_meant(params):
         return None
     try:
-        stops = await session.reach(wire.stop_socket, STOP_WITHIN_S)
+        stops = await session.reach(wire.connection.stop_socket, STOP_WITHIN_S)
     except OSError:
         return None
     try:
-        if stops.daemon_pid == 0 or stops.daemon_pid != wire.daemon_pid:
+        pid = stops.connection.daemon_pid
+        if pid == 0 or pid != wire.connection.daemon_pid:
             return None
         return await stops.call("stop", params)
     except LiteGripError:

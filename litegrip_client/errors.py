@@ -25,12 +25,16 @@ OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "missing_field": ("ProtocolError", 70, "Something is missing in what the daemon sent."),
     "wrong_gripper": ("CommandError", 4, "The daemon has another channel or motor than named."),
     "unsupported": ("CommandError", 4, "What the SDK can do, but not through a daemon."),
-    "not_begun": ("CommandError", 4, "No calibration by hand is going on."),
+    "not_begun": ("CommandError", 4, "No calibration by hand is under way."),
     "file_exists": ("CommandError", 4, "There is a file or a trajectory of that name."),
     "file_not_read": ("CommandError", 4, "A file cannot be read from here."),
     "file_not_written": ("CommandError", 4, "A file cannot be written."),
     "dump_unreadable": ("CommandError", 4, "A file is no dump of the flight recorder."),
-    "library_missing": ("CommandError", 4, "The command needs a library that is not installed."),
+    "library_missing": (
+        "CommandError",
+        4,
+        "The command needs a library or a program that is missing.",
+    ),
     "not_simulated": (
         "CommandError",
         4,

@@ -1,6 +1,6 @@
-"""Requests and answers as JSON-RPC: what is sent, and which request an answer belongs to.
+"""JSON-RPC without I/O: the text of requests, and which request an answer belongs to.
 
-No I/O and no waiting: the connections of threads and of event loops add that to `Exchange`. This
+The connections of threads and of event loops add I/O and waiting to `Exchange`. This
 module must not know what the methods do.
 """
 
@@ -29,10 +29,10 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from weakref import ref
 
     class Listener(Protocol):
-        """What takes the notifications of a subscription."""
+        """Receives the notifications of a subscription."""
 
         def deliver(self, message: Message) -> None:
-            """Take one notification's parameters, perhaps of one that came already."""
+            """Take a notification's parameters; the same notification may come twice."""
 
     from litegrip_client.feeds import Feed
     from litegrip_client.voices import Voice
@@ -51,11 +51,10 @@ class Call:
     """One request, to be given to `run` of a connection once.
 
     `inbox` gets its progress notifications and then its answer. `job` is the number of the job
-    that it started, once a notification names it; `answered` whether the answer has come, and
-    `result` what it holds, if it is no error. `on_result` is called with the result where it is
-    read, before anything behind it is read.
-    `keep` makes that `answered` is still kept up to date after an interrupt, until
-    `forget`.
+    that it started, once a notification names it. `answered` is true once the answer has come;
+    `result` is its result, None for an error. `on_result` is called with the result where it is
+    read, before anything behind it is read. With `keep`, an answer that comes after an interrupt
+    is still taken, until `forget`.
     """
 
     __slots__ = (
@@ -126,7 +125,7 @@ def guarded(
 
 
 def generation_of(result: Mapping[str, Any]) -> int | None:
-    """Find the stop generation in whatever result or error data holds one."""
+    """Return the stop generation that a result or error data holds, or None."""
     state = result.get("state")
     for holder, key in (
         (result, "stop_generation"),
@@ -175,7 +174,7 @@ class Router:
         self._parting_error: Any = None
 
     def take(self, lines: Iterable[bytes]) -> str | None:
-        """Route complete lines; return what is wrong, if that is not the protocol."""
+        """Route complete lines; return what violates the protocol, or None."""
         try:
             for line in lines:
                 self._route(_decode(line))
@@ -184,7 +183,7 @@ class Router:
         return None
 
     def end(self, message: str, reason: str) -> None:
-        """Return why nothing more comes: what the daemon said at last, else `message`."""
+        """Record that nothing more comes, and why: the daemon's last error, or `message`."""
         data: dict[str, Any] = {"retryable": True}
         code = None
         if self._parting_error is not None:
@@ -282,7 +281,7 @@ Undo: TypeAlias = "Callable[[Message], tuple[str, dict[str, Any]] | None]"
 class Exchange:
     """The base of connections. `stop_generation` is the newest in any answer.
 
-    It is None when that is not known, and so is `client`, the daemon's number for the connection;
+    It is None if that is not known, and so is `client`, the daemon's number for the connection;
     and `stop_socket`, where it takes stops before everything else. `has_clock` is true if this
     machine's CLOCK_MONOTONIC is the daemon's, which it is not behind a portal or a forwarded
     socket. `voice` puts the daemon's errors into the reader's words; None means those of Python.
@@ -305,6 +304,16 @@ class Exchange:
         """True if the connection has ended: every further call fails."""
         raise NotImplementedError
 
+    @property
+    def is_own(self) -> bool:
+        """True if this process made the connection, not the parent process before a fork."""
+        raise NotImplementedError
+
+    @property
+    def daemon_pid(self) -> int:
+        """The process id of the other end, 0 if unknown."""
+        raise NotImplementedError
+
     def _post(self, line: bytes) -> None:
         """Send a line for which nobody waits; not at all when the connection is gone."""
         raise NotImplementedError
@@ -317,7 +326,7 @@ class Exchange:
         params: Mapping[str, Any] | None = None,
         on_progress: Progress | None = None,
     ) -> Call:
-        """Return a call to be run; its caller can check later how far it came."""
+        """Return a call for `run`; the caller can check later what became of it."""
         return Call(next(self._ids), method, params, on_progress)
 
     def prepare_guarded(
@@ -370,9 +379,10 @@ class Exchange:
         self.client = client if isinstance(client, int) else None
         stop_socket = hello.get("stop_socket")
         self.stop_socket = stop_socket if isinstance(stop_socket, str) else None
-        told_s = hello.get("monotonic_s")
+        clock_s = hello.get("monotonic_s")
         self.has_clock = hello.get("remote") is None and (
-            not isinstance(told_s, int | float) or abs(told_s - time.monotonic()) < _CLOCKS_AGREE_S
+            not isinstance(clock_s, int | float)
+            or abs(clock_s - time.monotonic()) < _CLOCKS_AGREE_S
         )
 
     def note_stops(self, result: Mapping[str, Any]) -> None:
@@ -382,7 +392,7 @@ class Exchange:
             self.stop_generation = generation
 
     def _take(self, call: Call) -> dict[str, Any] | None:
-        """Take what came first for `call`: its result, or None for a report of its progress."""
+        """Take the first message for `call`: return its result, or None after a progress report."""
         message = call.inbox.popleft()
         if "method" not in message:
             return self._result(message, call.method)
@@ -418,7 +428,7 @@ class Exchange:
     # Subscriptions
 
     def _subscribing(self, feed: Feed[Any]) -> Call:
-        """Make the call that begins `feed`."""
+        """Return the call that begins `feed`."""
         from weakref import ref  # noqa: PLC0415 - only subscriptions need it
 
         def begin(result: Message) -> None:

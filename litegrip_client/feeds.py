@@ -1,4 +1,4 @@
-"""What subscriptions bring: events and samples of the state, their inboxes, and the iterators.
+"""Subscriptions: events and samples of the state, their inboxes, and the iterators.
 
 Samples may travel in batches; the reader of the inbox does not notice. The daemon decides what a
 slow reader misses. No I/O: an iterator, for threads, waits through its connection.
@@ -11,7 +11,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Generic, Protocol, TypeVar
 
 from litegrip_client.checks import integer, number
@@ -48,7 +47,7 @@ class Event:
 
     @classmethod
     def from_wire(cls, data: Mapping[str, Any], voice: Voice = in_python) -> Event:
-        """Read the wire's form, in the words of a voice; raises `KeyError` for what it lacks."""
+        """Read the wire's form, in the words of a voice; raises `KeyError` for a missing member."""
         return cls(
             seq=data["seq"],
             monotonic_s=data["monotonic_s"],
@@ -96,11 +95,11 @@ class Feed(Generic[_Item]):
         raise NotImplementedError
 
     def take(self) -> _Item | None:
-        """Take the oldest item out of the inbox, which has one; None says that it was the last."""
+        """Return the oldest item of the inbox, which has one; None after the last one."""
         raise NotImplementedError
 
     def end(self) -> None:
-        """Let nothing come any more."""
+        """End the feed: nothing more comes."""
         self.inbox.append(None)
 
 
@@ -115,7 +114,7 @@ class EventFeed(Feed[Event]):
     what = "event"
 
     def __init__(self, kinds: Sequence[str] | None) -> None:
-        """Raise `CommandError` for what cannot be kinds."""
+        """Raise `CommandError` for impossible kinds."""
         params = {} if kinds is None else {"kinds": names("kinds", kinds)}
         super().__init__(params, math.inf, None)
         self.recent: tuple[Event, ...] = ()
@@ -155,7 +154,7 @@ class EventFeed(Feed[Event]):
 
 
 def names(what: str, given: Sequence[str]) -> list[str]:
-    """Return a list of names; raises `CommandError` for a text, which holds but letters."""
+    """Return a list of names; raises `CommandError` for a text, whose items are single letters."""
     if isinstance(given, str):
         raise ParameterError(
             f"{what} is the text {given!r:.60}, it must be a list of names",
@@ -185,10 +184,10 @@ class StateSample:
 
 
 class StateFeed(Feed[_Item]):
-    """The state `hz` times a second, made into something else by `convert`; the newest count.
+    """The state `hz` times a second, each sample converted by `convert`.
 
-    Of what is not taken out of the inbox only the newest `keep_s` seconds are kept. With a `batch`
-    of more than one, so many samples come together, as late as the last of them.
+    The inbox keeps only the newest `keep_s` seconds. With a `batch` of more than one, that many
+    samples come together, as late as the last of them.
     """
 
     notification = "state.sample"
@@ -203,7 +202,7 @@ class StateFeed(Feed[_Item]):
         keep_s: float = math.inf,
         batch: int = 1,
     ) -> None:
-        """Raise `CommandError` for what cannot be a rate, fields, or the size of a batch."""
+        """Raise `CommandError` for an impossible rate, field or size of a batch."""
         hz, batch = number("hz", hz), integer("batch", batch)
         params: dict[str, Any] = {"hz": hz}
         self._fields = None if fields is None else names("fields", fields)
@@ -270,12 +269,12 @@ class StateFeed(Feed[_Item]):
 
 
 def whole_state(sample: StateSample) -> GripperState:
-    """Make a sample of all fields into a state; raises `ProtocolError`."""
+    """Return the state in a sample of all fields; raises `ProtocolError`."""
     return GripperState.from_wire(sample.state)
 
 
 def some_fields(sample: StateSample) -> dict[str, Any]:
-    """Take only the fields out of a sample."""
+    """Return the fields of a sample."""
     return sample.state
 
 
@@ -294,7 +293,7 @@ class FeedSource(Protocol):
 class Subscription(Generic[_Item]):
     """Iterate to get each item as it comes; close it when done.
 
-    One that nobody has any more is ended as well, when the next item comes for it.
+    A subscription that is no longer referenced ends when its next item comes.
     """
 
     def __init__(self, source: FeedSource, feed: Feed[_Item]) -> None:
@@ -325,12 +324,7 @@ class Subscription(Generic[_Item]):
     def __enter__(self) -> Subscription[_Item]:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

@@ -155,6 +155,19 @@ ROWS: tuple[Row, ...] = (
         "gauge",
         "Whether anybody on the network can take part in teleoperation; absent without a link.",
     ),
+    Row(
+        "remote.insecure",
+        "portal_insecure",
+        "gauge",
+        "Whether the network to a gripper of another machine is unprotected; absent without one.",
+    ),
+    Row(
+        "remote.certificate_expires_s",
+        "portal_certificate_expiry_timestamp_seconds",
+        "gauge",
+        "When the portal's certificate is over, in Unix time; absent without one.",
+        "seconds",
+    ),
     _counter("log.dropped", "log_lines_dropped", "Lines of the log that were lost."),
     Row("log.is_stuck", "log_stuck", "gauge", "Whether nobody reads the standard error."),
 )

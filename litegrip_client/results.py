@@ -1,7 +1,7 @@
 """The state of the gripper, and the results of its actions, as values.
 
-A newer daemon may say more than they hold, which is ignored; what they need and the daemon does
-not say is a `ProtocolError`, but for `NEWER_FIELDS`, which are None for an older daemon.
+Fields that only a newer daemon sends are ignored. A missing field is a `ProtocolError`, except for
+`NEWER_FIELDS`: these are None if the daemon is older.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ NEWER_FIELDS = ("clamp_n", "loss_detection", "loss_detection_from_n")
 
 
 class ShortRepr:
-    """Shows the fields that are known, rounded to four digits; whole they are in the fields."""
+    """Shows the known fields, rounded to four digits; the fields themselves are not rounded."""
 
     __slots__ = ()
 
@@ -49,7 +49,7 @@ class GripperState(StateNames):
     `command_rad` and `command_torque_nm` are the motor's command, `requested_rad` and
     `requested_torque_nm` the motion's request; `limited` says why they differ.
     `force_set_n` is the squeezing force that a hold by force aims at, None in any other and
-    when the motor is off; `is_grasped` whether an object is being held.
+    when the motor is off; `is_grasped` is true if an object is held.
 
     While one is, `clamp_n` is the least and the most force (N) that it may feel, for friction hides
     the difference; the least is 0 while the jaws search for an object that gave way.

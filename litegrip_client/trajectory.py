@@ -169,7 +169,7 @@ class Trajectory:
     def load(cls, name: str | os.PathLike[str]) -> Trajectory:
         """Read what `save` wrote under this name; raises `CommandError` that says what is wrong.
 
-        Grips beside it that cannot be used, or belong to another file, are none, with a warning.
+        Grips beside it that cannot be used, or belong to another file, are left out with a warning.
         """
         content = read_file(name)
         try:
@@ -229,7 +229,7 @@ class Trajectory:
 
 
 def grips_counted(grips: int) -> str:
-    """Count grips in words."""
+    """Return the number of grips in words."""
     return f"{grips} grip" if grips == 1 else f"{grips} grips"
 
 

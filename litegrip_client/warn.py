@@ -1,4 +1,7 @@
-"""Say something that may neither be lost nor raised, because an exception is on its way already."""
+"""Warnings in place of errors that cannot be raised: another exception is under way already.
+
+Not in `errors`, which the pure rooms of the daemon import: they must not import `logging`.
+"""
 
 from __future__ import annotations
 
@@ -23,10 +26,9 @@ async def leave(close: Callable[[], Awaitable[object]], error: BaseException | N
 
     An error of the closing is raised, but only logged where it would hide the block's own.
     """
-    if error is None:
-        await close()
-        return
     try:
         await close()
     except LiteGripError as second:
+        if error is None:
+            raise
         warn(f"on leaving after {type(error).__name__}: {second}")

@@ -67,6 +67,9 @@ def _gateway_rules(gateway: str, places: Sequence[Place]) -> list[dict[str, Any]
         _rule(f"gateway {gateway} is asked", ["query"], "egress", [*asked, *asked_of_all]),
         _rule(f"gateway {gateway} answers", ["reply"], "ingress", asked),
         _rule(f"gateway {gateway} lives", ["liveliness_token"], "ingress", alive),
+        # So that `litegripd-fleet check` can see there whether its own grippers are.
+        _rule(f"gateway {gateway} looks", ["liveliness_query"], "ingress", alive),
+        _rule(f"gateway {gateway} sees", ["liveliness_token"], "egress", alive),
         _rule(
             f"gateway {gateway} sends",
             ["put"],

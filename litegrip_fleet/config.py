@@ -19,6 +19,9 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
+STOP_LEVELS = ("hold", "relax", "disable")
+MOST_WATCHED = 8
+
 FILE = "/etc/litegripd/fleet.toml"
 
 _Value = TypeVar("_Value")
@@ -30,10 +33,15 @@ class FleetConfigError(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class GatewayConfig:
-    """Which daemons of this machine are on the network, by their names there."""
+    """Which daemons of this machine are on the network, by their names there.
+
+    While one of the users `stop_when_silent` shows no life, all are stopped by `stop_level`.
+    """
 
     site: str
     grippers: Mapping[str, str]
+    stop_when_silent: Sequence[str] = ()
+    stop_level: str = STOP_LEVELS[0]
 
     @property
     def places(self) -> Mapping[Place, str]:
@@ -126,6 +134,8 @@ def _network(table: "_Table") -> tuple[Network, bool]:
 def _gateway(table: "_Table") -> GatewayConfig:
     site = check_name(table.get("site", _text), "[gateway] site")
     named = table.get("grippers", _mapping)
+    watched: Sequence[str] | None = table.get("stop_when_silent", _texts, None)
+    level: str | None = table.get("stop_level", _text, None)
     table.finish()
     grippers = {
         check_name(name, "[gateway] gripper"): check_channel(channel)
@@ -133,7 +143,17 @@ def _gateway(table: "_Table") -> GatewayConfig:
     }
     if not grippers:
         raise table.error("grippers", 'is empty: name => channel, as in left = "can0"')
-    return GatewayConfig(site, grippers)
+    if watched is not None:
+        watched = [check_name(user, "[gateway] stop_when_silent") for user in watched]
+        if not 1 <= len(watched) <= MOST_WATCHED or len(set(watched)) < len(watched):
+            problem = f"must name 1 to {MOST_WATCHED} users, each once; leave it out for no switch"
+            raise table.error("stop_when_silent", problem)
+    elif level is not None:
+        raise table.error("stop_level", "means nothing without stop_when_silent: name the users")
+    if level is not None and level not in STOP_LEVELS:
+        problem = f"is {level!r}, it must be one of: {', '.join(STOP_LEVELS)}"
+        raise table.error("stop_level", problem)
+    return GatewayConfig(site, grippers, watched or (), level or STOP_LEVELS[0])
 
 
 def _portal(table: "_Table") -> PortalConfig:

@@ -63,7 +63,7 @@ class FarSession:
         """False while the client has asked for a lease with a time to live of its own: then only
         what it sends itself shows that it lives, and not its portal."""
 
-        self._ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
+        self.ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
         self._voided = voided
         self._to_daemon = to_daemon
         self._push = push
@@ -77,12 +77,16 @@ class FarSession:
         return self._outbox.size_bytes < ROOM_BYTES
 
     def is_lost(self, now_s: float) -> bool:
-        """Return True once nothing has come from the portal for the session's time to live."""
-        return now_s - self._heard_s > self._ttl_s
+        """Return True once the portal has shown no life for the session's time to live."""
+        return now_s - self._heard_s > self.ttl_s
 
     def asked(self, ask: Ask, line: bytes, now_s: float) -> None:
-        """Take a message of the portal's: a line, or that its client lives."""
-        self._heard_s = now_s
+        """Take a message of the portal's: a line, or that its client lives.
+
+        A network may have kept it: life counts from when it was shown, not from when that came.
+        """
+        shown_s = now_s if ask.at_s is None else min(ask.at_s, now_s)
+        self._heard_s = max(self._heard_s, shown_s)
         self._outbox.confirm(ask.got)
         if ask.again:
             self._push_again()
@@ -115,7 +119,7 @@ class FarSession:
                 now_s,
                 at_s=ask.at_s,
                 generation=ask.generation,
-                ttl_s=self._ttl_s,
+                ttl_s=self.ttl_s,
                 voided=self._voided,
             )
         except RefusedError as refused:

@@ -9,16 +9,16 @@ import json
 import logging
 import socket
 import time
-from collections.abc import Mapping
 from importlib.metadata import version
 from typing import Any
 
 import zenoh
 
-from litegrip_client.discovery import reach, stop_path
-from litegrip_client.errors import LiteGripError, from_error_object
-from litegrip_client.exchange import request_line
+from litegrip_client.discovery import stop_path
+from litegrip_client.errors import LiteGripError
 from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
+from litegrip_fleet.daemon import STOP_WITHIN_S, asked_of, connected, unreachable
+from litegrip_fleet.dead_man import DeadMansSwitch
 from litegrip_fleet.far_session import FarSession, generation_in
 from litegrip_fleet.keys import Caller, Place, caller_in, stopper_in
 from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
@@ -28,12 +28,9 @@ _log = logging.getLogger(__name__)
 
 LOOK_EVERY_S = 0.05
 RETRY_EVERY_S = 0.5
-ANSWER_WITHIN_S = 2.0
-STOP_WITHIN_S = 1.0
 MOST_SESSIONS = 56
 """For each gripper; the daemon lets 64 connections of a user in."""
 
-_LONGEST_LINE_BYTES = 16 * 1024 * 1024
 _ALIVE = b'{"jsonrpc":"2.0","id":"gateway","method":"state.get"}\n'
 _ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
 
@@ -41,8 +38,15 @@ _ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
 class Gateway:
     """One gripper of this machine on the network; `run` serves it until it is cancelled."""
 
-    def __init__(self, session: zenoh.Session, place: Place, channel: str) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        place: Place,
+        channel: str,
+        switch: DeadMansSwitch | None = None,
+    ) -> None:
         self.place = place
+        self._switch = switch
         self._session = session
         self._channel = channel
         self._version = version("litegripd")
@@ -96,13 +100,10 @@ class Gateway:
             return
         token = None
         try:
-            self._hello = await _asked_of(reader, writer, "hello", {"client": "gateway"})
+            self._hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
             self._generation = self._hello["stop_generation"]
-            document = await _asked_of(reader, writer, "rpc.discover")
-            self._voided = frozenset(
-                row["name"] for row in document["methods"] if row.get("x-stop-voids")
-            )
-            await _asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
+            self._voided = await _voided(reader, writer)
+            await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
             token = self._session.liveliness().declare_token(self.place.alive)
             _log.info("%s: %s can be reached", self.place, self._channel)
             while line := await reader.readline():
@@ -120,13 +121,8 @@ class Gateway:
 
     async def _connected(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         """Connect to the daemon; raises `ConnectError` where none answers."""
-
-        async def attempt(path: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-            made = await asyncio.open_unix_connection(path, limit=_LONGEST_LINE_BYTES)
-            self._path = path
-            return made
-
-        return await reach(self._channel, None, attempt)
+        self._path, reader, writer = await connected(self._channel)
+        return reader, writer
 
     def _note(self, line: bytes) -> None:
         """Learn how many stops there were from a line of the daemon's."""
@@ -142,13 +138,15 @@ class Gateway:
     async def _say_how_it_is(self, query: zenoh.Query) -> None:
         """Answer with the daemon's version, verdict, mode and owner; or why it does not answer."""
         about: dict[str, Any] = {"gateway": self._version}
+        if self._switch is not None:
+            about["silent"] = self._switch.silent
         try:
             reader, writer = await self._connected()
             try:
-                hello = await _asked_of(reader, writer, "hello", {"client": "gateway"})
-                health = await _asked_of(reader, writer, "health")
-                state = await _asked_of(reader, writer, "state.get")
-                owner = (await _asked_of(reader, writer, "lease.get"))["owner"]
+                hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
+                health = await asked_of(reader, writer, "health")
+                state = await asked_of(reader, writer, "state.get")
+                owner = (await asked_of(reader, writer, "lease.get"))["owner"]
             finally:
                 writer.close()
             about |= {"version": hello["version"], "verdict": health["verdict"]}
@@ -209,9 +207,9 @@ class Gateway:
         """Open a session's connection to the daemon, in its user's name; return what it is."""
         if len(self._connections) > MOST_SESSIONS:
             text = f"{self.place} has {MOST_SESSIONS} sessions, no more are let in: close one"
-            raise _unreachable(text)
+            raise unreachable(text)
         if "error" in self._hello:
-            raise _unreachable(str(self._hello["error"]))
+            raise unreachable(str(self._hello["error"]))
         caller = connection.caller
         user = f"{caller.user}@{self.place.site}"
         reader, writer = await self._connected()
@@ -219,7 +217,7 @@ class Gateway:
         params = {"on_behalf": user, "role": caller.role}
         if ask.program is not None:
             params["client"] = ask.program
-        hello = await _asked_of(reader, writer, "hello", params)
+        hello = await asked_of(reader, writer, "hello", params)
         connection.far = FarSession(
             caller,
             ask,
@@ -251,6 +249,8 @@ class Gateway:
         far = connection.far
         far.generation = self._generation
         far.asked(ask, line, time.monotonic())
+        if self._switch is not None:
+            self._switch.shown(connection.caller.user, ask.at_s, far.ttl_s)
         if ask.op == "live" and far.renews:
             connection.show_life()
         connection.wake()
@@ -315,6 +315,7 @@ class _Connection:
         self._writer: asyncio.StreamWriter | None = None
         self._room = asyncio.Event()
         self._awaits_life = False
+        self._half_closed = False
         self._session = session
         self._key = zenoh.KeyExpr(place.to(caller.user, caller.session))
 
@@ -323,10 +324,11 @@ class _Connection:
         self._reader, self._writer = reader, writer
 
     def to_daemon(self, line: bytes | None) -> None:
-        """Write a line; None is the end of them."""
-        if self._writer is None:
+        """Write a line; None is the end of them, and what comes behind it is dropped."""
+        if self._writer is None or self._half_closed:
             return
         if line is None:
+            self._half_closed = True
             self._writer.write_eof()
         else:
             self._writer.write(line)
@@ -348,9 +350,9 @@ class _Connection:
 
     def show_life(self) -> None:
         """Renew the lease, once the daemon has answered the last time."""
-        if self._writer is not None and not self._awaits_life:
+        if not self._awaits_life:
             self._awaits_life = True
-            self._writer.write(_ALIVE)
+            self.to_daemon(_ALIVE)
 
     def wake(self) -> None:
         """Read on, if the portal is no longer behind."""
@@ -387,10 +389,6 @@ class _Connection:
             self.task.cancel()
 
 
-def _unreachable(text: str) -> LiteGripError:
-    return from_error_object(error_object(UNREACHABLE, text))
-
-
 def _gone(error: Exception) -> dict[str, Any]:
     """Return why a session could not begin, as an error of JSON-RPC."""
     if not isinstance(error, LiteGripError):
@@ -407,29 +405,10 @@ def _answer(query: zenoh.Query, reply: Reply) -> None:
         query.reply(query.key_expr, b"", attachment=packed(reply))
 
 
-async def _asked_of(
-    reader: asyncio.StreamReader,
-    writer: asyncio.StreamWriter,
-    method: str,
-    params: Mapping[str, Any] | None = None,
-) -> dict[str, Any]:
-    """Ask the daemon, and wait for the answer; raises `LiteGripError` for a refusal."""
-    writer.write(request_line(0, method, params))
-    while True:
-        try:
-            line = await asyncio.wait_for(reader.readline(), ANSWER_WITHIN_S)
-        except (asyncio.TimeoutError, OSError) as error:
-            text = f"the daemon does not answer {method}: {error}"
-            raise _unreachable(text) from error
-        if not line:
-            text = f"the daemon has closed the connection before it answered {method}"
-            raise _unreachable(text)
-        answer = json.loads(line)
-        if "error" in answer:
-            raise from_error_object(answer["error"], method)
-        if answer.get("id") == 0:
-            result: dict[str, Any] = answer["result"]
-            return result
+async def _voided(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> frozenset[str]:
+    """Return the methods that a stop makes void; the whole description is not kept."""
+    document = await asked_of(reader, writer, "rpc.discover")
+    return frozenset(row["name"] for row in document["methods"] if row.get("x-stop-voids"))
 
 
 def _in_the_name_of(user: str, line: bytes) -> bytes:

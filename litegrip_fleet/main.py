@@ -10,7 +10,7 @@ import logging
 import os
 import signal
 import sys
-import threading
+import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from concurrent import futures
 from importlib.metadata import version
@@ -19,25 +19,31 @@ from typing import Any, NoReturn
 
 import zenoh
 
+from litegrip_client.ctl.commands.machine import findings_text
+from litegrip_client.doctor.findings import as_data
 from litegrip_fleet.access import rules
 from litegrip_fleet.acl_check import UnreadableError, access_control_in, wider
+from litegrip_fleet.certificates import Certificate, CertificateError, own, watch
+from litegrip_fleet.check import examine
 from litegrip_fleet.config import FILE, FleetConfig, FleetConfigError, load
+from litegrip_fleet.dead_man import DeadMansSwitch
 from litegrip_fleet.gateway import Gateway
 from litegrip_fleet.keys import BadNameError, check_name
-from litegrip_fleet.network import Network, NetworkError, opened
+from litegrip_fleet.network import CONNECT_WITHIN_S, Network, NetworkError, opened, opening
 from litegrip_fleet.portal import Portal
 from litegrip_fleet.site import About, Stopped, alive, look, stop_all
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_NETWORK = 0, 1, 2, 3
 EXIT_CODES = (
     (EXIT_OK, "done, or a signal ended it"),
-    (EXIT_FAILED, "a socket cannot be made, a stop is not confirmed by all, or a rule is too wide"),
+    (
+        EXIT_FAILED,
+        "a socket cannot be made, a stop is not confirmed by all, or a check has found an error",
+    ),
     (EXIT_USAGE, "wrong usage or configuration"),
     (EXIT_NETWORK, "the network cannot be used"),
 )
 """The meaning of each, for the help and the manual page."""
-
-CONNECT_WITHIN_S = 3.0
 
 _log = logging.getLogger("litegripd-fleet")
 
@@ -67,6 +73,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = make_parser().parse_args(argv)
     logging.basicConfig(format="%(message)s", level=logging.INFO, stream=sys.stderr)
     try:
+        if arguments.command == "check":
+            return _check(arguments)
         return int(_COMMANDS[arguments.command](load(arguments.config), arguments))
     except (FleetConfigError, BadNameError, UnreadableError) as error:
         return _fail(str(error), EXIT_USAGE)
@@ -95,6 +103,10 @@ def make_parser() -> argparse.ArgumentParser:
     commands.add_parser("gateway", help="put this machine's grippers on the network")
     commands.add_parser("portal", help="give remote grippers sockets on this machine")
     commands.add_parser("router", help="let gateways and portals find each other, by the rules")
+    checking = commands.add_parser(
+        "check", help="check this machine's parts and what they reach; say what repairs them"
+    )
+    checking.add_argument("--json", action="store_true", help="print one JSON object")
     acl = commands.add_parser("acl", help="print the router's rules, as zenoh takes them")
     acl.add_argument(
         "--check",
@@ -109,6 +121,7 @@ def make_parser() -> argparse.ArgumentParser:
     stop = commands.add_parser("stop", help="stop all grippers of a site")
     stop.add_argument("site", metavar="SITE")
     stop.add_argument("--level", choices=("hold", "relax", "disable"), default="hold")
+    stop.add_argument("--json", action="store_true", help="print one JSON object")
     stop.add_argument("--why", help="for the log and for those who find the grippers stopped")
     return parser
 
@@ -120,27 +133,37 @@ def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     part = config.gateway
     if part is None:
         raise FleetConfigError(f"{config.source}: there is no [gateway]")
-    _warn(config)
+    certificate = _begun(config)
 
-    async def serve() -> None:
-        session = await asyncio.wrap_future(_opening(config.network))
-        gateways = [Gateway(session, place, channel) for place, channel in part.places.items()]
+    async def on_network(switch: DeadMansSwitch | None) -> None:
+        session = await asyncio.wrap_future(opening(config.network))
+        gateways = [
+            Gateway(session, place, channel, switch) for place, channel in part.places.items()
+        ]
         try:
             await asyncio.gather(*(gateway.run() for gateway in gateways))
         finally:
             session.close()
 
-    return asyncio.run(_until_a_signal(serve))
+    async def serve() -> None:
+        if not part.stop_when_silent:
+            await on_network(None)
+            return
+        switch = DeadMansSwitch(part.places, part.stop_when_silent, part.stop_level)
+        with switch.running() as watching:
+            await asyncio.gather(on_network(switch), asyncio.wrap_future(watching))
+
+    return asyncio.run(_until_a_signal(serve, certificate))
 
 
 def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     part = config.portal
     if part is None:
         raise FleetConfigError(f"{config.source}: there is no [portal]")
-    _warn(config)
+    certificate = _begun(config)
 
     async def serve() -> None:
-        connecting = asyncio.wrap_future(_opening(config.network))
+        connecting = asyncio.wrap_future(opening(config.network))
 
         def session() -> zenoh.Session | None:
             is_there = connecting.done() and not connecting.cancelled()
@@ -155,6 +178,8 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
                 role=part.role,
                 ttl_s=part.ttl_s,
                 router=config.network.connect,
+                insecure=config.insecure,
+                certificate_expires_s=None if certificate is None else certificate.until_s,
             )
             for place in part.grippers
         ]
@@ -164,11 +189,11 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
             if (connected := session()) is not None:
                 connected.close()
 
-    return asyncio.run(_until_a_signal(serve))
+    return asyncio.run(_until_a_signal(serve, certificate))
 
 
 def _router(config: FleetConfig, _arguments: argparse.Namespace) -> int:
-    _warn(config)
+    certificate = _begun(config, as_server=True)
     network = _router_network(config)
 
     async def serve() -> None:
@@ -179,7 +204,7 @@ def _router(config: FleetConfig, _arguments: argparse.Namespace) -> int:
         finally:
             session.close()
 
-    return asyncio.run(_until_a_signal(serve))
+    return asyncio.run(_until_a_signal(serve, certificate))
 
 
 def _router_network(config: FleetConfig) -> Network:
@@ -190,8 +215,10 @@ def _router_network(config: FleetConfig) -> Network:
     return Network(config.network.connect, part.listen, config.network.tls, own)
 
 
-async def _until_a_signal(serve: Callable[[], Coroutine[Any, Any, None]]) -> int:
-    """Run a service until SIGTERM or SIGINT.
+async def _until_a_signal(
+    serve: Callable[[], Coroutine[Any, Any, None]], certificate: Certificate | None
+) -> int:
+    """Run a service until SIGTERM or SIGINT, and watch how long its certificate is good.
 
     The loop's own way to hear of signals loses them when its pipe is full, as in a flood of stops.
     """
@@ -201,22 +228,51 @@ async def _until_a_signal(serve: Callable[[], Coroutine[Any, Any, None]]) -> int
         signal.signal(number, lambda *_received: loop.call_soon_threadsafe(ending.set))
     serving = asyncio.create_task(serve())
     waiting = asyncio.create_task(ending.wait())
-    await asyncio.wait((serving, waiting), return_when=asyncio.FIRST_COMPLETED)
-    for task in (serving, waiting):
+    watching = asyncio.create_task(_watched(certificate))
+    await asyncio.wait((serving, waiting, watching), return_when=asyncio.FIRST_COMPLETED)
+    for task in (serving, waiting, watching):
         task.cancel()
-    ended = await asyncio.gather(serving, return_exceptions=True)
+    ended = await asyncio.gather(serving, watching, return_exceptions=True)
     for problem in ended:
         if isinstance(problem, Exception):
             raise problem
     return EXIT_OK
 
 
-def _warn(config: FleetConfig) -> None:
-    if config.insecure:
+def _begun(config: FleetConfig, *, as_server: bool = False) -> Certificate | None:
+    """Say what is wrong with the own protection; return the certificate that a part begins with.
+
+    One that cannot be used is zenoh's to refuse.
+    """
+    tls = config.network.tls
+    if tls is None:
         _log.warning("insecure = true: nothing is encrypted, and everybody may do everything")
+        return None
+    try:
+        return own(tls, as_server=as_server)
+    except (CertificateError, OSError) as error:
+        _log.error("%s %s; look with: litegripd-fleet check", tls.certificate, error)
+        return None
+
+
+async def _watched(certificate: Certificate | None) -> None:
+    """Watch a certificate, where there is one; until cancelled."""
+    await (asyncio.Event().wait() if certificate is None else watch(certificate))
 
 
 # Commands -----------------------------------------------------------------------------------------
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    found = list(examine(arguments.config, time.time()))
+    data = as_data(None, found)
+    if arguments.json:
+        print(
+            json.dumps({"ok": data["ok"], "file": arguments.config, "findings": data["findings"]})
+        )
+    else:
+        print(findings_text(found))
+    return EXIT_OK if data["ok"] else EXIT_FAILED
 
 
 def _acl(config: FleetConfig, arguments: argparse.Namespace) -> int:
@@ -251,6 +307,9 @@ def _print_table(found: Sequence[About]) -> None:
     print(form.format("GRIPPER", "VERSION", "VERDICT", "MODE", "AGE", "ANSWER", "OWNER"))
     for one in found:
         facts, after = one.facts, f"{one.after_s * 1e3:.0f} ms"
+        silent = facts.get("silent") or ()
+        if silent:
+            print(f"{one.place!s:<{width}}  stopped while silent: {', '.join(map(str, silent))}")
         if "error" in facts:
             print(f"{one.place!s:<{width}}  {facts['error']}")
             continue
@@ -280,7 +339,21 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
             return stopped
 
         stopped = asyncio.run(stop())
-    return _report(stopped)
+    return _report_as_json(stopped) if arguments.json else _report(stopped)
+
+
+def _report_as_json(stopped: Stopped) -> int:
+    print(
+        json.dumps(
+            {
+                "ok": stopped.ok,
+                "confirmed": {str(place): after_s for place, after_s in stopped.confirmed.items()},
+                "failed": {str(place): problem for place, problem in stopped.failed.items()},
+                "silent": [str(place) for place in sorted(set(stopped.silent))],
+            }
+        )
+    )
+    return EXIT_OK if stopped.ok else EXIT_FAILED
 
 
 def _report(stopped: Stopped) -> int:
@@ -306,7 +379,7 @@ def _site(text: str) -> str:
 def _connected(config: FleetConfig) -> Iterator[zenoh.Session]:
     """Yield a session; raises `_FailureError` where no router answers in time."""
     try:
-        session = _opening(config.network).result(CONNECT_WITHIN_S)
+        session = opening(config.network).result(CONNECT_WITHIN_S)
     except futures.TimeoutError:
         where = ", ".join(config.network.connect)
         raise _FailureError(
@@ -316,21 +389,6 @@ def _connected(config: FleetConfig) -> Iterator[zenoh.Session]:
         yield session
     finally:
         session.close()
-
-
-def _opening(network: Network) -> futures.Future[zenoh.Session]:
-    """Open a session, however long that takes, on a thread that no end of the process waits for."""
-    future: futures.Future[zenoh.Session] = futures.Future()
-    future.set_running_or_notify_cancel()  # it cannot be cancelled any more
-
-    def connect() -> None:
-        try:
-            future.set_result(opened(network))
-        except NetworkError as error:
-            future.set_exception(error)
-
-    threading.Thread(target=connect, name="connect", daemon=True).start()
-    return future
 
 
 def _fail(message: str, code: int) -> int:

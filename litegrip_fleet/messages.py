@@ -6,7 +6,7 @@ What arrives may be anything: it is checked down to each member, and anything el
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from types import NoneType
 from typing import Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
@@ -26,9 +26,9 @@ class Ask:
     """From a portal, with a query: a session's beginning, a line, their end, its life, or its end.
 
     `number` is the line's, or their end's, from 1; `got` the last push that arrived in order;
-    `again` asks for what follows it once more. `at_s` is when the line was sent, by the portal's
-    reckoning of the gateway's CLOCK_MONOTONIC, `generation` the count of stops that the portal knew
-    of then. `ttl_s` and `program` come with `open`.
+    `again` asks for what follows it once more. `at_s` is when the line or the sign of life was
+    sent, by the portal's reckoning of the gateway's CLOCK_MONOTONIC, `generation` the count of
+    stops that the portal knew of then. `ttl_s` and `program` come with `open`.
     """
 
     op: Op
@@ -82,8 +82,11 @@ _HINTS: Mapping[type, Mapping[str, Any]] = {kind: get_type_hints(kind) for kind 
 
 def packed(message: Ask | Reply | Push) -> bytes:
     """Return a message as it travels; what has its default is left out."""
-    defaults = _DEFAULTS[type(message)]
-    own = {name: value for name, value in asdict(message).items() if value != defaults[name]}
+    own = {
+        name: value
+        for name, default in _DEFAULTS[type(message)].items()
+        if (value := getattr(message, name)) != default
+    }
     return json.dumps({"v": VERSION, **own}, separators=(",", ":")).encode()
 
 

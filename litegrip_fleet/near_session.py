@@ -27,8 +27,13 @@ AGAIN_AFTER_S = 0.3
 BEHIND_S = 0.1
 """What the gateway has sent and has not arrived by then is asked for again."""
 
-INTRODUCTIONS = ("hello", "info.get")
-"""Their answers say where the gripper is, and where it is stopped: that is at the portal."""
+INTRODUCTIONS = ("hello", "info.get", "health")
+"""Their answers say where the gripper is, and where it is stopped: that is at the portal.
+
+That of `health` says how the way to it is protected."""
+
+PROTECTION = ("insecure", "certificate_expires_s")
+"""The members of `remote` that `health` has."""
 
 CONFIRM_BYTES = 65_536
 """So much of what came is confirmed at once, not with the next sign of life."""
@@ -55,6 +60,7 @@ class NearSession:
     ) -> None:
         self.ended = False
         self.generation: int | None = None
+        self._lives = True
         self._ttl_s = ttl_s
         self._clock = clock
         self._heard_s = now_s
@@ -70,7 +76,7 @@ class NearSession:
         self._unconfirmed_bytes = 0
         self._pieces: list[bytes] = []
         self._behind_since_s: float | None = None
-        self._introductions: set[str | int] = set()
+        self._introductions: dict[str | int, str] = {}
 
     def opened(self, about: dict[str, Any] | None) -> None:
         """Store by which way the gripper is reached, as `hello` describes it."""
@@ -96,6 +102,7 @@ class NearSession:
         """Show life, ask again, or give up; `lives`: the client's process can still act."""
         if self.ended:
             return
+        self._lives = lives
         if not lives:  # the gateway lets it go when its time is up
             self._heard_s = now_s
             return
@@ -157,7 +164,7 @@ class NearSession:
             self.ended = True
             return
         self._unconfirmed_bytes += len(piece)
-        if self._unconfirmed_bytes > CONFIRM_BYTES:
+        if self._unconfirmed_bytes > CONFIRM_BYTES and self._lives:  # a message is a sign of life
             self._show_life(now_s)
         self._pieces.append(piece)
         if not push.more:
@@ -166,7 +173,7 @@ class NearSession:
 
     def _show_life(self, now_s: float, *, again: bool = False) -> None:
         self._unconfirmed_bytes = 0
-        self._send(Ask("live", again=again), b"", now_s)
+        self._send(Ask("live", again=again, at_s=self._clock.at(now_s)), b"", now_s)
 
     def _send(self, ask: Ask, line: bytes, now_s: float) -> None:
         self._asked_s = now_s
@@ -195,7 +202,7 @@ class NearSession:
         if isinstance(request, dict) and request.get("method") in INTRODUCTIONS:
             identity = request.get("id")
             if isinstance(identity, str | int):
-                self._introductions.add(identity)
+                self._introductions[identity] = request["method"]
 
     def _amended(self, line: bytes) -> bytes:
         """Return an answer; one that says where the gripper is, says where it is met here."""
@@ -203,8 +210,10 @@ class NearSession:
         identity = answer.get("id")
         if "method" in answer or identity not in self._introductions:
             return line
-        self._introductions.discard(identity)
-        if "result" in answer:
+        method = self._introductions.pop(identity)
+        if "result" in answer and method == "health":
+            answer["result"]["remote"] = {name: self._about.get(name) for name in PROTECTION}
+        elif "result" in answer:
             remote = {**self._about, "channel": answer["result"].get("channel")}
             answer["result"] |= {
                 "channel": self._channel,

@@ -10,6 +10,7 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent import futures
 from dataclasses import dataclass
 from typing import Any
 
@@ -29,6 +30,8 @@ _WAITING = 1024
 """So many queries or samples wait for the event loop before zenoh is held up."""
 
 QUERY_WITHIN_S = 1.0
+CONNECT_WITHIN_S = 3.0
+"""So long a command waits for a router."""
 
 
 class NetworkError(Exception):
@@ -101,6 +104,21 @@ def opened(network: Network, mode: str = "client") -> zenoh.Session:
         return zenoh.open(configuration(network, mode))
     except zenoh.ZError as error:
         raise NetworkError(str(error)) from error
+
+
+def opening(network: Network) -> futures.Future[zenoh.Session]:
+    """Open a session, however long that takes, on a thread that no end of the process waits for."""
+    future: futures.Future[zenoh.Session] = futures.Future()
+    future.set_running_or_notify_cancel()  # it cannot be cancelled any more
+
+    def connect() -> None:
+        try:
+            future.set_result(opened(network))
+        except NetworkError as error:
+            future.set_exception(error)
+
+    threading.Thread(target=connect, name="connect", daemon=True).start()
+    return future
 
 
 def hand_over(
@@ -182,7 +200,9 @@ def ask(
 
     session.get(
         key,
-        handler=zenoh.handlers.Callback(took, done),
+        # On zenoh's own thread: otherwise it starts one for each query, which costs more than the
+        # rest of it. What is called there waits for nothing, and asks nothing of zenoh.
+        handler=zenoh.handlers.Callback(took, done, indirect=False),
         payload=payload,
         attachment=attached,
         timeout=within_s,

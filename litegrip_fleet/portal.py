@@ -8,6 +8,7 @@ import asyncio
 import contextlib
 import json
 import logging
+import os
 import secrets
 import select
 import socket
@@ -50,6 +51,7 @@ MOST_UNREAD_BYTES = 4 * 1024 * 1024
 _MAX_STOP_BYTES = 1024
 _READ_BYTES = 65_536
 _MODE = 0o660
+_STAT_BYTES = 1024
 _STOPPED_STATES, _ENDED_STATES = "Tt", "ZX"
 
 _Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
@@ -68,9 +70,16 @@ class Portal:
         role: str,
         ttl_s: float,
         router: Sequence[str] = (),
+        insecure: bool = False,
+        certificate_expires_s: float | None = None,
     ) -> None:
         self.place = place
-        self.way = {"portal": version("litegripd"), "router": list(router)}
+        self.way = {
+            "portal": version("litegripd"),
+            "router": list(router),
+            "insecure": insecure,
+            "certificate_expires_s": certificate_expires_s,
+        }
         self.path = path
         self.user = user
         self.role = role
@@ -478,8 +487,15 @@ def _state_of(pid: int) -> str | None:
     if pid == 0:
         return "R"
     try:
-        content = Path(f"/proc/{pid}/stat").read_text("ascii", "replace")
+        # Without a file object: this is done often, and takes 8 in place of 20 µs.
+        stat_file = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
     except (FileNotFoundError, ProcessLookupError):
         return None
-    state = content.rpartition(")")[2].split(maxsplit=1)[0]
+    try:
+        content = os.read(stat_file, _STAT_BYTES)
+    except ProcessLookupError:
+        return None
+    finally:
+        os.close(stat_file)
+    state = content.rpartition(b")")[2].split(maxsplit=1)[0].decode("ascii", "replace")
     return None if state in _ENDED_STATES else state

@@ -14,7 +14,27 @@ def test_a_circle_would_be_found() -> None:
     assert set(imported(path, modules)) == set(modules)
 
 
-def test_walks_enter_files_of_the_product() -> None:
-    for name, files in walks().items():
-        assert len(files) > 3, name
+MOST_FILES = {
+    "state.get": 9,
+    "a grasp request": 20,
+    "a tick of a grasp": 19,
+    "LiteGrip.grasp()": 10,
+}
+"""What a reader opens to follow each walk; of the tick's, four are the simulator's."""
+
+MOST_MODULES = 152
+"""Of the daemon and its client: 150, and two of the client for a fleet. The page and the fleet are
+programs of their own."""
+
+
+def test_walks_enter_files_of_the_product_and_no_more_than_a_reader_follows() -> None:
+    found = walks()
+    assert found.keys() == MOST_FILES.keys()
+    for name, files in found.items():
+        assert 3 < len(files) <= MOST_FILES[name], f"{name}: {files}"
         assert set(files) <= set(sizes(*PRODUCT)) | set(GENERATED)
+
+
+def test_daemon_and_client_stay_in_few_modules() -> None:
+    own = [name for name in sizes("litegripd", "litegrip_client") if "__init__" not in name]
+    assert len(own) <= MOST_MODULES

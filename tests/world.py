@@ -8,6 +8,7 @@ import json
 import shutil
 import tempfile
 import weakref
+from bisect import bisect_left
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -16,6 +17,7 @@ from typing import Any, ClassVar
 
 from litegripd.app.build import build_service
 from litegripd.app.machine import Machine
+from litegripd.control.snapshot import GripperState
 from litegripd.handover.state import OnRestart, OnRestarted, no_restart
 from litegripd.io.helper.atomic_file import FileSystem
 from litegripd.io.helper.files import load_operation, templates_operation
@@ -24,7 +26,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import DM4310, Geometry, GripperId, MotorType
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import UP, CanFrame, MitCommand, MotorPhase, Ranges
-from litegripd.model.state import GripperState, HelperTask, TaskResult
+from litegripd.model.state import HelperTask, TaskResult
 from litegripd.motor import codec
 from litegripd.recorder.files import Recording, read
 from litegripd.recorder.recorder import Dumps, Recorder, memory_bytes, tick_slots
@@ -404,17 +406,22 @@ class World:
         identity = self.machine.motor.view().identity
         return DM4310.ranges if identity is None else identity.ranges
 
+    def sent_since(self, since_s: float) -> list[Sent]:
+        """Return what was sent since a time; it is asked in every tick of long scenes."""
+        return self.sent[bisect_left(self.sent, since_s, key=lambda sent: sent.at_s) :]
+
     def commands_since(self, since_s: float) -> list[tuple[float, MitCommand]]:
         """Return the MIT commands that were sent since a time, decoded, with their times."""
+        ranges = self.ranges
         return [
-            (sent.at_s, codec.decode_command(sent.frame.data, self.ranges))
-            for sent in self.sent
-            if sent.at_s >= since_s and sent.frame.can_id == CAN_ID and is_command(sent.frame)
+            (sent.at_s, codec.decode_command(sent.frame.data, ranges))
+            for sent in self.sent_since(since_s)
+            if sent.frame.can_id == CAN_ID and is_command(sent.frame)
         ]
 
     def longest_gap_s(self, since_s: float) -> float:
         """Return the longest time between two frames to the motor's own id since a time."""
-        times = [s.at_s for s in self.sent if s.frame.can_id == CAN_ID and s.at_s >= since_s]
+        times = [s.at_s for s in self.sent_since(since_s) if s.frame.can_id == CAN_ID]
         times.append(self.now_s)
         return max(later - earlier for earlier, later in pairwise(times))
 

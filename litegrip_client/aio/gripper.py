@@ -14,7 +14,6 @@ import math
 import os
 import socket
 from collections.abc import Callable, Coroutine, Mapping, Sequence
-from types import TracebackType
 from typing import Any, Generic, TypeVar, overload
 
 from litegrip_client.calibration import GripperConfig
@@ -61,7 +60,7 @@ class Waiting:
         return True
 
     def wake(self) -> None:
-        """Let those go on for whom it is so by now."""
+        """Wake the waiters whose condition is true by now."""
         for waiter, ready in self._waiting.items():
             if ready():
                 _wake(waiter)
@@ -130,12 +129,12 @@ class LineStream(asyncio.Protocol):
         self._socket.close()
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Note what sends."""
+        """Store the transport."""
         if isinstance(transport, asyncio.WriteTransport):
             self._transport = transport
 
     def data_received(self, data: bytes) -> None:
-        """Hand on the lines that are complete."""
+        """Pass the complete lines on."""
         *lines, self._rest = (self._rest + data).split(b"\n")
         if lines:
             self._on_lines(lines)
@@ -181,12 +180,17 @@ class Connection(Exchange):
         await connection._stream.connect(path, timeout_s)
         return connection
 
+    @property
+    def connection(self) -> Connection:
+        """This object: it has both what waits and what does not."""
+        return self
+
     # Calls
 
     async def call(
         self, method: str, params: Mapping[str, Any] | None = None, timeout_s: float | None = None
     ) -> dict[str, Any]:
-        """Ask the daemon and return its result.
+        """Send a request to the daemon and return its result.
 
         `timeout_s` None means the connection's, `math.inf` for ever. Raises the exception of the
         daemon's error, and `ConnectError` when the connection is gone or no answer comes in time.
@@ -216,7 +220,7 @@ class Connection(Exchange):
         await self._send(self._guarded_notification(method, params))
 
     async def take_refusal(self) -> LiteGripError | None:
-        """Return why the daemon refused what `notify_guarded` sent, once it has said so."""
+        """Return the daemon's refusal of a `notify_guarded` request, or None."""
         self._check_usable()
         await asyncio.sleep(0)  # so that what has come is read, and other tasks have their turn
         self._router.check()
@@ -344,8 +348,8 @@ _Item = TypeVar("_Item")
 class Subscription(Generic[_Item]):
     """Iterate to get each item as it comes: `async for state in gripper.states(hz=50):`.
 
-    It begins with the iteration, or with `async with`, whose end ends it. One that nobody has any
-    more, because its iteration was left, is ended when the next item comes for it.
+    It begins with the iteration, or with `async with`, whose end ends it. A subscription that is no
+    longer referenced, because its iteration was left, ends when its next item comes.
     """
 
     def __init__(self, connection: Connection, feed: Feed[_Item]) -> None:
@@ -390,12 +394,7 @@ class Subscription(Generic[_Item]):
         await self._begin()
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         await leave(self.close, error)
 
 
@@ -419,7 +418,7 @@ class EventSubscription(Subscription[Event]):
 _Result = TypeVar("_Result")
 
 _KEPT_S = 0.5
-"""What a slow task finds of the states that came meanwhile: it shall get new ones."""
+"""The most states that wait for a slow task: it should get new ones."""
 
 
 class AsyncSession(DaemonSession):
@@ -432,8 +431,8 @@ class AsyncSession(DaemonSession):
         """Connect to another socket of the same daemon; raises `OSError`."""
         return await Connection.open(path, timeout_s)
 
-    async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Return what `function` does, in a thread of its own."""
+    async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Run a function in a thread of its own; return its result."""
         loop = asyncio.get_running_loop()
         return await loop.run_in_executor(None, functools.partial(function, *arguments))
 
@@ -496,7 +495,7 @@ class LiteGrip(Gripper):
 
     @property
     def actions(self) -> GripperActions:
-        """The actions by themselves, which this object has as well."""
+        """The actions without the connection; this object has them, too."""
         return self
 
     @overload
@@ -522,5 +521,5 @@ class LiteGrip(Gripper):
         return Subscription(connection, StateFeed(hz, fields, some_fields, _KEPT_S, batch))
 
     def events(self, kinds: Sequence[str] | None = None) -> EventSubscription:
-        """Iterate over what happens from the begin of the iteration on, or only some `kinds`."""
+        """Iterate over the events from now on, or only those of some `kinds`."""
         return EventSubscription(self._session.connection, EventFeed(kinds))

@@ -95,7 +95,7 @@ class GripperActions:
         session = self._session
         wire = session.wire
         params = {} if retries is None else {"retries": integer("retries", retries)}
-        call = wire.prepare_guarded("motor.enable", self._configured(params))
+        call = wire.connection.prepare_guarded("motor.enable", self._configured(params))
         await session.acquire(on_lost="disable" if session.disable_on_disconnect else "hold")
         if self._mount_due is not None:
             await self._load_mount(wire)
@@ -114,7 +114,7 @@ class GripperActions:
 
     async def _load_mount(self, wire: Wire) -> None:
         """Have the daemon use the nominal calibration of the constructor's `mount`."""
-        call = wire.prepare_guarded("calibration.load", {"template": self._mount_due})
+        call = wire.connection.prepare_guarded("calibration.load", {"template": self._mount_due})
         await wire.run(call, ACTION_TIMEOUT_S)
         self._mount_due = None
 
@@ -132,7 +132,7 @@ class GripperActions:
     async def clear_fault(self, *, enable: bool = True) -> bool:
         """Clear the motor's latched fault and enable the motor; true if it is enabled.
 
-        The motor holds the measured position then, and `enable` tells what else that means. With
+        The motor holds the measured position then; `enable` describes what else that means. With
         `enable` false it stays disabled, and true means that no fault is left. An enabled motor
         has no fault: nothing happens. This also accepts a position that has jumped: check first
         where the jaws are. Raises `HardwareError` with a fault that cannot be cleared.
@@ -364,12 +364,12 @@ class GripperActions:
         return True
 
     def _speed_limit(self) -> dict[str, float]:
-        """Return the speed of the tunables, if it was set; nothing else of them is for streams."""
+        """Return the tunable speed if it was set: streams use no other tunable."""
         config = self._motion_config.to_wire()
         return {name: config[name] for name in ("speed_mm_s",) if name in config}
 
     async def _end_frames(self) -> None:
-        """Let no set-point of `send_mit_frame` stand in the way of what comes next."""
+        """End the stream of `send_mit_frame`, so that another request can begin."""
         if self._frames is not None:
             frames, self._frames = self._frames, None
             await frames.close()
@@ -484,7 +484,7 @@ class GripperActions:
         held then. `error` of `trajectory_status` reports later errors.
         """
         params = _play_params(speed, kp, kd, align, torque_nm, force)
-        # It shall end with the connection, which a motion for which nobody waits does not.
+        # It must end with the connection. A motion for which nobody waits does not.
         params |= {"loop": bool(loop), "wait": False, "detach": False}
         params["upload"] = await self._trajectories.upload(trajectory)
         await self._command("trajectory.play", self._configured(params))
@@ -628,7 +628,7 @@ class GripperActions:
         if transport is not None:
             raise CommandError(
                 "a transport of the caller's own cannot be used: the link is the daemon's, so that"
-                " it goes on while a script is late",
+                " it continues while a script is late",
                 reason="unsupported",
                 data={"parameter": "transport", "hint": 'leave it out, or take link="udp"'},
             )
@@ -847,7 +847,7 @@ class GripperActions:
     async def _run(
         self, method: str, params: dict[str, Any], progress: ProgressCallback | None
     ) -> dict[str, Any]:
-        """Wait for a motion's result; whatever else ends the waiting cancels the motion."""
+        """Wait for a motion's result; an interrupt or an error cancels the motion."""
         positions: list[float] = []
 
         def report(data: dict[str, Any]) -> None:
@@ -860,7 +860,7 @@ class GripperActions:
     async def _command(
         self, method: str, params: dict[str, Any], timeout_s: float | None = None
     ) -> dict[str, Any]:
-        """Make a call that is answered soon, and that must never act after a stop."""
+        """Make a call that is answered soon and must never act after a stop."""
         await self._end_frames()
         return await self._session.command(method, params, timeout_s)
 

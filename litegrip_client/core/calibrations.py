@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Awaitable, Callable
-from types import TracebackType
 from typing import Any
 
 from litegrip_client import calibration_files as files
@@ -46,7 +45,7 @@ async def load(
     name = files.template_at(asked)
     if name is not None:
         return await _load(command, {"template": name})
-    return await _load(command, {"content": await session.aside(files.read, asked)})
+    return await _load(command, {"content": await session.run_blocking(files.read, asked)})
 
 
 async def use(command: Command, data: CalibrationData) -> bool:
@@ -72,7 +71,7 @@ async def _load_found(session: DaemonSession, command: Command) -> bool:
         return True
     for reason in answer["skipped"]:
         warn(f"the daemon passed over: {reason}")
-    found = await session.aside(next, files.own_files(session.channel), None)
+    found = await session.run_blocking(next, files.own_files(session.channel), None)
     if found is None:
         return answer["loaded"] is True
     try:
@@ -91,7 +90,7 @@ async def save_calibration(session: DaemonSession, path: str | os.PathLike[str] 
     present = await session.wire.call("calibration.get")
     if present["calibrated"] is not True:
         raise CommandError("there is no calibration to be saved", reason="not_calibrated")
-    return await session.aside(files.write, target, present["content"])
+    return await session.run_blocking(files.write, target, present["content"])
 
 
 class ManualCalibration:
@@ -153,12 +152,7 @@ class ManualCalibration:
             raise
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         await leave(self._cancel, error)
 
     async def _cancel(self) -> None:
@@ -169,7 +163,7 @@ class ManualCalibration:
     async def _step(self, step: str, **more: Any) -> dict[str, Any]:
         if not self._running:
             raise CommandError(
-                "no calibration by hand is going on",
+                "no calibration by hand is under way",
                 reason="not_begun",
                 data={"hint": "use it as: with gripper.manual_calibration() as manual:"},
             )
@@ -179,7 +173,7 @@ class ManualCalibration:
 
 
 class ProbePrinter:
-    """Prints what a probe does, as the vendor's SDK; nothing else of the client prints.
+    """Prints what a probe does, as the vendor's SDK does; nothing else in the client prints.
 
     It prints each new phase, and its progress now and then.
     """

@@ -1,12 +1,10 @@
 """A gripper at its daemon: the actions, and the connection, the lease, the stop, and what is read.
 
-How to wait for the daemon is the session's. `litegrip_client/gripper.py`, for threads, is partly
+The session knows how to wait for the daemon. `litegrip_client/gripper.py`, for threads, is partly
 generated from this file: its docstrings are written for both.
 """
 
 from __future__ import annotations
-
-from types import TracebackType
 
 from litegrip_client.core.actions import GripperActions, state_of
 from litegrip_client.core.session import ACTION_TIMEOUT_S, DaemonSession, Lease
@@ -68,12 +66,7 @@ class Gripper(GripperActions):
         """
         await self._session.close()
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         await leave(self.disconnect, error)
 
     @property

@@ -1,7 +1,7 @@
-"""Motions to their end, cancelled when their caller is interrupted; and streams of set-points.
+"""Motions, which are cancelled when their caller is interrupted, and streams of set-points.
 
-A set-point is a target that a program sends again and again, each valid for a short time only. It
-is sent here, and what became of it is found out; how the jaws follow is the daemon's.
+A set-point is a target that a program sends again and again; each is valid for a short time. This
+module sends it and finds out what became of it. The daemon decides how the jaws follow.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import math
 import os
 import time
 from collections.abc import Awaitable, Callable, Mapping
-from types import TracebackType
 
 from litegrip_client.checks import given_numbers, number
 from litegrip_client.core.session import DaemonSession
@@ -52,11 +51,11 @@ class Motion:
     async def run(self) -> dict[str, Any]:
         """Wait for the motion's result, however long it takes.
 
-        Whatever else ends the waiting (KeyboardInterrupt, a cancelled task, an error of the
-        progress callback) cancels the motion first, so that the jaws hold, and is then raised.
+        If something else ends the waiting (KeyboardInterrupt, a cancelled task, an error of the
+        progress callback), the motion is cancelled, so that the jaws hold, and that is raised.
         """
         wire = self._wire
-        call = wire.prepare_guarded(self._method, self._params, self._on_progress)
+        call = wire.connection.prepare_guarded(self._method, self._params, self._on_progress)
         call.keep = True
         try:
             return await wire.run(call, FOREVER_S)
@@ -67,10 +66,10 @@ class Motion:
                 await wire.finish(self._cancel(call))
             raise
         finally:
-            wire.forget(call)
+            wire.connection.forget(call)
 
     async def _cancel(self, call: Call) -> None:
-        if self._wire.closed:
+        if self._wire.connection.closed:
             self.cancel_error = ConnectError("the daemon is gone", reason="connection_lost")
             return
         try:
@@ -100,7 +99,7 @@ class Motion:
 
     def _is_own(self, owner: Mapping[str, Any]) -> bool:
         """Return True if a job is of this connection, or, where unknown, of this process."""
-        client = self._wire.client
+        client = self._wire.connection.client
         if client is not None and "client" in owner:
             return bool(owner["client"] == client)
         return bool(owner["pid"] == os.getpid())
@@ -180,7 +179,7 @@ class SetpointStream:
         else:
             # Also after half of the validity: the job that it began may have ended on its way.
             self._wire = self._job = None
-            job = (await wire.run(wire.prepare_guarded("stream.set", params)))["job"]
+            job = (await wire.run(wire.connection.prepare_guarded("stream.set", params)))["job"]
             await wire.take_refusal()  # of what was sent before, and is answered by now
             self._wire, self._job = wire, job
         self._sent_s = time.monotonic()
@@ -190,18 +189,13 @@ class SetpointStream:
         wire, job = self._wire, self._job
         self._wire = self._job = None
         lives = time.monotonic() - self._sent_s < 2.0 * self._valid_s
-        if wire is not None and job is not None and lives and not wire.closed:
+        if wire is not None and job is not None and lives and not wire.connection.closed:
             await wire.call("job.cancel", {"job": job})
 
     async def __aenter__(self) -> SetpointStream:
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         await leave(self.close, error)
 
 

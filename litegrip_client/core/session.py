@@ -8,7 +8,6 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Coroutine, Mapping
-from types import TracebackType
 
 from litegrip_client.checks import given_numbers
 from litegrip_client.discovery import chosen_channel
@@ -20,7 +19,6 @@ from litegrip_client.errors import (
     LiteGripError,
     ProtocolError,
 )
-from litegrip_client.exchange import Call, Progress, Undo
 from litegrip_client.warn import leave, warn
 
 TYPE_CHECKING = False
@@ -28,54 +26,16 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Awaitable
     from typing import Any, Protocol, TypeVar
 
+    from litegrip_client.exchange import Call, Exchange
+
     _Result = TypeVar("_Result")
 
     class Wire(Protocol):
-        """A connection: what of it does not wait is described by `Exchange`."""
+        """What waits for the daemon, as coroutines; `connection` does the rest."""
 
         @property
-        def path(self) -> str:
-            """The daemon's socket."""
-
-        @property
-        def client(self) -> int | None:
-            """The daemon's number for the connection."""
-
-        @property
-        def stop_socket(self) -> str | None:
-            """The daemon's priority socket for stops; None until the daemon reports it."""
-
-        @property
-        def daemon_pid(self) -> int:
-            """The process id of the other end, 0 if unknown."""
-
-        @property
-        def closed(self) -> bool:
-            """True if the connection has ended: every further call fails."""
-
-        @property
-        def is_own(self) -> bool:
-            """True if this process made the connection, not the parent process before a fork."""
-
-        def prepare(self, method: str, params: Mapping[str, Any] | None = None) -> Call:
-            """Make a call."""
-
-        def prepare_guarded(
-            self, method: str, params: Mapping[str, Any], on_progress: Progress | None = None
-        ) -> Call:
-            """Make a call that never acts after a stop that its sender did not know."""
-
-        def accept(self, hello: Mapping[str, Any]) -> None:
-            """Note what the daemon says of itself."""
-
-        def note_stops(self, result: Mapping[str, Any]) -> None:
-            """Store the stop generation of a result from any source."""
-
-        def forget(self, call: Call) -> None:
-            """Drop what still comes for a call."""
-
-        def abandon(self, call: Call, undo: Undo) -> None:
-            """Take back what a call begins, now or when its answer comes."""
+        def connection(self) -> Exchange:
+            """The connection, for all that does not wait."""
 
         async def run(self, call: Call, timeout_s: float | None = None) -> dict[str, Any]:
             """Send a call, and return its result."""
@@ -92,7 +52,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
             """Send a guarded request that gets no answer."""
 
         async def take_refusal(self) -> LiteGripError | None:
-            """Return why the daemon refused such a request, once it has said so."""
+            """Return the daemon's refusal of such a request, or None."""
 
         async def finish(self, coroutine: Coroutine[Any, Any, None]) -> None:
             """Await something to its end, even when the awaiting task is cancelled again."""
@@ -122,7 +82,7 @@ class DaemonSession:
         disable_on_disconnect: bool,
         expected: Mapping[str, Any] | None = None,
     ) -> None:
-        """Expect what `expected` says of the daemon's `GripperConfig`, by its fields."""
+        """Expect the values of `expected` in the daemon's `GripperConfig`, by its fields."""
         self._expected = expected or {}
         self.channel = chosen_channel(channel)
         self.can_id = can_id
@@ -152,10 +112,10 @@ class DaemonSession:
     ) -> dict[str, Any]:
         """Make a call that must never act after a stop that this program did not know of."""
         wire = self.wire
-        return await wire.run(wire.prepare_guarded(method, params), timeout_s)
+        return await wire.run(wire.connection.prepare_guarded(method, params), timeout_s)
 
-    async def aside(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Return what `function` does, which works with files and so may take its time."""
+    async def run_blocking(self, function: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Run a function that works with files, and so may block; return its result."""
         raise NotImplementedError
 
     async def pause(self, seconds: float) -> None:
@@ -165,7 +125,7 @@ class DaemonSession:
     @property
     def is_open(self) -> bool:
         """True if calls can be made."""
-        return self._wire is not None and not self._wire.closed
+        return self._wire is not None and not self._wire.connection.closed
 
     @property
     def leased(self) -> bool:
@@ -190,13 +150,13 @@ class DaemonSession:
         self._connect_first = connect
 
     async def open_first(self) -> None:
-        """Connect, if nobody has yet: the SDK's calls on calibrations work before `connect`."""
+        """Connect if not connected: the SDK's calls on calibrations work before `connect`."""
         connect = self._connect_first
         if connect is not None and self._wire is None:
             await connect()
 
     async def open(self, begin: Callable[[Wire], Awaitable[None]]) -> None:
-        """Connect, unless that is done; others see the connection when `begin` is through with it.
+        """Connect if not connected. Others see the connection once `begin` has returned.
 
         Raises `ConnectError`, `CommandError` when the daemon there drives something else, and
         what `begin` raises.
@@ -208,8 +168,8 @@ class DaemonSession:
         wire = await self._connect()
         try:
             hello = await wire.call("hello", {"client": _program()})
-            wire.accept(hello)
-            self._check(hello, wire.path)
+            wire.connection.accept(hello)
+            self._check(hello, wire.connection.path)
             await begin(wire)
         except GeneratorExit:
             raise
@@ -217,7 +177,7 @@ class DaemonSession:
             await wire.close()
             raise
         old = self._wire
-        if old is not None and not old.closed:  # another task was faster
+        if old is not None and not old.connection.closed:  # another task was faster
             await wire.close()
             return
         self._wire = wire
@@ -242,10 +202,10 @@ class DaemonSession:
             check_expected(self._expected, hello, path)
 
     async def close(self) -> None:
-        """End the connection, after having seen to the motor if this session enabled it.
+        """End the connection; first take care of the motor if this session enabled it.
 
-        That is: disable it, or, without `disable_on_disconnect`, make sure that the daemon goes
-        on holding. Raises the error of that; the connection is closed all the same. In a forked
+        That is: disable it, or, without `disable_on_disconnect`, make sure that the daemon
+        keeps holding. Raises the error of that; the connection is closed all the same. In a forked
         child only the child's copy is closed.
         """
         wire, self._wire = self._wire, None
@@ -255,9 +215,9 @@ class DaemonSession:
         self.enabled_here = self.keeps_lease = False
         self._leases = 0
         try:
-            if enabled_here and wire.is_own and self.disable_on_disconnect:
+            if enabled_here and wire.connection.is_own and self.disable_on_disconnect:
                 await _disable(wire)
-            if leased and wire.is_own:
+            if leased and wire.connection.is_own:
                 await _release(wire)
         finally:
             await wire.close()
@@ -271,9 +231,9 @@ class DaemonSession:
         wait_s: float = 0.0,
         on_lost: str = "hold",
     ) -> dict[str, Any]:
-        """Get the lease, or change what is wished of it; the purpose is the program by default.
+        """Get the lease, or change its options; the purpose is the program by default.
 
-        One that was lost is only got again by this: until then the daemon refuses all that moves.
+        Only this gets a lost lease again. Until then the daemon refuses all that moves.
         """
         numbers = given_numbers(ttl_s=ttl_s, wait_s=wait_s or None)
         params = {"on_lost": on_lost, **numbers}
@@ -283,34 +243,34 @@ class DaemonSession:
 
     async def _get(self, method: str, params: dict[str, Any], wait_s: float) -> dict[str, Any]:
         wire = self.wire
-        call = wire.prepare(method, params)
+        call = wire.connection.prepare(method, params)
         call.keep = True
         try:
             granted = await wire.run(call, wait_s + ACTION_TIMEOUT_S)
         except BaseException:
-            wire.abandon(call, self._unwanted)
+            wire.connection.abandon(call, self._unwanted)
             raise
         self._note_grant(granted.get("number"))
         return granted
 
     def _note_grant(self, number: int | None) -> None:
-        """Notice that the lease is another one: what was done under a lost one is another's now."""
+        """Note a new lease: what was enabled under a lost one is no longer this session's."""
         if self._grant not in (None, number):
             self.enabled_here = self.keeps_lease = False
         self._grant = number
 
     def _unwanted(self, granted: dict[str, Any]) -> tuple[str, dict[str, Any]] | None:
-        """Give back a lease that comes after nobody waits for it any more."""
+        """Return the request that gives back a lease, None if somebody still wants it."""
         return None if self.leased else ("lease.release", {"lease": granted["lease"]})
 
     def enter_lease(self) -> Wire:
-        """Count one who wants the lease that was acquired; return what to say on leaving."""
+        """Count a user of the acquired lease; return the connection, for `leave_lease`."""
         wire = self.wire
         self._leases += 1
         return wire
 
     async def leave_lease(self, wire: Wire) -> None:
-        """Count one who no longer wants the lease; the last gives it back."""
+        """Count a user less; the last one gives the lease back."""
         if wire is self._wire:
             self._leases -= 1
             await self.let_go()
@@ -351,12 +311,7 @@ class Lease:
         self._token = str(granted["lease"])
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, _kind: object, error: BaseException | None, _: object) -> None:
         self._token = None
         await leave(self._leave, error)
 

@@ -1,7 +1,7 @@
 """Trajectories of a program: record for a given time, replay, and move them in pieces.
 
-A recording that did not fill is an error. Contents pass through here unread; what they may be is
-the daemon's to say.
+A recording that did not fill is an error. Contents pass through here unread: the daemon checks
+them.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Trajectories:
         self._ended_job: int | None = None
 
     def recording(self, duration_s: float, rate_hz: float, zero_gravity: bool) -> Recording:
-        """Return a recording that has not begun; raises `CommandError` for what can be no time."""
+        """Return a recording that has not begun; raises `CommandError` for an impossible time."""
         session = self._session
         return Recording(
             session.wire,
@@ -92,13 +92,13 @@ class Trajectories:
 
         session = self._session
         content = await fetch(session.wire, source)
-        trajectory = await session.aside(Trajectory.from_bytes, content)
+        trajectory = await session.run_blocking(Trajectory.from_bytes, content)
         if not has_grips:
             return trajectory
         beside = await fetch_grips(session.wire, source)
         if not beside:
             return trajectory
-        return await session.aside(trajectory.with_grips, content, beside)
+        return await session.run_blocking(trajectory.with_grips, content, beside)
 
     async def kept(self) -> list[dict[str, Any]]:
         """Return what the daemon keeps, by name."""
@@ -125,8 +125,8 @@ class Trajectories:
             text = f"{trajectory!r:.60} is no Trajectory"
             hint = {"hint": 'a saved one: Trajectory.load("pick")'}
             raise ParameterError(text, reason="invalid_params", data=hint)
-        aside = self._session.aside
-        return await aside(trajectory.to_bytes), await aside(trajectory.grip_bytes)
+        run_blocking = self._session.run_blocking
+        return await run_blocking(trajectory.to_bytes), await run_blocking(trajectory.grip_bytes)
 
     async def upload(self, trajectory: Trajectory) -> int:
         """Send a trajectory, unless the daemon has it from this connection; return its number.
@@ -177,13 +177,14 @@ def _is_playing(status: Mapping[str, Any]) -> bool:
 
 
 async def begin(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
-    """Begin to record; return the status. Who is interrupted meanwhile has begun nothing."""
-    call = wire.prepare_guarded("trajectory.record_start", params)
+    """Begin to record; return the status. An interrupt meanwhile ends the recording."""
+    call = wire.connection.prepare_guarded("trajectory.record_start", params)
     call.keep = True
     try:
         return await wire.run(call)
     except BaseException:
-        wire.abandon(call, lambda _status: ("trajectory.record_stop", _WHATEVER_THERE_IS))
+        undo = ("trajectory.record_stop", _WHATEVER_THERE_IS)
+        wire.connection.abandon(call, lambda _status: undo)
         raise
 
 
@@ -202,7 +203,7 @@ async def end(wire: Wire, params: Mapping[str, Any]) -> dict[str, Any]:
 
 
 class Recording:
-    """One recording of `duration_s`, to be run once; `name` is what the daemon keeps it under.
+    """One recording of `duration_s`, to be run once; the daemon keeps it under `name`.
 
     `pause` waits for some seconds. `on_status` is called with `trajectory.status` on the way.
     """
@@ -218,7 +219,7 @@ class Recording:
         name: str | None = None,
         on_status: Callable[[dict[str, Any]], None] = lambda _status: None,
     ) -> None:
-        """Raise `CommandError` for what can be no time."""
+        """Raise `CommandError` for an impossible time."""
         self._wire = wire
         self._pause = pause
         self._rate_hz = number("rate_hz", rate_hz)
@@ -237,7 +238,7 @@ class Recording:
     async def run(self) -> dict[str, Any]:
         """Record; return the result of `trajectory.record_stop`.
 
-        Raises `CommandError` that tells how many samples there are when it did not fill. Whatever
+        Raises `CommandError`, with the number of samples, when it did not fill. Whatever
         else ends the waiting ends the recording first, so that the jaws hold, and is then raised.
         """
         wire = self._wire
@@ -254,7 +255,7 @@ class Recording:
         except GeneratorExit:  # the event loop is gone, and nothing can be awaited
             raise
         except BaseException as error:
-            if getattr(error, "reason", None) not in _STAYS and not wire.closed:
+            if getattr(error, "reason", None) not in _STAYS and not wire.connection.closed:
                 await wire.finish(self._cancel())
             raise
 
@@ -278,33 +279,33 @@ class Recording:
 async def fetch(
     wire: Wire, source: Mapping[str, Any], on_share: _Share = lambda _share: None
 ) -> bytes:
-    """Return the whole content of what `source` says to `trajectory.get`.
+    """Return a whole trajectory; `source` has the parameters of `trajectory.get` that name it.
 
-    `on_share` is called with the share that is there. Raises `CommandError` when it is another one
-    in the middle, because somebody has replaced it.
+    `on_share` is called with the share that has come, 0 to 1. Raises `CommandError` if the
+    trajectory was replaced meanwhile.
     """
     whole = bytearray()
-    told: tuple[int, str] | None = None
-    while told is None or len(whole) < told[0]:
+    announced: tuple[int, str] | None = None  # the size in bytes, and the SHA-256
+    while announced is None or len(whole) < announced[0]:
         params = {**source, "offset": len(whole)}
         piece = await wire.call("trajectory.get", params, ACTION_TIMEOUT_S)
-        first, told = told, (int(piece["total"]), str(piece["sha256"]))
-        if first not in (None, told):
+        before, announced = announced, (int(piece["total"]), str(piece["sha256"]))
+        if before not in (None, announced):
             text = "the trajectory was replaced while it was being fetched: fetch it again"
             raise CommandError(text, reason="trajectory_unreadable", data={"retryable": True})
         data = base64.b64decode(piece["data"])
-        if not data and len(whole) < told[0]:
+        if not data and len(whole) < announced[0]:
             raise ProtocolError(f"the daemon sent nothing of a trajectory from {len(whole)} on")
         whole += data
-        on_share(len(whole) / max(told[0], 1))
+        on_share(len(whole) / max(announced[0], 1))
     content = bytes(whole)
-    if hashlib.sha256(content).hexdigest() != told[1]:
-        raise ProtocolError("what the daemon sent of a trajectory has not the SHA-256 that it told")
+    if hashlib.sha256(content).hexdigest() != announced[1]:
+        raise ProtocolError("the trajectory has not the SHA-256 that the daemon announced")
     return content
 
 
 async def fetch_grips(wire: Wire, source: Mapping[str, Any]) -> bytes:
-    """Return the file of grips of what `source` says, nothing where there is none."""
+    """Return the file of grips for `source`, empty if there is none."""
     return await fetch(wire, {**source, "format": "grip"})
 
 

@@ -33,7 +33,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
-    from litegrip_client.ctl.run import Way
+    from litegrip_client.ctl.run import Host
 
 _EVENTS = 8
 _TRACE_COLUMNS, _COLUMN_S = 40, 1.5
@@ -67,10 +67,10 @@ class Scene:
         self.trace = {at: value for at, value in self.trace.items() if began < at <= now}
 
 
-def scenes(way: Way, connection: Connection, hz: float) -> Iterator[Scene]:
-    """Return the same scene again with each state and each trouble; does not end by itself.
+def scenes(host: Host, connection: Connection, hz: float) -> Iterator[Scene]:
+    """Yield the same scene again with each state and each trouble; does not end by itself.
 
-    Begins with a `connection` and makes another one by `way` whenever it is lost. Raises
+    Begins with a `connection` and makes another one by `host` whenever it is lost. Raises
     `LiteGripError` when a daemon is there and refuses.
     """
     scene, connected = Scene(), connection
@@ -83,7 +83,7 @@ def scenes(way: Way, connection: Connection, hz: float) -> Iterator[Scene]:
             yield scene
             time.sleep(_TRY_EVERY_S)
             try:
-                connected = way.connect()
+                connected = host.connect()
                 scene.trouble = None
             except ConnectError as error:
                 scene.trouble = error.message
@@ -98,7 +98,7 @@ def _connected(scene: Scene, connection: Connection, hz: float) -> Iterator[Scen
             scene.events.extend(feed.recent)
             for sample in samples:
                 scene.take(sample.state)
-                while feed.inbox:  # filled by whoever reads the samples
+                while feed.inbox:  # filled while the samples are read
                     event = feed.take()
                     if event is not None:
                         scene.events.append(event)
@@ -210,7 +210,7 @@ def _company(scene: Scene) -> RenderableType:
 
 
 def _events(scene: Scene) -> list[RenderableType]:
-    """Show the last events, the newest at the end, with their age by the state's time."""
+    """Return the last events, the newest at the end, with their age by the state's time."""
     now_s = (scene.state or {}).get("monotonic_s")
     grid = Table.grid(padding=(0, 2))
     for event in scene.events:

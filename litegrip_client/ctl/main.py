@@ -13,11 +13,11 @@ from litegrip_client.ctl.run import (
     INTERRUPTED,
     OK,
     WRONG_USAGE,
+    Host,
     Output,
     OutputLostError,
     Run,
-    Way,
-    way_of,
+    host_of,
 )
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
@@ -55,14 +55,14 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(options: Namespace, output: Output) -> int:
     try:
-        with way_of(options) as way:
-            if options.command == "stop" and _stop_first(way, output):
+        with host_of(options) as host:
+            if options.command == "stop" and _stop_first(host, output):
                 return OK
             command = find(options.command)
             if not needs_daemon(options):
-                return command(Run(None, options, output, way))
-            with way.connect() as connection:
-                return command(Run(connection, options, output, way))
+                return command(Run(None, options, output, host))
+            with host.connect() as connection:
+                return command(Run(connection, options, output, host))
     except LiteGripError as error:
         output.error(error, hint_for(error, options))
         return exit_code(error)
@@ -75,14 +75,14 @@ def _run(options: Namespace, output: Output) -> int:
         return INTERRUPTED
 
 
-def _stop_first(way: Way, output: Output) -> bool:
+def _stop_first(host: Host, output: Output) -> bool:
     from litegrip_client.ctl.commands.state import stop_first  # noqa: PLC0415 - see commands
 
-    return stop_first(way, output)
+    return stop_first(host, output)
 
 
 def _refuse(wrong: UsageError, output: Output) -> int:
-    """Say what is wrong with the command line."""
+    """Report what is wrong with the command line."""
     if not output.as_json:
         sys.stderr.write(wrong.usage)
     hint = f"see: {wrong.program} --help"
@@ -91,7 +91,7 @@ def _refuse(wrong: UsageError, output: Output) -> int:
 
 
 def _open_closed_streams() -> None:
-    """Let what a caller has closed (`>&-`) lead nowhere: else a socket would take its number."""
+    """Open /dev/null for each closed stream (`>&-`); else a socket would get its number."""
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:
             nowhere = os.open(os.devnull, os.O_RDONLY if mode == "r" else os.O_WRONLY)

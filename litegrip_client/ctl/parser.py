@@ -1,7 +1,7 @@
-"""The command line of `litegripctl`: parsers that are made when they are used, and what they take.
+"""The command line of `litegripctl`: its parsers, and the types of its arguments.
 
-A parser takes half a millisecond to make, and one command is run at a time. Of values only the form
-is checked here; which ranges are allowed is the daemon's to say.
+A parser takes half a millisecond to make, so only that of the command that runs is made. The form
+of values is checked here; the daemon checks ranges.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import shlex
 from argparse import ArgumentTypeError
 from collections.abc import Iterable
 
-from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE, CommandRow
+from litegrip_client.ctl.commands import COMMANDS, OF_THIS_MACHINE, READING, CommandRow
 from litegrip_client.discovery import (
     CHANNEL_VARIABLE,
     DEFAULT_CHANNEL,
@@ -52,7 +52,7 @@ EXIT_CODES: tuple[tuple[int, str], ...] = (
     (130, "interrupted by Ctrl-C"),
     (141, "the reader of the output has gone"),
 )
-CLOSING = "A motion goes on when litegripctl is killed; Ctrl-C cancels it."
+CLOSING = "A motion continues when litegripctl is killed; Ctrl-C cancels it."
 
 _UNITS = {"mm": "opening_mm", "rad": "position_rad", "%": "openness"}
 NUMBER = r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)"
@@ -165,8 +165,8 @@ def common() -> argparse.ArgumentParser:
 def parse(given: list[str]) -> argparse.Namespace:
     """Read the command line; raises `UsageError` when it is wrong.
 
-    `channel_chosen` is true if a channel was asked for, by option or by environment, and `call`
-    how the same gripper is called again.
+    `channel_chosen` is true if a channel was asked for, by option or by environment. `only_reads`
+    is true if the command changes nothing. `call` is how the same gripper is called again.
     """
     parser = whole_parser()
     options, rest = parser.parse_known_args([protect_target(argument) for argument in given])
@@ -176,6 +176,7 @@ def parse(given: list[str]) -> argparse.Namespace:
         raise UsageError(message, parser.format_usage(), options.help_of)
     chosen = getattr(options, "channel", None) or os.environ.get(CHANNEL_VARIABLE)
     options.channel_chosen = chosen is not None
+    options.only_reads = options.command in READING
     options.call = _call(options)
     options.socket = getattr(options, "socket", None)
     options.ssh_host = getattr(options, "ssh_host", None)

@@ -1,4 +1,4 @@
-"""The way to a daemon of another machine: its two sockets, forwarded here by ssh.
+"""A daemon of another machine: its two sockets, forwarded here by ssh.
 
 Who may log in, and how, is ssh's own to know and to ask for. The sockets here are in a directory
 of this user's alone, and go with the command, as does the ssh process.
@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from litegrip_client.connection import Connection
-from litegrip_client.ctl.run import Way
+from litegrip_client.ctl.run import Host
 from litegrip_client.discovery import SYSTEM_DIRECTORY, stop_path
 from litegrip_client.errors import ConnectError, LiteGripError
 
@@ -104,7 +104,7 @@ def begin(
 
 
 def explained(said: str, host: str, path: str) -> ConnectError | None:
-    """Make an error of what ssh said, where that is known to be one."""
+    """Return the error that ssh has reported, None for what is not known as one."""
     for part, text, hint in _KNOWN:
         if part in said.lower():
             return _error(said, text.format(host=host, path=path), hint.format(host=host))
@@ -112,7 +112,7 @@ def explained(said: str, host: str, path: str) -> ConnectError | None:
 
 
 def ended(said: str, host: str) -> ConnectError:
-    """Make an error of whatever an ssh that has ended said."""
+    """Return the error of an ssh that has ended: the last line that it printed."""
     last = said.strip().rpartition("\n")[2].strip() or "it ended without a word"
     return _error(said, f"ssh to {host} failed: {last}", f"try: ssh {host}")
 
@@ -129,15 +129,15 @@ _LONGEST_FOLDER = 70
 """The path of a socket has at most 107 bytes (unix(7))."""
 
 
-class SshWay(Way):
-    """To a daemon of the machine `options.ssh_host`, as ssh calls it; `options.socket` is there.
+class SshHost(Host):
+    """The machine `options.ssh_host`, as ssh calls it; `options.socket` is a path there.
 
-    Nothing is begun before it is needed. An ssh that has ended is begun again, and then may no
+    ssh is not started before it is needed. An ssh that has ended is begun again, and then may no
     longer ask for a password.
     """
 
     # If nobody listens there, ssh ends the connection; it reports this in no other way.
-    not_listening = (*Way.not_listening, LiteGripError)
+    not_listening = (*Host.not_listening, LiteGripError)
 
     def __init__(self, options: Namespace) -> None:
         super().__init__(options)

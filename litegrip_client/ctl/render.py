@@ -26,7 +26,7 @@ Data: TypeAlias = "Mapping[str, Any]"
 
 
 def figure(value: object, form: str, unit: str) -> str:
-    """Show a number with its unit, or `--` when it is not known."""
+    """Return a number with its unit, `--` if it is not known."""
     shown = format(value, form) if isinstance(value, int | float) else "--"
     return f"{shown} {unit}".rstrip()
 
@@ -49,12 +49,12 @@ def clock_of(connection: Connection) -> Clock:
 
 
 def plain(text: object) -> str:
-    """Show a text that comes from elsewhere without what could steer a terminal."""
+    """Return a foreign text without the characters that could control a terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in str(text))
 
 
 def lease(data: Data) -> str:
-    """Show who has the gripper to itself."""
+    """Return who has the lease."""
     holder, waiting = data.get("owner"), data.get("waiting") or 0
     queue = f"; {waiting} waiting" if waiting else ""
     if holder is None:
@@ -64,12 +64,12 @@ def lease(data: Data) -> str:
 
 
 def owner(data: Data) -> str:
-    """Show who owns something."""
+    """Return the program and the pid of an owner."""
     return f"{data.get('program') or data.get('client') or 'unknown'} (pid {data.get('pid')})"
 
 
 def aligned(table: Sequence[tuple[str, ...]]) -> str:
-    """Show rows of cells as a table."""
+    """Return rows of cells as a table."""
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines = (
         "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
@@ -79,7 +79,7 @@ def aligned(table: Sequence[tuple[str, ...]]) -> str:
 
 
 def date(unix_s: object) -> str:
-    """Show a unix time, as far as it can be one."""
+    """Return a Unix time as date and time, `--` for what is none."""
     try:
         return strftime("%Y-%m-%d %H:%M", localtime(float(str(unix_s))))
     except (ValueError, OverflowError, OSError):
@@ -105,11 +105,11 @@ _HINTS = {
 
 
 _OTHERWISE = {"not_calibrated": CHOOSE_MOUNT}
-"""Where the error has no hint of its own: only it knows whether a template would do."""
+"""Used if the error has no hint of its own; only that hint can offer a template."""
 
 
 def hint_for(error: LiteGripError, options: Namespace) -> str:
-    """Say what to do about an error of the command that `options` are of."""
+    """Return what to do about an error of the command with these `options`."""
     if error.reason == "no_daemon" and not options.channel_chosen and options.socket is None:
         running = running_channels()
         # Which of them is meant is not guessed: it may be the one that must not move. Where the
@@ -173,7 +173,7 @@ def _report_cancelled(motion: Motion, run: Run) -> None:
     hint = ""
     if motion.cancel_error is not None:
         text = f"interrupted, but the motion could NOT be cancelled: {motion.cancel_error.message}"
-        hint = "it may go on; stop it with: litegripctl stop"
+        hint = "it may continue; stop it with: litegripctl stop"
     elif motion.cancelled is None:
         text = "interrupted: no motion was running, the jaws hold"
     elif motion.cancelled["state"] in ENDING:
@@ -187,7 +187,7 @@ _BAR_WIDTH = 24
 
 
 def progress(data: Data) -> str:
-    """Show how far a motion is, in one line; with a bar where it is known how far it goes."""
+    """Return the progress of a motion in one line, with a bar if its length is known."""
     total = data.get("total_steps") or 0
     done = f"{bar(data.get('step', 0) / total)} " if total > 0 else ""
     opening = figure(data.get("opening_mm"), "6.2f", "mm")
@@ -197,21 +197,21 @@ def progress(data: Data) -> str:
 
 
 def bar(share: float) -> str:
-    """Show a share, 0 to 1, as a bar."""
+    """Return a share, 0 to 1, as a bar."""
     filled = "#" * round(min(1.0, max(0.0, share)) * _BAR_WIDTH)
     return f"[{filled.ljust(_BAR_WIDTH, '.')}]"
 
 
 def verdict(data: Data) -> str:
-    """Show whether it went as it should, and how it ended."""
+    """Return how a motion ended, and if that is how it should end."""
     return f"{'' if data.get('ok') else 'NOT ok: '}{words(data.get('outcome'))}"
 
 
 def words(name: object) -> str:
-    """Show a name of the protocol in words."""
+    """Return a name of the protocol in words."""
     return plain(name).replace("_", " ")
 
 
 def opening_of(data: Data) -> str:
-    """Show where the jaws were at the end."""
+    """Return where the jaws were at the end."""
     return figure(data.get("state", {}).get("opening_mm"), ".2f", "mm")

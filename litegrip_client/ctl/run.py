@@ -1,6 +1,6 @@
-"""What every command works with: the way to the daemon, its output, files, and exit codes.
+"""What every command works with: the daemon's host, the output, files, and exit codes.
 
-The way leads to the sockets of this machine, or by ssh to those of another (see `remote`).
+A host is this machine, or another one that ssh reaches (see `remote`).
 Questions go to standard error, so that standard output keeps results only. This module must not
 know single commands.
 """
@@ -8,13 +8,13 @@ know single commands.
 from __future__ import annotations
 
 import json
-import os
 import shlex
 import sys
 from argparse import Namespace
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from litegrip_client import atomic_file
 from litegrip_client.blocking import connect
 from litegrip_client.connection import Connection
 from litegrip_client.discovery import (
@@ -29,32 +29,9 @@ from litegrip_client.voices import in_shell, is_said
 TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from collections.abc import Mapping
-    from types import TracebackType
     from typing import Any, TypeAlias
 
     from litegrip_client.ctl.parser import LateParser
-
-
-def read_calibration(path: str) -> dict[str, Any]:
-    """Read a calibration file; raises `CommandError` when it is no JSON object."""
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, ValueError) as error:
-        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
-    try:
-        content = json.loads(text, parse_constant=_no_number)
-    except (ValueError, RecursionError) as error:
-        raise _unreadable(path, f"not valid JSON: {error}") from error
-    if not isinstance(content, dict):
-        raise _unreadable(path, "not a JSON object")
-    return content
-
-
-def write_calibration(path: str, content: Mapping[str, Any], *, overwrite: bool) -> None:
-    """Write a calibration file, wholly or not at all; raises `CommandError`."""
-    if not overwrite:
-        refuse_existing(path, "take another name, or replace it with: --overwrite")
-    put_file(path, (json.dumps(content, indent=2) + "\n").encode())
 
 
 def refuse_existing(path: str, hint: str) -> None:
@@ -65,31 +42,14 @@ def refuse_existing(path: str, hint: str) -> None:
 
 def put_file(path: str, content: bytes) -> None:
     """Write a file, wholly or not at all; raises `CommandError`."""
-    beside = Path(f"{path}.{os.getpid()}.new")
     try:
-        try:
-            beside.write_bytes(content)
-            beside.replace(path)
-        finally:
-            beside.unlink(missing_ok=True)
+        atomic_file.write(Path(path), content, makes_folder=False)
     except OSError as error:
         raise CommandError(
             f"cannot write {path}: {error.strerror}",
             reason="file_not_written",
             data={"hint": "choose a directory that you may write to"},
         ) from error
-
-
-def _no_number(text: str) -> float:
-    raise ValueError(f"{text} is no number")
-
-
-def _unreadable(path: str, why: str) -> CommandError:
-    return CommandError(
-        f"cannot load {path}: {why}",
-        reason="calibration_unreadable",
-        data={"hint": "give a calibration file, or a template: normal, reverse"},
-    )
 
 
 class OutputLostError(Exception):
@@ -112,8 +72,8 @@ class Output:
     def result(self, data: Mapping[str, Any], text: str) -> None:
         """Print a result: as it came, or as `text`."""
         self.end_line()
-        told = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
-        _write(f"{told}\n")
+        shown = json.dumps(data, ensure_ascii=False) if self.as_json else self.for_gripper(text)
+        _write(f"{shown}\n")
 
     def line(self, text: str) -> None:
         """Write `text` over the line before, if that was written by this, too."""
@@ -121,7 +81,7 @@ class Output:
         self._open_line = True
 
     def erase_line(self) -> None:
-        """Take away the line that `line` wrote."""
+        """Erase the line that `line` wrote."""
         if self._open_line:
             _write("\r\x1b[K")
             self._open_line = False
@@ -133,21 +93,21 @@ class Output:
             self._open_line = False
 
     def error(self, error: LiteGripError, hint: str) -> None:
-        """Say what went wrong in one line, and what to do in another."""
+        """Report an error in one line, and what to do in another."""
         self.end_line()
         if self.as_json:
             data = {"reason": error.reason, **error.data}
             if hint:
                 data.setdefault("hint", hint)
-            told = {"code": error.code, "message": error.message, "data": data}
-            _write(f"{json.dumps({'error': told}, ensure_ascii=False)}\n")
+            view = {"code": error.code, "message": error.message, "data": data}
+            _write(f"{json.dumps({'error': view}, ensure_ascii=False)}\n")
         else:
             self.note(error.message)
             if hint and not is_said(error.message, hint):  # many a message has its remedy
                 print(f"  {one_line(self.for_gripper(hint))}", file=sys.stderr)
 
     def note(self, text: str) -> None:
-        """Show a person something that is not a result."""
+        """Print something that is not a result, on standard error."""
         print(f"litegripctl: {one_line(self.for_gripper(text))}", file=sys.stderr)
 
 
@@ -163,7 +123,7 @@ def _write(text: str) -> None:
 
 
 def one_line(text: str) -> str:
-    """Make one printable line of a text that may come from the daemon."""
+    """Return one printable line of a text that may come from the daemon."""
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
@@ -197,8 +157,8 @@ def confirm(question: str) -> bool:
     return ask(f"{question} [y/N]") in ("y", "yes")
 
 
-class Way:
-    """To a daemon of this machine, as the command line names it."""
+class Host:
+    """The machine of the daemon that the command line names: this one."""
 
     not_listening: tuple[type[Exception], ...] = (
         FileNotFoundError,
@@ -206,14 +166,14 @@ class Way:
         PermissionError,
         TimeoutError,
     )
-    """What a stop raises where nobody listens for stops, or not to this user, who is told so by the
-    other socket."""
+    """What a stop raises if nobody listens for stops, or not to this user. The other socket then
+    says so."""
 
     def __init__(self, options: Namespace) -> None:
         self.options = options
 
     def connect(self) -> Connection:
-        """Connect, and make sure that it is the daemon that is meant; raises `LiteGripError`."""
+        """Connect, and check that this is the named daemon; raises `LiteGripError`."""
         connection = self._connected()
         connection.voice = in_shell
         try:
@@ -224,7 +184,7 @@ class Way:
         return connection
 
     def paths(self) -> list[str]:
-        """List the sockets where the daemon may be found, here."""
+        """Return the sockets on this machine where the daemon may be found."""
         return socket_paths(self.options.channel, self.options.socket)
 
     def content(self, path: str) -> bytes:
@@ -232,17 +192,12 @@ class Way:
         return Path(path).read_bytes()
 
     def close(self) -> None:
-        """Leave nothing behind."""
+        """Release what was opened."""
 
-    def __enter__(self) -> Way:
+    def __enter__(self) -> Host:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def _connected(self) -> Connection:
@@ -263,27 +218,21 @@ class Way:
             )
 
 
-READING = (
-    "state", "watch", "events", "clients", "jobs", "job", "health", "metrics", "info", "discover",
-)  # fmt: skip
-"""Commands that change nothing: they may go to the only daemon there is, whichever that is."""
-
-
 def _take_the_only_one(options: Namespace) -> None:
-    """Let a command that only reads ask the only daemon, and say so."""
-    running = running_channels() if options.command in READING else []
+    """Use the only running daemon for a command that only reads, and say so."""
+    running = running_channels() if options.only_reads else []
     if len(running) == 1 and running[0] != DEFAULT_CHANNEL:
         say(f"{running[0]}, the only daemon here:")
         options.channel, options.channel_chosen = running[0], True
 
 
-def way_of(options: Namespace) -> Way:
-    """Return the way that the command line asks for."""
+def host_of(options: Namespace) -> Host:
+    """Return the host that the command line names."""
     if options.ssh_host is None:
-        return Way(options)
-    from litegrip_client.ctl.remote import SshWay  # noqa: PLC0415 - seldom needed
+        return Host(options)
+    from litegrip_client.ctl.remote import SshHost  # noqa: PLC0415 - seldom needed
 
-    return SshWay(options)
+    return SshHost(options)
 
 
 OK = 0
@@ -298,15 +247,15 @@ ENDING = ("cancelled", "running")
 class Run:
     """What a command works with; one that needs no daemon gets no connection."""
 
-    __slots__ = ("_connection", "options", "output", "way")
+    __slots__ = ("_connection", "host", "options", "output")
 
     def __init__(
-        self, connection: Connection | None, options: Namespace, output: Output, way: Way
+        self, connection: Connection | None, options: Namespace, output: Output, host: Host
     ) -> None:
         self._connection = connection
         self.options = options
         self.output = output
-        self.way = way
+        self.host = host
 
     @property
     def connection(self) -> Connection:
@@ -316,7 +265,7 @@ class Run:
         return self._connection
 
     def refuse(self, text: str, hint: str) -> int:
-        """Say that it cannot be used like this, and what to do; returns the exit code."""
+        """Report wrong usage and what to do; return the exit code."""
         self.output.error(CommandError(text, reason="wrong_usage"), hint)
         return WRONG_USAGE
 

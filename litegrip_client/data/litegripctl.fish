@@ -50,8 +50,8 @@ function _shtab_litegripctl_using
   test "$_shtab_litegripctl_cmdpath" = "$argv"
 end
 
-set -g _shtab_litegripctl_commands state watch events enable disable clear-fault open close grasp release move force slack hold teleop 'teleop master' 'teleop slave' 'teleop status' 'teleop stop' stop clear clients lease 'lease show' 'lease take' jobs job cancel zero calibration 'calibration show' 'calibration templates' 'calibration load' 'calibration save' 'calibration manual' config 'config get' 'config set' register record play trajectories 'trajectories list' 'trajectories get' 'trajectories put' 'trajectories delete' 'trajectories keep' 'trajectories export' dump plot doctor health metrics restart install-units info sim 'sim show' 'sim object' 'sim push' 'sim hold' 'sim fault' 'sim heat' 'sim reset' completion discover
-set -g _shtab_litegripctl_opts_with_value --as --by --can --channel --count --duration --force --force-limit --grip-id --hold --host --hz --kind --last --level --link --mount --note --output --port --rate --reflect-force --reflect-gain --repeat --retries --root --seconds --slip --socket --speed --stiffness --tolerance --torque-limit --watchdog --why --width -c -o
+set -g _shtab_litegripctl_commands state watch events enable disable clear-fault open close grasp release move force slack hold teleop 'teleop master' 'teleop slave' 'teleop status' 'teleop stop' stop clear clients lease 'lease show' 'lease take' jobs job cancel zero calibration 'calibration show' 'calibration templates' 'calibration load' 'calibration save' 'calibration manual' config 'config get' 'config set' register record play trajectories 'trajectories list' 'trajectories get' 'trajectories put' 'trajectories delete' 'trajectories keep' 'trajectories export' dump plot doctor health metrics fleet restart install-units info sim 'sim show' 'sim object' 'sim push' 'sim hold' 'sim fault' 'sim heat' 'sim reset' completion discover
+set -g _shtab_litegripctl_opts_with_value --as --by --can --channel --config --count --duration --force --force-limit --grip-id --hold --host --hz --kind --last --level --link --mount --note --output --port --rate --reflect-force --reflect-gain --repeat --retries --root --seconds --slip --socket --speed --stiffness --tolerance --torque-limit --watchdog --why --width -c -o
 
 complete -c litegripctl -e
 complete -c litegripctl -f
@@ -83,7 +83,7 @@ complete -c litegripctl -n '_shtab_litegripctl_using events' -s c -l channel -xk
 complete -c litegripctl -n '_shtab_litegripctl_using events' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
 complete -c litegripctl -n '_shtab_litegripctl_using events' -l host -x -d 'the daemon of another machine, reached by ssh; --socket is a path there'
 complete -c litegripctl -n '_shtab_litegripctl_using events' -l json -d 'print results and errors as JSON'
-complete -c litegripctl -n '_shtab_litegripctl_using events' -s f -l follow -d 'go on until Ctrl-C'
+complete -c litegripctl -n '_shtab_litegripctl_using events' -s f -l follow -d 'continue until Ctrl-C'
 complete -c litegripctl -n '_shtab_litegripctl_using events' -l kind -x -d 'only these; may be given again'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a enable -d 'enable the motor; it stays enabled'
 complete -c litegripctl -n '_shtab_litegripctl_using enable' -s h -l help -d 'show this help message and exit'
@@ -130,7 +130,7 @@ complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l force -x -d 'in n
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l speed -x -d 'in mm/s (default: the daemon'"'"'s)'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l width -x -d 'how wide the object must be, in mm; give both'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l tolerance -x -d 'how far the width may be off, in mm; give both'
-complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l hold -x -d 'wait while it is held for S seconds, and see whether it still is'
+complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l hold -x -d 'hold for S seconds, and then check that it is still held'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l gains -d 'hold by position and gains, not by torque'
 complete -c litegripctl -n '_shtab_litegripctl_using grasp' -l no-wait -d 'do not wait for the end'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a release -d 'open a little, to let go'
@@ -197,9 +197,9 @@ complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l grip-id -x
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l detach -d 'leave it running, until '"'"'teleop stop'"'"''
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l host -x -d 'the leader'"'"'s machine'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l fake-leader -d 'follow a synthetic sweep, without a network'
-complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l torque-limit -x -d 'let go at or over so much torque, in N·m (default: never)'
+complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l torque-limit -x -d 'let go at this torque or more, in N·m (default: never)'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l force-limit -x -d 'push by no more than this, in newtons'
-complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l reflect -d 'tell the leader that force'
+complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l reflect -d 'report that force to the leader'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop slave' -l watchdog -x -d 'hold after so long without a frame (0.2)'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop; and test $_shtab_litegripctl_npos -eq 0' -a status -d 'show how it goes'
 complete -c litegripctl -n '_shtab_litegripctl_using teleop status' -s h -l help -d 'show this help message and exit'
@@ -439,7 +439,7 @@ complete -c litegripctl -n '_shtab_litegripctl_using plot' -s o -l output -xka "
 complete -c litegripctl -n '_shtab_litegripctl_using plot' -l text -d 'a quick look at the opening, here in the terminal'
 complete -c litegripctl -n '_shtab_litegripctl_using plot' -l last -x -d 'only the last S seconds of it'
 complete -c litegripctl -n '_shtab_litegripctl_using plot; and test $_shtab_litegripctl_npos -eq 0' -ka "(__fish_complete_path (commandline -ct))" -d 'a dump, or a trajectory'
-complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a doctor -d 'check link, daemon, motor and calibration; say what mends them'
+complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a doctor -d 'check link, daemon, motor and calibration; say what corrects them'
 complete -c litegripctl -n '_shtab_litegripctl_using doctor' -s h -l help -d 'show this help message and exit'
 complete -c litegripctl -n '_shtab_litegripctl_using doctor' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
 complete -c litegripctl -n '_shtab_litegripctl_using doctor' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
@@ -457,6 +457,15 @@ complete -c litegripctl -n '_shtab_litegripctl_using metrics' -s c -l channel -x
 complete -c litegripctl -n '_shtab_litegripctl_using metrics' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
 complete -c litegripctl -n '_shtab_litegripctl_using metrics' -l host -x -d 'the daemon of another machine, reached by ssh; --socket is a path there'
 complete -c litegripctl -n '_shtab_litegripctl_using metrics' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a fleet -d 'list the grippers of other machines, or stop a whole site'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -s h -l help -d 'show this help message and exit'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l socket -xka "(__fish_complete_path (commandline -ct))" -d 'the daemon'"'"'s socket'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l host -x -d 'the daemon of another machine, reached by ssh; --socket is a path there'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l json -d 'print results and errors as JSON'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l level -xka "hold relax disable" -d 'of a stop (default: hold)'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l why -x -d 'of a stop, for the log and for those who find it stopped'
+complete -c litegripctl -n '_shtab_litegripctl_using fleet' -l config -xka "(__fish_complete_path (commandline -ct))" -d 'another configuration of the fleet'
 complete -c litegripctl -n '_shtab_litegripctl_using; and test $_shtab_litegripctl_npos -eq 0' -a restart -d 'restart the daemon without letting go of what is held'
 complete -c litegripctl -n '_shtab_litegripctl_using restart' -s h -l help -d 'show this help message and exit'
 complete -c litegripctl -n '_shtab_litegripctl_using restart' -s c -l channel -xka "(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)" -d 'the daemon'"'"'s channel (default: $LITEGRIP_CHANNEL, else can0)'

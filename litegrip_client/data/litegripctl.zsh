@@ -20,10 +20,11 @@ _shtab_litegripctl_commands() {
     config:'show or change the daemon'"'"'s defaults for motions'
     disable:'disable the motor: no torque'
     discover:'list the methods of the daemon (with --json: its OpenRPC document)'
-    doctor:'check link, daemon, motor and calibration; say what mends them'
+    doctor:'check link, daemon, motor and calibration; say what corrects them'
     dump:'write the last minute, tick by tick, to a file'
     enable:'enable the motor; it stays enabled'
     events:'show what has happened, and with -f what happens'
+    fleet:'list the grippers of other machines, or stop a whole site'
     force:'change the force of a grasp, or begin to squeeze'
     grasp:'close until something is held, and hold it with a force'
     health:'show how the daemon is; the exit code is the verdict'
@@ -369,12 +370,28 @@ _shtab_litegripctl_events_options=(
   "--socket[the daemon\'s socket]:PATH:_files"
   "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
-  {-f,--follow}"[go on until Ctrl-C]"
+  {-f,--follow}"[continue until Ctrl-C]"
   "*--kind[only these\; may be given again]:KIND:"
 )
 
 # guard to ensure default positional specs are added only once per session
 _shtab_litegripctl_events_defaults_added=0
+
+_shtab_litegripctl_fleet_options=(
+  "(- : *)"{-h,--help}"[show this help message and exit]"
+  {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
+  "--socket[the daemon\'s socket]:PATH:_files"
+  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
+  "--json[print results and errors as JSON]"
+  "--level[of a stop (default\: hold)]:level:(hold relax disable)"
+  "--why[of a stop, for the log and for those who find it stopped]:why:"
+  "--config[another configuration of the fleet]:FILE:_files"
+  ":default\: all sites:"
+  ":the site to stop\; \'\*\' for all:"
+)
+
+# guard to ensure default positional specs are added only once per session
+_shtab_litegripctl_fleet_defaults_added=0
 
 _shtab_litegripctl_force_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
@@ -398,7 +415,7 @@ _shtab_litegripctl_grasp_options=(
   "--speed[in mm\/s (default\: the daemon\'s)]:MM_S:"
   "--width[how wide the object must be, in mm\; give both]:MM:"
   "--tolerance[how far the width may be off, in mm\; give both]:MM:"
-  "--hold[wait while it is held for S seconds, and see whether it still is]:S:"
+  "--hold[hold for S seconds, and then check that it is still held]:S:"
   "--gains[hold by position and gains, not by torque]"
   "--no-wait[do not wait for the end]"
 )
@@ -596,7 +613,7 @@ _shtab_litegripctl_record_options=(
   "--rate[samples a second (100)]:HZ:"
   "--no-zero-gravity[leave the jaws as they are\: watch what another program makes them do]"
   "--overwrite[replace one of that name]"
-  ":what the daemon shall keep it under:"
+  ":the name under which the daemon keeps it:"
 )
 
 # guard to ensure default positional specs are added only once per session
@@ -807,9 +824,9 @@ _shtab_litegripctl_teleop_slave_options=(
   "--detach[leave it running, until \'teleop stop\']"
   "--host[the leader\'s machine]:host:"
   "--fake-leader[follow a synthetic sweep, without a network]"
-  "--torque-limit[let go at or over so much torque, in N\·m (default\: never)]:NM:"
+  "--torque-limit[let go at this torque or more, in N\·m (default\: never)]:NM:"
   "--force-limit[push by no more than this, in newtons]:N:"
-  "--reflect[tell the leader that force]"
+  "--reflect[report that force to the leader]"
   "--watchdog[hold after so long without a frame (0.2)]:S:"
 )
 
@@ -896,7 +913,7 @@ _shtab_litegripctl_trajectories_keep_options=(
   "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--overwrite[replace one of that name]"
-  ":what the daemon shall keep it under:"
+  ":the name under which the daemon keeps it:"
 )
 
 # guard to ensure default positional specs are added only once per session
@@ -989,6 +1006,7 @@ _shtab_litegripctl() {
         dump) _arguments -C -s $_shtab_litegripctl_dump_options ;;
         enable) _arguments -C -s $_shtab_litegripctl_enable_options ;;
         events) _arguments -C -s $_shtab_litegripctl_events_options ;;
+        fleet) _arguments -C -s $_shtab_litegripctl_fleet_options ;;
         force) _arguments -C -s $_shtab_litegripctl_force_options ;;
         grasp) _arguments -C -s $_shtab_litegripctl_grasp_options ;;
         health) _arguments -C -s $_shtab_litegripctl_health_options ;;

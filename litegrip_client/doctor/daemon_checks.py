@@ -1,4 +1,4 @@
-"""The checks of the daemon: whether it runs, whether this user may use it, and what it was granted.
+"""The checks of the daemon: does it run, may this user use it, and which rights has it got.
 
 Facts in, findings out; nothing is asked.
 """
@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from litegrip_client.doctor.findings import SIMULATED, Facts, Finding, error, ok, warning
+from litegrip_client.doctor.findings import SIMULATED, Daemon, Facts, Finding, error, ok, warning
 
 STANDSTILL_US = 100_000
 """From so late a tick on a motor with the usual watchdog reports "communication lost"."""
@@ -38,7 +38,7 @@ def configuration(facts: Facts) -> Finding | None:
 
 
 def daemon(facts: Facts) -> Finding | None:
-    """Check whether a daemon answers, and the one that is meant."""
+    """Check that a daemon answers, and that it is the right one."""
     answering = facts.daemon
     if answering is None:
         return _no_daemon(facts)
@@ -50,18 +50,28 @@ def daemon(facts: Facts) -> Finding | None:
         )
     uptime_s = answering.health.get("uptime_s")
     since = f" for {uptime_s:.0f} s" if isinstance(uptime_s, int | float) else ""
-    return ok(f"runs{since}, pid {answering.hello.get('pid')}, {answering.path}")
+    where = _elsewhere(answering) if facts.is_remote else ""
+    return ok(f"runs{since}, pid {answering.hello.get('pid')}{where}, {answering.path}")
+
+
+def _elsewhere(answering: Daemon) -> str:
+    """Say where another machine's daemon runs, and what is examined there."""
+    remote = answering.hello.get("remote") or {}
+    own = f"litegripctl -c {remote.get('channel')} doctor"
+    return f", on another machine (there, '{own}' examines its link and its rights)"
 
 
 def version(facts: Facts) -> Finding | None:
-    """Check whether daemon and client are of one version."""
+    """Check that daemon and client are of one version."""
     if facts.daemon is None:
         return None
-    told = facts.daemon.hello.get("version")
-    if told == facts.version:
-        return ok(f"{told}, as this program")
-    text = f"the daemon is {told}, this program {facts.version}"
-    why = "a daemon goes on running as what it was started; else install one version for both"
+    version = facts.daemon.hello.get("version")
+    if version == facts.version:
+        return ok(f"{version}, as this program")
+    text = f"the daemon is {version}, this program {facts.version}"
+    why = "a daemon keeps running the version that was started; else install one version for both"
+    if facts.is_remote:
+        return warning(text, advice="install one version on both machines")
     if facts.interface in SIMULATED:
         return warning(text, advice=f"end it, and start it again; {why}")
     hold = f"{facts.ctl} restart --hold" if facts.unit is None else _systemctl("reload", facts)
@@ -69,7 +79,7 @@ def version(facts: Facts) -> Finding | None:
 
 
 def sockets(facts: Facts) -> Finding | None:
-    """Check whether this user may connect, and stop."""
+    """Check that this user may connect, and stop."""
     if not facts.sockets:
         return None
     closed = _closed(facts)
@@ -80,7 +90,7 @@ def sockets(facts: Facts) -> Finding | None:
 
 
 def group(facts: Facts) -> Finding | None:
-    """Check whether this user is in the group that may connect."""
+    """Check that this user is in the group that may connect."""
     user = facts.user
     if user.has_group:
         return ok(f"{user.name} is in group {user.group}")
@@ -96,8 +106,8 @@ def group(facts: Facts) -> Finding | None:
 
 
 def real_time(facts: Facts) -> Finding | None:
-    """Check whether the daemon has the real-time rights that it asked for."""
-    if facts.daemon is None or "control" not in facts.daemon.health:
+    """Check that the daemon has the real-time rights that it asked for."""
+    if facts.daemon is None or "control" not in facts.daemon.health or facts.is_remote:
         return None
     granted = facts.daemon.health["control"]
     wanted = facts.daemon.info.get("configuration", {}).get("control", {}).get("priority")
@@ -112,7 +122,7 @@ def real_time(facts: Facts) -> Finding | None:
         return warning(
             stood_still,
             f"{facts.ctl} health",
-            "find what kept it from running, such as another real-time program or a suspended"
+            "find what kept it from running, for example another real-time program or a suspended"
             " machine; cpus in [control] gives it processors of its own",
         )
     if not missing:
@@ -160,9 +170,16 @@ def _no_daemon(facts: Facts) -> Finding:
     """Return why no daemon answers, as far as known, and how to start one."""
     status = None if facts.unit is None else f"systemctl status {facts.unit}"
     if _closed(facts):
-        text = "not known whether it runs: its socket is closed to this user"
+        text = "not known if it runs: its socket is closed to this user"
         return warning(text, status, None if status else "ask who has started it")
     failure = facts.failure or "it does not answer"
+    if facts.is_remote:
+        return error(
+            failure,
+            advice=f"it is a gripper of another machine: the portal has to run here, with"
+            f" {facts.channel} in [portal] of fleet.toml; what is found below says what is in its"
+            " way",
+        )
     if facts.hung_pid is not None:
         who = f"pid {facts.hung_pid}" if facts.hung_pid else "a process"
         return error(
@@ -177,7 +194,7 @@ def _no_daemon(facts: Facts) -> Finding:
         return _not_installed(facts, failure)
     start = _systemctl("start", facts)
     if facts.configuration is not None and facts.configuration.error is not None:
-        return error(failure, start, "not before the configuration is mended")
+        return error(failure, start, "not before the configuration is corrected")
     if facts.is_unit_enabled:
         why = f"its unit is enabled, so it was stopped or has failed: {status} says which"
         return error(failure, start, why)
@@ -194,7 +211,7 @@ def _not_installed(facts: Facts, failure: str) -> Finding:
     foreground = f"litegripd {facts.channel}"
     option = f" --can {facts.bus_channel}" if facts.interface == "socketcan" else ""
     is_wrong = facts.configuration is not None and facts.configuration.error is not None
-    advice = "not before the configuration is mended; " if is_wrong else ""
+    advice = "not before the configuration is corrected; " if is_wrong else ""
     advice += "that is in the foreground; as a service, as root: litegripctl install-units"
     advice += f"{option}, which says what comes next; without hardware: {foreground} --simulate"
     return error(failure, foreground, advice)
@@ -225,7 +242,7 @@ def _admit(facts: Facts) -> str | None:
 def _then(facts: Facts) -> str:
     """Return the next steps; it is unknown if systemd runs the daemon."""
     login = "groups count from the next login on"
-    if facts.user.group_exists:
+    if facts.user.group_exists or facts.is_remote:
         return login
     if facts.daemon is None and not facts.sockets:
         return f"the daemon looks for its group when it starts; {login}"

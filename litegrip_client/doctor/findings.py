@@ -114,6 +114,15 @@ class Configuration:
 
 
 @dataclass(frozen=True, slots=True)
+class Fleet:
+    """What `litegripd-fleet check` has found in `file`, or `problem`, why it found nothing."""
+
+    file: str
+    findings: tuple[tuple[str, Finding], ...] = ()
+    problem: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class Facts:
     """All that is known; `daemon` None where none answers, `failure` then says why.
 
@@ -143,6 +152,10 @@ class Facts:
     interface: str | None = "socketcan"
     bus_channel: str = "can0"
     now_s: float = 0.0
+    is_remote: bool = False
+    """True if the gripper is another machine's: its link and its unit are not here."""
+    fleet: Fleet | None = None
+    """This machine's parts of a fleet, where it has any."""
 
     @property
     def is_channel_known(self) -> bool:
@@ -152,7 +165,7 @@ class Facts:
     @property
     def unit(self) -> str | None:
         """The systemd unit of the channel's daemon; None where the channel or units are unknown."""
-        is_known = self.is_channel_known and self.is_unit_installed
+        is_known = self.is_channel_known and self.is_unit_installed and not self.is_remote
         return f"litegripd@{self.channel}" if is_known else None
 
     @property
@@ -186,22 +199,22 @@ class Check:
 
 
 def ok(text: str) -> Finding:
-    """Find that something is as it should be."""
+    """Return a finding: this is as it should be."""
     return Finding("ok", text)
 
 
 def warning(text: str, command: str | None = None, advice: str | None = None) -> Finding:
-    """Find something that works, but not well, or not always."""
+    """Return a finding: this works, but not well, or not always."""
     return Finding("warning", text, command, advice)
 
 
 def error(text: str, command: str | None = None, advice: str | None = None) -> Finding:
-    """Find something with which the gripper cannot be used."""
+    """Return a finding: with this the gripper cannot be used."""
     return Finding("error", text, command, advice)
 
 
 def examine(facts: Facts, checks: Iterable[Check]) -> list[tuple[str, Finding]]:
-    """Let every check look at the facts; return what was found, by the check's name."""
+    """Run every check on the facts; return the findings with the names of their checks."""
     found = ((check.name, check.examine(facts)) for check in checks)
     return [(name, finding) for name, finding in found if finding is not None]
 

@@ -6,11 +6,11 @@ import grp
 import json
 import os
 import pwd
+import re
 import shlex
 import shutil
 import stat
 import subprocess
-import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,18 +19,22 @@ from typing import Any
 import litegrip_client
 from litegrip_client.blocking import connect
 from litegrip_client.discovery import (
+    FLEET_PROGRAM,
     GROUP,
     is_enabled,
     is_socket_given,
     is_unit_installed,
+    program_of,
     socket_paths,
 )
+from litegrip_client.doctor import fleet_checks
 from litegrip_client.doctor.findings import (
     SIMULATED,
     Configuration,
     Daemon,
     Device,
     Facts,
+    Fleet,
     Link,
     Socket,
     System,
@@ -103,6 +107,8 @@ DIRECTORY = Path("/etc/litegripd")
 CHECK_WITHIN_S = 10.0
 USER = "litegrip"
 """As whom systemd runs the daemons."""
+_PLACE = re.compile(r"[A-Za-z0-9_-]{1,32}\.[A-Za-z0-9_-]{1,32}")
+"""SITE.GRIPPER, as gateways call theirs."""
 _WRONG = 2
 """The exit code of litegripd for a configuration that is wrong, and for its usage."""
 
@@ -115,7 +121,7 @@ def configuration_file(channel: str) -> Configuration | None:
         return None
     if not os.access(path, os.R_OK):
         return Configuration(path, unchecked="this user may not read it")
-    program = _program()
+    program = program_of("litegripd")
     if program is None:
         return Configuration(path, unchecked="the program litegripd is not found here")
     identity = _daemons_identity()
@@ -134,14 +140,14 @@ def configuration_file(channel: str) -> Configuration | None:
         return Configuration(
             path, unchecked=f"litegripd cannot be run{f' as {USER}' if identity else ''}: {error}"
         )
-    told = done.stderr.decode(errors="replace").strip()
-    if done.returncode == _WRONG and not told.startswith("usage:"):  # of an older litegripd
-        why = told.rpartition("\n")[2].removeprefix("litegripd: ")
+    said = done.stderr.decode(errors="replace").strip()
+    if done.returncode == _WRONG and not said.startswith("usage:"):  # of an older litegripd
+        why = said.rpartition("\n")[2].removeprefix("litegripd: ")
         return Configuration(path, error=why, as_user=as_user)
     try:
         return Configuration(path, content=json.loads(done.stdout), as_user=as_user)
     except ValueError:
-        last = told.rpartition("\n")[2] or "no word"
+        last = said.rpartition("\n")[2] or "no word"
         why = f"litegripd --check ended with {done.returncode}: {last}"
         return Configuration(path, unchecked=why)
 
@@ -161,10 +167,38 @@ def _daemons_identity() -> dict[str, Any]:
     return {"user": entry.pw_uid, "group": entry.pw_gid, "extra_groups": groups}
 
 
-def _program() -> str | None:
-    """Find litegripd beside the Python that runs this program, else where a shell finds it."""
-    beside = shutil.which("litegripd", path=str(Path(sys.executable).parent))
-    return beside or shutil.which("litegripd")
+FLEET_CHECK_WITHIN_S = 60.0
+
+
+def fleet_check(file: str) -> Fleet:
+    """Have this machine's parts of a fleet checked by their own program."""
+    program = program_of(FLEET_PROGRAM)
+    if program is None:
+        return Fleet(file, problem=f"the program {FLEET_PROGRAM} is not found here")
+    try:
+        done = subprocess.run(
+            [program, "--config", file, "check", "--json"],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            timeout=FLEET_CHECK_WITHIN_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return Fleet(file, problem=str(error))
+    try:
+        return fleet_checks.read(file, json.loads(done.stdout))
+    except ValueError:
+        last = done.stderr.decode(errors="replace").strip().rpartition("\n")[2] or "no word"
+        return Fleet(file, problem=f"{FLEET_PROGRAM} check ended with {done.returncode}: {last}")
+
+
+def is_remote_name(channel: str) -> bool:
+    """Return True if a channel that does not answer is called like a gripper of another machine.
+
+    One with a configuration or a CAN interface of its own is one of this machine.
+    """
+    is_own = os.path.isfile(DIRECTORY / f"{channel}.toml") or is_can(channel)  # noqa: PTH113
+    return _PLACE.fullmatch(channel) is not None and not is_own
 
 
 NET = Path("/sys/class/net")
@@ -194,7 +228,7 @@ def is_can(name: str) -> bool:
 
 
 def user(group: str) -> User:
-    """Ask who runs this program, and whether that is somebody of `group`."""
+    """Return the user who runs this program; `is_member` is true for one of `group`."""
     uid = os.getuid()
     try:
         entry = pwd.getpwuid(uid)
@@ -211,7 +245,7 @@ def user(group: str) -> User:
 
 
 def sockets(paths: list[str]) -> tuple[Socket, ...]:
-    """Look at those of the daemon's sockets that there are, without connecting to any."""
+    """Return the daemon's sockets that exist, without connecting."""
     found = []
     for path in paths:
         for one in (path, f"{path.removesuffix('.sock')}.stop.sock"):
@@ -227,7 +261,7 @@ def sockets(paths: list[str]) -> tuple[Socket, ...]:
 
 
 def ask_ip(name: str) -> str | None:
-    """Let iproute2 describe an interface; None where there is none. Raises `IpError`."""
+    """Return what iproute2 says of an interface, None if it does not exist. Raises `IpError`."""
     path = os.pathsep.join([os.environ.get("PATH", os.defpath), *_ADMIN_PATHS])
     program = shutil.which("ip", path=path)
     if program is None:
@@ -251,8 +285,8 @@ def ask_ip(name: str) -> str | None:
 def _link(name: str, net: Path) -> tuple[Link | None, str | None]:
     """Return the link, and why iproute2 gave no answer, or None."""
     try:
-        told = ask_ip(name)
-        return (None if told is None else from_ip(told)), None
+        shown = ask_ip(name)
+        return (None if shown is None else from_ip(shown)), None
     except IpError as error:
         problem = str(error)
     except ValueError:
@@ -309,7 +343,7 @@ ANSWER_WITHIN_S = 5.0
 
 
 def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
-    """Find out all that the checks need; without a daemon, what can be known without.
+    """Return the facts that the checks need; without a daemon, those that need none.
 
     `channel_chosen` is true if the user named this channel.
     """
@@ -319,17 +353,21 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
     is_channel_known = daemon is not None or channel_chosen or not is_socket_given(socket)
     file = None
     configuration: Mapping[str, Any] = {}
+    is_remote = is_channel_known and is_remote_name(channel)
     if daemon is not None:
+        is_remote = daemon.hello.get("remote") is not None
         channel = str(daemon.hello.get("channel", channel))
         configuration = daemon.info.get("configuration", {})
-    elif is_channel_known:
+    elif is_channel_known and not is_remote:
         file = configuration_file(channel)
         configuration = (file.content if file is not None else None) or {}
     bus = configuration.get("bus", {})
-    is_read = is_channel_known and (file is None or file.content is not None)
+    is_read = is_channel_known and not is_remote and (file is None or file.content is not None)
     may_be_it = file is not None and file.unchecked is not None and is_can(channel)
     interface = str(bus.get("interface", "socketcan")) if is_read or may_be_it else None
     bus_channel = str(bus.get("channel", channel))
+    fleet_file = DIRECTORY / "fleet.toml"
+    is_in_fleet = fleet_file.exists() or (is_remote and daemon is None)
     where = f" -c {channel}" if is_channel_known else ""
     if socket:
         where = f" --socket {shlex.quote(socket)}"
@@ -351,6 +389,8 @@ def gather(channel: str, socket: str | None, *, channel_chosen: bool) -> Facts:
         interface=interface,
         bus_channel=bus_channel,
         now_s=time.time(),
+        is_remote=is_remote,
+        fleet=fleet_check(str(fleet_file)) if is_in_fleet else None,
     )
 
 

@@ -35,7 +35,7 @@ _NO_ANSWER = "switch its 24 V on and look at its plug; it is expected at 0x%02X,
 
 
 def bus(facts: Facts) -> Finding | None:
-    """Check whether the daemon can use the bus."""
+    """Check that the daemon can use the bus."""
     figures = facts.daemon.health.get("bus") if facts.daemon is not None else None
     if not figures:
         return None
@@ -49,7 +49,7 @@ def bus(facts: Facts) -> Finding | None:
 
 
 def motor(facts: Facts) -> Finding | None:
-    """Check whether the motor answers, and what it says."""
+    """Check that the motor answers and reports no fault."""
     daemon = facts.daemon
     if daemon is None or not _bus_is_up(daemon):
         return None
@@ -60,7 +60,7 @@ def motor(facts: Facts) -> Finding | None:
         status = state.get("status")
         advice = "enabling clears the fault: find its cause first"
         if status == "communication_lost":
-            advice += "; whether the bus or the daemon itself was silent, the line health says"
+            advice += "; the line health says if the bus or the daemon itself was silent"
         return error(f"it reports a fault: {status}, {age}", f"{facts.ctl} enable", advice)
     if phase in ("silent", "unknown") or state.get("stale") or age_s is None:
         can_id = daemon.hello.get("motor", {}).get("can_id", 0x08)
@@ -69,7 +69,7 @@ def motor(facts: Facts) -> Finding | None:
 
 
 def other_master(facts: Facts) -> Finding | None:
-    """Check whether somebody else commands the motor."""
+    """Check that nobody else commands the motor."""
     counters = facts.daemon.health.get("motor") if facts.daemon is not None else None
     if not counters or "foreign_commands" not in counters:
         return None
@@ -78,9 +78,9 @@ def other_master(facts: Facts) -> Finding | None:
         return ok("nobody but the daemon commands the motor")
     text = f"another program has sent the motor {count} frames"
     watch = f"candump {facts.bus_channel}" if facts.interface == "socketcan" else None
-    if counters.get("foreign_active", True):  # a daemon that does not tell: it may
+    if counters.get("foreign_active", True):  # an older daemon does not report it
         advice = "end that program, or let it use the daemon"
-        return error(f"{text}, and goes on: a second master", watch, advice)
+        return error(f"{text}, and continues: a second master", watch, advice)
     return warning(
         f"{text} since the daemon was started; it is quiet now",
         advice="should that program come back, motions are refused: let it use the daemon",
@@ -133,16 +133,16 @@ def ids(facts: Facts) -> Finding | None:
 
 
 def watchdog(facts: Facts) -> Finding | None:
-    """Check whether the motor lets go by itself when nobody commands it any more."""
+    """Check that the motor lets go by itself when no commands come any more."""
     timeout = _registers(facts).get("TIMEOUT")
     if timeout is None:
         return None
     timeout_s = timeout * TIMEOUT_UNIT_S
     if 0.0 < timeout_s <= LONGEST_WATCHDOG_S:
         return ok(f"TIMEOUT {timeout:.0f}: the motor lets go {timeout_s * 1e3:.0f} ms after a loss")
-    told = "TIMEOUT is 0, off" if not timeout else f"TIMEOUT is {timeout_s:g} s"
+    text = "TIMEOUT is 0, off" if not timeout else f"TIMEOUT is {timeout_s:g} s"
     return warning(
-        f"{told} after power-on; the daemon sets it to 100 ms before it enables",
+        f"{text} after power-on; the daemon sets it to 100 ms before it enables",
         advice=f"for other programs, too: set register 9 to 2000 and save it, {_SET}",
     )
 
@@ -166,7 +166,7 @@ def ranges(facts: Facts) -> Finding | None:
 
 
 def calibration(facts: Facts) -> Finding | None:
-    """Check whether the travel is known, and was measured on this gripper."""
+    """Check that the travel is known, and was measured on this gripper."""
     daemon = facts.daemon
     if daemon is None:
         return None
@@ -190,7 +190,7 @@ def calibration(facts: Facts) -> Finding | None:
 
 
 def position(facts: Facts) -> Finding | None:
-    """Check whether the jaws can be where the motor says that they are."""
+    """Check that the jaws can be where the motor says that they are."""
     daemon = facts.daemon
     if daemon is None or not _bus_is_up(daemon) or daemon.state.get("stale"):
         return None
@@ -211,7 +211,7 @@ def position(facts: Facts) -> Finding | None:
 
 
 def calibration_channel(facts: Facts) -> Finding | None:
-    """Check whether the calibration is this gripper's and not another channel's."""
+    """Check that the calibration is this gripper's and not another channel's."""
     source = {} if facts.daemon is None else _calibration(facts.daemon)
     channel = source.get("channel")
     if facts.daemon is None or channel is None:
@@ -237,8 +237,8 @@ def _registers(facts: Facts) -> Mapping[str, Any]:
 
 def _calibration(daemon: Daemon) -> Mapping[str, Any]:
     """Return where the calibration came from; an older daemon reports only the file."""
-    told = daemon.info.get("calibration")
-    return told if isinstance(told, Mapping) else {"file": daemon.info.get("calibration_file")}
+    facts = daemon.info.get("calibration")
+    return facts if isinstance(facts, Mapping) else {"file": daemon.info.get("calibration_file")}
 
 
 def _age(now_s: float, saved_s: object) -> str:

@@ -67,7 +67,7 @@ def tool(facts: Facts) -> Finding | None:
 
 
 def link(facts: Facts) -> Finding | None:
-    """Check whether the network interface is there, is one for CAN, and is up."""
+    """Check that the network interface is there, is one for CAN, and is up."""
     if facts.interface != "socketcan":
         return None
     name, found = facts.bus_channel, facts.system.link
@@ -88,7 +88,7 @@ def link(facts: Facts) -> Finding | None:
 
 
 def bit_rate(facts: Facts) -> Finding | None:
-    """Check whether the bus runs at the motor's bit rate."""
+    """Check that the bus runs at the motor's bit rate."""
     found = _controller(facts)
     if found is None:
         return _configured_bit_rate(facts)
@@ -114,7 +114,7 @@ def sample_point(facts: Facts) -> Finding | None:
 
 
 def restart(facts: Facts) -> Finding | None:
-    """Check whether the controller of a link that is up restarts by itself after bus-off.
+    """Check that the controller of a link that is up restarts by itself after bus-off.
 
     No command: the link would have to go down, and it works.
     """
@@ -251,7 +251,8 @@ def _missing(facts: Facts) -> Finding:
 
 def _configured_bit_rate(facts: Facts) -> Finding | None:
     """Check the daemon's configuration, where it and not the system sets the bit rate."""
-    if facts.daemon is None or facts.interface in ("socketcan", *SIMULATED):
+    is_the_systems = facts.interface in ("socketcan", *SIMULATED)
+    if facts.daemon is None or facts.is_remote or is_the_systems:
         return None
     bitrate = facts.daemon.info.get("configuration", {}).get("bus", {}).get("bitrate")
     if bitrate is None:

@@ -83,7 +83,7 @@ class SdkGripper(BlockingGripper):
     # What it measures
 
     def poll(self, timeout_s: float = 0.0) -> bool:
-        """Return whether there are figures that no call of this method has seen before.
+        """Return True if there are figures that no call of this method has seen before.
 
         Waits for them for at most `timeout_s` seconds. Nothing has to be read here: the daemon asks
         the motor in every period (5 ms).

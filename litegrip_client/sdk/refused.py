@@ -9,7 +9,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, NoReturn
 
 _BUS = "the bus is the daemon's, so that many programs can use one gripper"
-_LOOP = "the daemon runs that loop, so that it goes on while a script is late"
+_LOOP = "the daemon runs that loop, so that it continues while a script is late"
 
 
 def refusal(name: str, why: str, hint: str) -> CommandError:

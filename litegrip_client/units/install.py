@@ -290,7 +290,7 @@ class Done:
 
 
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class Wanted:
     """What to install beside the units: interfaces to bring up, serial ports, a fleet's parts."""
 
     channels: Sequence[str] = ()
@@ -355,7 +355,7 @@ def channels(root: Path) -> list[str]:
     return list(dict.fromkeys(name for text in contents for name in channels_in(text)))
 
 
-def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
+def install(root: Path, wanted: Wanted, programs: str) -> list[Done]:
     """Install the requested files, and reinstall those installed before.
 
     Where the package has brought the units, only what belongs beside them; copies of an earlier
@@ -368,11 +368,11 @@ def install(root: Path, wishes: Wishes, programs: str) -> list[Done]:
         done += _remove_all(root, units(programs) + fleet(programs))
     else:
         files += units(programs)
-        if wishes.fleet or (root / fleet(programs)[0].path).is_file():
+        if wanted.fleet or (root / fleet(programs)[0].path).is_file():
             files += fleet(programs)
-    if wishes.serial or (root / serial()[0].path).is_file():
+    if wanted.serial or (root / serial()[0].path).is_file():
         files += serial()
-    named = list(dict.fromkeys([*channels(root), *wishes.channels]))
+    named = list(dict.fromkeys([*channels(root), *wanted.channels]))
     if named:
         files += udev(named)
         done += _remove_all(root, superseded())

@@ -295,7 +295,7 @@ class Parts:
 
 
 def motor_figures(machine: Machine) -> MotorFigures:
-    """Return the motor's counters, and whether another program commands it now."""
+    """Return the motor's counters; `foreign_active` is true if another program commands it now."""
     is_active = machine.controller.second_master.is_active
     own: ForeignActive = {"foreign_active": is_active}
     return MotorFigures({**dataclasses.asdict(machine.motor.counters), **own})

@@ -55,7 +55,7 @@ TABLES = {
     "control": "The control thread.",
     "rpc": "The socket for clients. A second one beside it, can0.stop.sock for can0.sock, takes"
     " stops and nothing else.",
-    "access": "Who may do what. Whoever may connect may read and stop; these lists say who may do"
+    "access": "Who may do what. All who may connect may read and stop; these lists say who may do"
     " more. Where several entries fit, the highest role counts. Root and the daemon's own user are"
     " admins in any case.",
     "trajectories": "The named trajectories that the daemon keeps. A limit refuses what would go"
@@ -122,7 +122,7 @@ KEYS = (
         "second_master",
         str,
         '"refuse"',
-        "When another program commands the motor on the same bus: refuse motions, or only tell of"
+        "When another program commands the motor on the same bus: refuse motions, or only report"
         " it.",
         choices=("refuse", "tolerate"),
     ),

@@ -101,7 +101,7 @@ class Daemon:
             role_of=config.access.role_of,
             is_gateway=config.access.is_gateway,
             epoch=self._facts.epoch,
-            restart=lambda told: self._succession.begin(told, time.monotonic()),
+            restart=lambda on_restarted: self._succession.begin(on_restarted, time.monotonic()),
             links=self._links,
             simulated=simulated_gripper(config),
         )
@@ -504,8 +504,8 @@ def succeed(load: Callable[[], Config], arguments: Sequence[str]) -> bool | None
         successor = Successor(load(), arguments, link)
         next_tick_s = successor.take_over(successor.await_state())
     except Exception as error:  # noqa: BLE001 - the predecessor gets any error
-        is_told = isinstance(error, NotTakenError | ConfigError | PlainError | OSError)
-        why = str(error) if is_told else f"a defect of the successor: {error!r}"
+        is_expected = isinstance(error, NotTakenError | ConfigError | PlainError | OSError)
+        why = str(error) if is_expected else f"a defect of the successor: {error!r}"
         _log.error("no restart: %s", why)
         _report(link, why)
         return None

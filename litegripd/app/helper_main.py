@@ -124,7 +124,7 @@ OPERATIONS: dict[str, Operation] = {
 
 
 def serve(operations: Mapping[str, Operation]) -> bool:
-    """Answer requests until the daemon is gone; return whether it has sent a goodbye.
+    """Answer requests until the daemon is gone; return True if it has sent a goodbye.
 
     A daemon that is gone reads no answer, but its goodbye may follow its last request.
     """
@@ -238,10 +238,10 @@ def main() -> None:
         return
     try:
         written = dump_recorder({"cause": "crash", "note": "the control process has gone"})
-        told = f"its last minute is recorded in {written['path']}"
+        outcome = f"its last minute is recorded in {written['path']}"
     except (OSError, ValueError) as error:
-        told = f"its last minute could not be recorded: {error}"
-    _LOG.write(f"litegripd: the control process is gone; {told}\n")
+        outcome = f"its last minute could not be recorded: {error}"
+    _LOG.write(f"litegripd: the control process is gone; {outcome}\n")
     _LOG.finish(_LOG_WITHIN_S)
 
 

@@ -7,7 +7,6 @@ Controller and motor do not know each other; this file connects them, for real t
 
 import logging
 from collections.abc import Sequence
-from dataclasses import replace
 
 from litegripd.control.controller import Controller
 from litegripd.model.gripper import GripperId
@@ -56,7 +55,7 @@ class Machine:
             bus = BusCondition("motor_silent", view.problem.message)
         refusal = bus.refusal(self.controller.gripper_id.bus_channel)
         if refusal is not None:
-            view = replace(view, problem=refusal)
+            view = view._replace(problem=refusal)
         self.controller.note_bus(bus)
         must_disable = self.controller.must_disable
         try:
@@ -116,7 +115,7 @@ class Ending:
             self._machine.controller.shut_down()
 
     def is_over(self, now_s: float) -> bool:
-        """Return whether the end has begun and there is nothing more to wait for."""
+        """Return True if the end has begun and there is nothing more to wait for."""
         if self._since_s is None:
             return False
         waited_s = now_s - self._since_s

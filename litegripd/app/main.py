@@ -101,7 +101,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser.add_argument("--interface", metavar="NAME", help="python-can interface (socketcan)")
     parser.add_argument("--simulate", action="store_true", help="a simulated gripper, no hardware")
     parser.add_argument(
-        "--check", action="store_true", help="check the configuration, tell what it says, and end"
+        "--check", action="store_true", help="check the configuration, print what it says, and end"
     )
     parser.add_argument(SUCCESSOR_OPTION, action="store_true", help=argparse.SUPPRESS)
     parser.add_argument("--version", action="version", version=f"litegripd {daemon_version()}")

@@ -53,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         if arguments.link is not None:
             _check_link(arguments.link)
         if not arguments.pty and arguments.channel is None:
-            raise ValueError("--interface needs --channel, such as --channel vcan0")
+            raise ValueError("--interface needs --channel, for example --channel vcan0")
         if arguments.pty and (arguments.channel is not None or arguments.bitrate is not None):
             raise ValueError("--channel and --bitrate belong to --interface, not to --pty")
         if not arguments.pty and arguments.link is not None:
@@ -96,7 +96,7 @@ def make_parser() -> argparse.ArgumentParser:
         "and another with each 'plug'",
     )
     where.add_argument("--interface", metavar="NAME", help="serve on this python-can interface")
-    parser.add_argument("--channel", metavar="CH", help="channel of --interface, such as vcan0")
+    parser.add_argument("--channel", metavar="CH", help="channel of --interface, for example vcan0")
     parser.add_argument("--bitrate", type=int, help="bit rate of --interface in bit/s")
     parser.add_argument("--link", type=Path, help="also make a symbolic link to the terminal")
     parser.add_argument("--mount", choices=MOUNTS, default="normal")

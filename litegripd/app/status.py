@@ -192,7 +192,7 @@ class DaemonFacts:
         """Return the verdict and the figures."""
         verdict, reasons = self.verdict()
         parts, uptime_s = self._parts, now_s - self._began_s
-        judged: Judged = {"verdict": verdict, "reasons": reasons}
+        judged: Judged = {"verdict": verdict, "reasons": reasons, "remote": None}
         return judged if parts is None else {**judged, **parts.figures(uptime_s, self._machine)}
 
     def verdict(self) -> tuple[Verdict, list[str]]:

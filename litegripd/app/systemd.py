@@ -34,11 +34,11 @@ class Notifier:
         ones."""
 
     def send(self, text: str) -> bool:
-        """Send lines (READY=1); return whether they left. Never waits, raises nothing."""
+        """Send lines (READY=1); return True if they left. Never waits, raises nothing."""
         return self._left(lambda address: self._send_text(text, address))
 
     def insist(self, text: str, goes_on: Callable[[], bool]) -> bool:
-        """Send lines, and retry while there is no room; return whether they left.
+        """Send lines, and retry while there is no room; return True if they left.
 
         `goes_on` is called every few milliseconds; when it returns False, the attempt ends.
         """
@@ -158,7 +158,7 @@ class Supervision:
         self._beat_s = min(wanted_s, STATUS_EVERY_S)
         self._next_beat_s: float | None = None
         self._next_status_s = 0.0
-        self._told = ""
+        self._shown_status = ""
         self._complaint: str | None = None
         self._worked = False
         self._waited = False
@@ -168,8 +168,8 @@ class Supervision:
 
     def ready(self) -> None:
         """Notify the manager that clients are let in; repeat in each tick until there is room."""
-        is_told = self._notifier.send(_READY)
-        self._owed = _READY if not is_told and self._notifier.is_full else ""
+        is_sent = self._notifier.send(_READY)
+        self._owed = _READY if not is_sent and self._notifier.is_full else ""
 
     def ends(self) -> None:
         """Notify the manager that the end has begun."""
@@ -181,8 +181,8 @@ class Supervision:
         Otherwise the manager would take the end of this process for the daemon's, and end the
         successor. So this process waits for room as long as `goes_on` returns True.
         """
-        told = f"MAINPID={pid}\n{self._owed}".rstrip()
-        if self._notifier.insist(told, goes_on):
+        message = f"MAINPID={pid}\n{self._owed}".rstrip()
+        if self._notifier.insist(message, goes_on):
             self._notifier.barrier(MANAGER_WITHIN_S, goes_on)
 
     def tick(self, now_s: float, *, failed: bool) -> None:
@@ -239,5 +239,5 @@ class Supervision:
         if reasons:
             text += f": {'; '.join(reasons)}"
         text = one_line(text)[:_LONGEST_STATUS]
-        if text != self._told and self._notifier.send(f"STATUS={text}"):
-            self._told = text
+        if text != self._shown_status and self._notifier.send(f"STATUS={text}"):
+            self._shown_status = text

@@ -7,7 +7,6 @@ only through `step`.
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from litegripd.control import events
@@ -682,4 +681,4 @@ def _finite(motor: MotorView) -> MotorView:
     if feedback is None:
         return motor
     total = feedback.position_rad + feedback.velocity_rad_s + feedback.torque_nm
-    return motor if math.isfinite(total) else replace(motor, feedback=None)
+    return motor if math.isfinite(total) else motor._replace(feedback=None)

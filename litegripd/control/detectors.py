@@ -19,7 +19,7 @@ contact. Only then is the object lost. Each measurement counts once.
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 from litegripd.model.motion_config import MotionConfig
 from litegripd.model.motor import Feedback
@@ -175,8 +175,7 @@ TOUCH_SPEED_SHARE = 0.4
 friction."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Seen:
+class _Seen(NamedTuple):
     """One measurement, counted in the closing direction, with the torque commanded at that time."""
 
     at_s: float

@@ -7,6 +7,7 @@ the limits that changed a command: they appear as `limited` in the state.
 
 import math
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from litegripd.control.heat import HeatChange, HeatGuard
 from litegripd.model.calibration import Calibration
@@ -99,8 +100,7 @@ _DAMPING_BACK_S = 0.1
 """Damping that follows a late measurement of the speed, up and down, throws the jaws to and fro."""
 
 
-@dataclass(frozen=True, slots=True)
-class Bounds:
+class Bounds(NamedTuple):
     """The bounds of commands: the widened travel; a lead and a torque where no travel is known.
 
     The torque never exceeds the motor's.
@@ -163,10 +163,10 @@ class CommandLimiter:
             command = MitCommand(feedback.position_rad, 0.0, 0.0, _BRAKE_KD_NM_S_RAD, 0.0)
             limited.append("not_finite")
         packable = _within_ranges(command, ranges)
-        if packable != command:
+        if packable is not command:
             limited.append("range")
         inside = _inside(packable, feedback, bounds)
-        if inside != packable:
+        if inside is not packable:
             limited.append("travel")
         elapsed_s = self._charge(now_s)
         motor = self._motor_type
@@ -175,11 +175,16 @@ class CommandLimiter:
             inside, feedback, min(budget_nm, allowance_nm), self._most_damping(elapsed_s)
         )
         within = _within_peak(within, feedback, motor.peak_nm)
-        if within != inside:
+        if within is not inside and within != inside:
             limited.append("heat" if allowance_nm < budget_nm else "torque")
         within = _within_ranges(within, ranges)  # scaling may round to just outside a range
         self._last_nm = torque_bound_nm(within, feedback)
         return within, tuple(limited)
+
+    @property
+    def last_nm(self) -> float:
+        """The largest torque that the latest command can ask for; 0 while there is none."""
+        return self._last_nm
 
     def unpowered(self, now_s: float) -> None:
         """Take note that the motor gets no command from now on."""
@@ -225,8 +230,13 @@ def _terms_nm(command: MitCommand, feedback: Feedback) -> tuple[float, float, fl
 
 def _sums_nm(terms_nm: tuple[float, float, float]) -> tuple[float, float]:
     """Return the sums of the terms in the motor's positive direction, and in the other."""
-    up_nm = sum(term_nm for term_nm in terms_nm if term_nm > 0.0)
-    return up_nm, up_nm - sum(terms_nm)
+    lead_nm, damping_nm, torque_nm = terms_nm
+    up_nm = (
+        (lead_nm if lead_nm > 0.0 else 0.0)
+        + (damping_nm if damping_nm > 0.0 else 0.0)
+        + (torque_nm if torque_nm > 0.0 else 0.0)
+    )
+    return up_nm, up_nm - (lead_nm + damping_nm + torque_nm)
 
 
 def _fields(command: MitCommand) -> tuple[float, ...]:
@@ -268,8 +278,10 @@ def _within_torque(
     """
     terms_nm = _terms_nm(command, feedback)
     up_nm, down_nm = _sums_nm(terms_nm)
-    shares = {1: _share(budget_nm, up_nm), -1: _share(budget_nm, down_nm)}
-    lead, damping, torque = (shares[1 if term_nm > 0.0 else -1] for term_nm in terms_nm)
+    if up_nm <= budget_nm and down_nm <= budget_nm and most_damping == 1.0:
+        return command, 1.0
+    up, down = _share(budget_nm, up_nm), _share(budget_nm, down_nm)
+    lead, damping, torque = (up if term_nm > 0.0 else down for term_nm in terms_nm)
     damping = min(damping, most_damping)
     if lead == damping == torque == 1.0:
         return command, 1.0
@@ -303,7 +315,18 @@ def _within_peak(command: MitCommand, feedback: Feedback, peak_nm: float) -> Mit
 
 
 def _within_ranges(command: MitCommand, ranges: Ranges) -> MitCommand:
-    """Keep every field within what a frame can carry; the encoder rejects other values."""
+    """Keep every field within what a frame can carry; the encoder rejects other values.
+
+    A command that is within them is returned as it is, the same object.
+    """
+    if (
+        abs(command.position_rad) <= ranges.position_rad
+        and abs(command.velocity_rad_s) <= ranges.velocity_rad_s
+        and 0.0 <= command.kp_nm_rad <= _KP_MAX
+        and 0.0 <= command.kd_nm_s_rad <= _KD_MAX
+        and abs(command.torque_nm) <= ranges.torque_nm
+    ):
+        return command
     return MitCommand(
         _clamp(command.position_rad, ranges.position_rad),
         _clamp(command.velocity_rad_s, ranges.velocity_rad_s),
@@ -338,7 +361,7 @@ class Output:
         self.command, self.limited = self._limiter.apply(
             now_s, command, feedback, bounds, ranges, allowance_nm=self.heat.allowance_nm
         )
-        return self.heat.update(now_s, feedback, torque_bound_nm(self.command, feedback))
+        return self.heat.update(now_s, feedback, self._limiter.last_nm)
 
     def unpowered(self, now_s: float, feedback: Feedback | None) -> HeatChange | None:
         """Take note that the motor gets no command from now on."""

@@ -104,7 +104,7 @@ class Link:
         return self.receive()
 
     def is_left(self) -> bool:
-        """Return whether the other end is gone; packets from it may still be unread."""
+        """Return True if the other end is gone; packets from it may still be unread."""
         poll = select.poll()
         poll.register(self._socket, 0)
         return bool(poll.poll(0))

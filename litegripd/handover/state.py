@@ -9,7 +9,7 @@ here: which motor can be handed over, the phase, the idle jaws, and a lease that
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any, Protocol, TypeAlias
 
 from litegripd.control.controller import Controller
@@ -76,7 +76,7 @@ def adopt(machine: Machine, service: RpcService, plain: Any) -> None:
     controller.idle = _idle_of(plain["rest"], controller.gripper_id.motor_type)
     # The phase of the predecessor's last tick: the controller must still notice a later change.
     phase = value_of(plain["phase"], MotorPhase, "phase")
-    controller.motor = replace(motor.view(), phase=phase)
+    controller.motor = motor.view()._replace(phase=phase)
     restore(service, plain["service"])
 
 

@@ -1,1 +1,1 @@
-"""Clocks, sockets, processes and the CAN bus live here, and in no lower layer."""
+"""Clocks, sockets, processes and the CAN bus: no lower room has any of them."""

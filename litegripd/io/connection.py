@@ -1,4 +1,4 @@
-"""One client's socket: splits what arrives into lines, sends what is queued, within bounds."""
+"""One client's socket: splits received bytes into lines and sends queued ones, within bounds."""
 
 import fcntl
 import logging

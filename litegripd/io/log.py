@@ -146,7 +146,7 @@ FIELDS = "journal_fields"
 
 
 class LogHandler(logging.Handler):
-    """Hands each line to a sink that never waits and returns whether it took the line."""
+    """Hands each line to a sink that never waits; it returns True if it took the line."""
 
     def __init__(self, sink: Callable[[logging.LogRecord, str], bool]) -> None:
         super().__init__()

@@ -450,7 +450,7 @@ class Urgent:
         except Exception:  # noqa: BLE001 - one descriptor must not end the others
             self.errors += 1
             if self.errors == 1:
-                _log.exception("the handler of descriptor %d failed; it goes on being served", fd)
+                _log.exception("the handler of descriptor %d failed; it is still served", fd)
 
 
 class Signals:

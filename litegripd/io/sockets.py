@@ -1,4 +1,4 @@
-"""The daemon's places in the system: its sockets and the locks that make it the only one.
+"""The daemon's places in the system: its sockets, and the locks that make it the only one.
 
 A name in the abstract socket namespace can be taken by anybody, a lock file in the run directory
 only by users who may run its daemon: so both are held. The three sockets (`Places`: the claim on

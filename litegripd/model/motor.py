@@ -4,7 +4,7 @@ import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum
-from typing import Literal, TypeAlias
+from typing import Literal, NamedTuple, TypeAlias
 
 from litegripd.model.errors import Refusal
 
@@ -216,8 +216,7 @@ class ZeroView:
     is_uncertain: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class MotorView:
+class MotorView(NamedTuple):
     """The motor as the controller sees it in one tick.
 
     `feedback` is the latest, whatever its age; `enable_tries` counts the tries of the present or
@@ -274,8 +273,7 @@ class ClearFault:
 MotorRequest: TypeAlias = EnableMotor | DisableMotor | SetZero | ClearFault
 
 
-@dataclass(frozen=True, slots=True)
-class MotorInput:
+class MotorInput(NamedTuple):
     """What the controller wants of the motor in one tick.
 
     `is_motion` is True if `command` leads the jaws on: it must not continue without feedback. A

@@ -1,4 +1,4 @@
-"""The gripper's jobs and how they end, its state and its events, as every client sees them."""
+"""The gripper's jobs and how they end, and its events, as every client sees them."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -6,8 +6,6 @@ from enum import Enum
 from typing import Any, Literal, TypeAlias
 
 from litegripd.model.errors import Refusal
-from litegripd.model.gripper import Mount
-from litegripd.model.motor import BusState
 from litegripd.model.teleop import TeleopMode
 
 MoveOutcome: TypeAlias = Literal[
@@ -391,90 +389,6 @@ class HelperTask:
     parameters: Mapping[str, object]
     on_result: Callable[[TaskResult], None]
     uid: int | None = None
-
-
-Mode: TypeAlias = Literal[
-    "offline", "disabled", "enabling", "holding", "moving", "relaxed", "disabling", "fault"
-]
-
-
-@dataclass(frozen=True, slots=True)
-class JobSummary:
-    """The running job, in brief; the client of its owner as `program` and `pid`."""
-
-    job: int
-    kind: str
-    phase: str | None
-    program: str
-    pid: int
-
-
-@dataclass(frozen=True, slots=True)
-class StopSummary:
-    """The latched stop, in brief; `by` names the program, None for the daemon itself.
-
-    `repeats` counts the stops since then that did not raise the level; they make no events.
-    """
-
-    level: str
-    by: str | None
-    since_s: float
-    why: str | None
-    repeats: int
-
-
-@dataclass(frozen=True, slots=True)
-class GripperState:
-    """All that is known in the tick `seq`; None for what is unknown.
-
-    Times are of CLOCK_MONOTONIC, which all processes of a machine share. `feedback_s` is when the
-    motor was asked for the measurement, `age_s` its age at `monotonic_s`; `stale` marks a
-    measurement that is older than it should be, or of a motor that does not answer. `enabled` is
-    None while nothing is known, and while the last report of a motor that is silent, or is being
-    enabled or disabled, was that it is enabled. `requested_rad` and `requested_torque_nm` are what
-    the running motion or hold wanted in this tick, `command_rad` and `command_torque_nm` what the
-    motor got, and `limited` names the limits that make the difference. `force_set_n` is the set
-    force of a hold by force, None without one and when the motor is off; `is_grasped` is true if
-    such a hold has something between the jaws. Then `clamp_n` is the interval of the force on the
-    object (friction hides the exact value; the lower end is 0 while the jaws follow an object that
-    gave way), `loss_detection` is true if the loss of the object would be noticed, and
-    `loss_detection_from_n` is the smallest set force with which it would.
-    """
-
-    seq: int
-    monotonic_s: float
-    feedback_s: float | None
-    age_s: float | None
-    stale: bool
-    bus: BusState
-    motor: str
-    error_code: int | None
-    status: str | None
-    enabled: bool | None
-    mode: Mode
-    position_rad: float | None
-    velocity_rad_s: float | None
-    torque_nm: float | None
-    force_n: float | None
-    opening_mm: float | None
-    openness: float | None
-    driver_temperature_c: int | None
-    coil_temperature_c: int | None
-    command_rad: float | None
-    command_torque_nm: float | None
-    requested_rad: float | None
-    requested_torque_nm: float | None
-    limited: tuple[str, ...]
-    force_set_n: float | None
-    is_grasped: bool
-    clamp_n: tuple[float, float] | None
-    loss_detection: bool | None
-    loss_detection_from_n: float | None
-    calibrated: bool
-    mount: Mount | None
-    job: JobSummary | None
-    stop: StopSummary | None
-    stop_generation: int
 
 
 EventKind: TypeAlias = Literal[

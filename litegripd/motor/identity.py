@@ -255,7 +255,7 @@ def _figures(ratio: float | None, ranges: Ranges) -> str:
 
 
 def warnings(identity: MotorIdentity, motor_type: MotorType = DM4310) -> list[str]:
-    """Return what is unusual about a motor, whether or not it can be used."""
+    """Return what is unusual about a motor, usable or not."""
     found = []
     if (wrong := wrong_type(identity, motor_type)) is not None:
         found.append(wrong.message)
@@ -416,6 +416,8 @@ class Verifier:
             self._awaited_writes += 1
             self._open[TIMEOUT] = _Check({TIMEOUT.encode(_WATCHDOG_UNITS)})
             frames.append(write_request(self._can_id, TIMEOUT, _WATCHDOG_UNITS))
+        if not self._open:
+            return frames
         in_order = sorted(self._open, key=lambda reg: (not self._open[reg].claims, _rank(reg)))
         for register in in_order:
             check = self._open[register]
@@ -498,11 +500,11 @@ class Identification:
         "motor_type",
         "verifier",
         "_configured_master_id",
+        "_is_uncontrollable",
         "_judged",
-        "_ranged",
-        "_usable",
-        "_scan",
         "_refusal",
+        "_scan",
+        "_usable",
     )
 
     def __init__(
@@ -512,13 +514,12 @@ class Identification:
         self.can_id = can_id
         self.motor_type = motor_type
         self._configured_master_id = configured_master_id
-        self._ranged: MotorIdentity | None = None
-        self._usable: Ranges | None = None
-        """The ranges of the motor that was `_ranged`, once for all ticks."""
         self._judged: MotorIdentity | None = None
-        self._refusal: Refusal | None = None
-        """Why the motor that was `_judged` cannot be used. It is judged once, and read in every
+        """The motor of which the next three tell. It is judged once, and they are read in every
         tick."""
+        self._usable: Ranges | None = None
+        self._is_uncontrollable = False
+        self._refusal: Refusal | None = STILL_READ
         self._scan = RegisterScan(can_id, motor_type)
 
     @property
@@ -529,11 +530,8 @@ class Identification:
     @property
     def usable_ranges(self) -> Ranges | None:
         """The motor's own ranges; None while they are unknown, and if they make no sense."""
-        identity = self.identity
-        if identity is not self._ranged:
-            self._ranged, self._usable = identity, None
-            if identity is not None and has_usable_ranges(identity):
-                self._usable = identity.ranges
+        if self.identity is not self._judged:
+            self._judge()
         return self._usable
 
     @property
@@ -593,14 +591,21 @@ class Identification:
 
     def problem(self) -> Refusal | None:
         """Return why the motor cannot be used, or None; while it is unknown, that is the reason."""
-        if self.identity is None:
-            return STILL_READ
         if self.identity is not self._judged:
-            self._judged = self.identity
-            self._refusal = unsuitable(self.identity, self._configured_master_id, self.motor_type)
+            self._judge()
         return self._refusal
 
     @property
     def is_uncontrollable(self) -> bool:
         """True if the motor is known and cannot be commanded."""
-        return self.identity is not None and uncontrollable(self.identity) is not None
+        if self.identity is not self._judged:
+            self._judge()
+        return self._is_uncontrollable
+
+    def _judge(self) -> None:
+        identity = self._judged = self.identity
+        self._usable, self._is_uncontrollable, self._refusal = None, False, STILL_READ
+        if identity is not None:
+            self._usable = identity.ranges if has_usable_ranges(identity) else None
+            self._is_uncontrollable = uncontrollable(identity) is not None
+            self._refusal = unsuitable(identity, self._configured_master_id, self.motor_type)

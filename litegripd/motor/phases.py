@@ -72,6 +72,8 @@ def implausible_refusal(jump_rad: float) -> Refusal:
 class Phase(Enum):
     """Finer than `MotorPhase`: enabling has three steps, and silence two degrees."""
 
+    __hash__ = object.__hash__  # every tick looks phases up; Enum would hash their names
+
     LOOKING = auto()
     """Reading the registers, also of a motor that fell silent: another may have taken its place.
     A status counts only after the registers, because they hold its ranges."""
@@ -93,6 +95,8 @@ class Phase(Enum):
 
 class Event(Enum):
     """What can happen to a motor in one tick."""
+
+    __hash__ = object.__hash__
 
     SAW_DISABLED = auto()
     SAW_ENABLED = auto()

@@ -126,7 +126,7 @@ class Arming:
         return [status_request(self._can_id)]
 
     def _clear(self, now_s: float, feedback: Feedback | None) -> list[CanFrame]:
-        """Clear a fault, if there is one; the motor's answer shows whether that worked."""
+        """Clear a fault, if there is one; the motor's answer shows if that worked."""
         faulty = feedback is not None and is_fault(feedback.status)
         if now_s - self._began_s > self._request.tries * self._request.interval_s:
             silent = self._not_confirmed() if self.tries else SILENT

@@ -353,7 +353,7 @@ class Dumps:
 
         def done(result: TaskResult) -> None:
             self._is_busy = False
-            self._controller.events.append(_told(cause, result))
+            self._controller.events.append(_dumped(cause, result))
             then(result)
 
         parameters = {"cause": cause, "note": note}
@@ -422,7 +422,7 @@ class Dumps:
         self.ask(causes[0], ", then ".join(causes), lambda _result: None)
 
 
-def _told(cause: Cause, result: TaskResult) -> Event:
+def _dumped(cause: Cause, result: TaskResult) -> Event:
     """Return an event that says where the dump is, or why there is none."""
     if isinstance(result.value, dict):
         value = result.value

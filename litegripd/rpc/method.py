@@ -268,7 +268,7 @@ class Schemas:
 
 
 def _members(kind: Any) -> dict[str, tuple[Any, bool]]:
-    """Return each member's type, and whether it is always there."""
+    """Return each member's type, and True if it is always there."""
     if isinstance(kind, Shape):
         found = {name: row for part in kind.parts for name, row in _members(part).items()}
         return {name: (hint, due and not kind.partial) for name, (hint, due) in found.items()}

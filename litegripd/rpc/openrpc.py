@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Any, NewType, TypedDict, get_args
 
 from litegripd.control.authority import LossData
+from litegripd.control.snapshot import GripperState, JobSummary
 from litegripd.model.errors import ERROR_TABLE
 from litegripd.model.motion_config import MotionConfig
-from litegripd.model.state import GripperState, Job, JobSummary, Progress, ReplayProgress, Result
+from litegripd.model.state import Job, Progress, ReplayProgress, Result
 from litegripd.motor.exchange import MotorCounters
 from litegripd.rpc.jsonrpc import ErrorObject
 from litegripd.rpc.method import AT_ONCE, WAIT, Method, Param, Schema, Schemas, Shape

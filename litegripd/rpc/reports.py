@@ -9,16 +9,14 @@ from typing import Any, Literal, NewType, Protocol, TypeAlias, TypedDict
 
 from litegripd.control.controller import Controller
 from litegripd.control.events import KEPT_JOBS
-from litegripd.control.snapshot import snapshot
+from litegripd.control.snapshot import GripperState, JobSummary, snapshot
 from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Mount
 from litegripd.model.motor import BusState
 from litegripd.model.state import (
     EventKind,
-    GripperState,
     Job,
     JobKind,
-    JobSummary,
     Owner,
     Progress,
     Result,
@@ -70,7 +68,18 @@ class Limits(TypedDict):
     max_connections_per_uid: int
 
 
-class Remote(TypedDict):
+class Protection(TypedDict):
+    """How the way to another machine is protected.
+
+    `insecure`: nothing is encrypted, and everybody may do everything. `certificate_expires_s` is
+    when the portal's certificate is over, in Unix time; null without one.
+    """
+
+    insecure: bool
+    certificate_expires_s: float | None
+
+
+class Remote(Protection):
     """By which way a client of another machine comes; `channel` is the gripper's name there.
 
     `user` and `role` are those that the gateway acts with for it; `portal` and `gateway` are the
@@ -169,7 +178,7 @@ class Durations(TypedDict):
 
 
 class ControlFigures(TypedDict):
-    """How the control loop fares."""
+    """The figures of the control loop."""
 
     rate_hz: float
     ticks: int
@@ -186,7 +195,7 @@ class ControlFigures(TypedDict):
 
 
 class BusFigures(TypedDict):
-    """How the bus fares."""
+    """The figures of the bus."""
 
     state: BusState
     error: str | None
@@ -201,7 +210,7 @@ class BusFigures(TypedDict):
 
 
 MotorFigures = NewType("MotorFigures", dict[str, object])
-"""The motor's counters, and whether somebody else commands it just now."""
+"""The motor's counters, and `ForeignActive`."""
 
 
 class ForeignActive(TypedDict):
@@ -258,7 +267,7 @@ class LinkFigures(TypedDict):
 
 
 class LogFigures(TypedDict):
-    """How the log fares."""
+    """The figures of the log."""
 
     dropped: int
     is_stuck: bool
@@ -280,14 +289,15 @@ class Figures(TypedDict):
 
 
 class Judged(TypedDict):
-    """How the daemon fares, and why not better."""
+    """The verdict on the daemon and its reasons; `remote` is null, except through a portal."""
 
     verdict: Verdict
     reasons: list[str]
+    remote: Protection | None
 
 
 class Facts(Protocol):
-    """What JSON can hold."""
+    """The daemon's own facts, as JSON can hold them."""
 
     def hello(self) -> Mapping[str, object]:
         """Return what `Hello` declares."""
@@ -612,10 +622,11 @@ class Waiters:
 
         A client that has not read the last report gets none.
         """
-        job, progress = self._controller.jobs.running, self._controller.progress()
-        if job is None or progress is None:
+        job = self._controller.jobs.running
+        if job is None or job.number not in self._waiters or now_s < self._next_progress_s:
             return
-        if job.number not in self._waiters or now_s < self._next_progress_s:
+        progress = self._controller.progress()
+        if progress is None:
             return
         self._next_progress_s = now_s + PROGRESS_INTERVAL_S
         for waiter in self._waiters[job.number]:

@@ -469,9 +469,9 @@ class RpcService:
         self.on_event(event, now_s)
         self._subscriptions.events.note(event, now_s)
         if event.kind == "lease_lost":
-            self._tell_loser(event)
+            self._notify_loser(event)
 
-    def _tell_loser(self, event: Event) -> None:
+    def _notify_loser(self, event: Event) -> None:
         """Notify the client that has lost the lease, if it is still there."""
         session = self._clients.get(event.data["client"])
         if session is not None:

@@ -6,9 +6,10 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import TypedDict, get_args
 
+from litegripd.control.snapshot import GripperState
 from litegripd.model.errors import Refusal
 from litegripd.model.plain import Carried
-from litegripd.model.state import Event, EventKind, GripperState
+from litegripd.model.state import Event, EventKind
 from litegripd.rpc.jsonrpc import encode, notification_line
 from litegripd.rpc.reports import NumberedEvent, state_view
 from litegripd.rpc.sessions import Session
@@ -129,7 +130,7 @@ class EventStream:
         self._find_wanted()
 
     def remove(self, number: int, session: Session) -> bool:
-        """End a subscription of `session`; return whether there was one."""
+        """End a subscription of `session`; return True if there was one."""
         sub = self._all.get(number)
         if sub is None or sub.session is not session:
             return False
@@ -349,14 +350,14 @@ class Subscriptions:
         return number
 
     def remove_samples(self, number: int, session: Session) -> bool:
-        """End a subscription of `session` to the state; return whether there was one."""
+        """End a subscription of `session` to the state; return True if there was one."""
         there_was = self._samples.remove(number, session)
         self._open -= there_was
         session.subscriptions -= there_was
         return there_was
 
     def remove_events(self, number: int, session: Session) -> bool:
-        """End a subscription of `session` to events; return whether there was one."""
+        """End a subscription of `session` to events; return True if there was one."""
         there_was = self.events.remove(number, session)
         self._open -= there_was
         session.subscriptions -= there_was

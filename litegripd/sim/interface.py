@@ -159,7 +159,7 @@ class Channel:
             self.nodes.append(node)
 
     def detach(self, node: Node) -> bool:
-        """Remove a node and wake who waits for it; return whether any other is left."""
+        """Remove a node and wake its waiters; return True if another one is left."""
         with self.arrival:
             self.nodes.remove(node)
             self.arrival.notify_all()

@@ -251,8 +251,22 @@ def _of_type(motor_type: MotorType) -> dict[int, float]:
 class Registers:
     """The registers of one motor. Writes live in RAM until they are saved to the flash.
 
-    `sources` returns the value of each register that is measured on request.
+    `sources` returns the value of each register that is measured on request. What every frame needs
+    is an attribute, noted after each change of the live values.
     """
+
+    can_id: int
+    """The id that the motor listens to (ESC_ID)."""
+    master_id: int
+    """The id that the motor answers on (MST_ID)."""
+    mode: int
+    """The control mode: 1 MIT, 2 position, 3 velocity, 4 force and position."""
+    command_id: int
+    """The id of command frames: ESC_ID in MIT mode, 0x100 more in each further mode."""
+    timeout_s: float
+    """How long the motor stays armed without a command frame; 0 means for ever."""
+    ranges: Ranges
+    """The ranges that frames are coded in."""
 
     def __init__(
         self,
@@ -272,47 +286,26 @@ class Registers:
         self._live[V_BW] = speed_filter_hz
         self._flash = dict(self._live)
         self._sources = {} if sources is None else dict(sources)
+        self._note_live()
 
     def __getitem__(self, rid: int) -> float:
         source = self._sources.get(rid)
         return self._live[rid] if source is None else source()
 
-    @property
-    def can_id(self) -> int:
-        """The id that the motor listens to (ESC_ID)."""
-        return int(self._live[ESC_ID])
-
-    @property
-    def master_id(self) -> int:
-        """The id that the motor answers on (MST_ID)."""
-        return int(self._live[MST_ID])
-
-    @property
-    def command_id(self) -> int:
-        """The id of command frames: ESC_ID in MIT mode, 0x100 more in each further mode."""
-        return self.can_id + (self.mode - MODE_MIT) * _ID_STEP
-
-    @property
-    def mode(self) -> int:
-        """The control mode: 1 MIT, 2 position, 3 velocity, 4 force and position."""
-        return int(self._live[CTRL_MODE])
-
-    @property
-    def timeout_s(self) -> float:
-        """How long the motor stays armed without a command frame; 0 means for ever."""
-        return self._live[TIMEOUT] * TIMEOUT_UNIT_S
-
-    @property
-    def ranges(self) -> Ranges:
-        """The ranges that frames are coded in."""
-        return Ranges(self._live[PMAX], self._live[VMAX], self._live[TMAX])
+    def _note_live(self) -> None:
+        live = self._live
+        self.can_id, self.master_id = int(live[ESC_ID]), int(live[MST_ID])
+        self.mode = int(live[CTRL_MODE])
+        self.command_id = self.can_id + (self.mode - MODE_MIT) * _ID_STEP
+        self.timeout_s = live[TIMEOUT] * TIMEOUT_UNIT_S
+        self.ranges = Ranges(live[PMAX], live[VMAX], live[TMAX])
 
     def read(self, rid: int) -> bytes | None:
         """Return the 4 bytes of a register, or None when there is no such register."""
         return encode(rid, self[rid]) if rid in TABLE else None
 
     def write(self, rid: int, raw: bytes) -> bool:
-        """Write 4 bytes to a register; return whether the firmware took them."""
+        """Write 4 bytes to a register; return True if the firmware took them."""
         entry = TABLE.get(rid)
         if entry is None or not entry.writable:
             return False
@@ -320,6 +313,7 @@ class Registers:
         if not math.isfinite(value) or not entry.low <= value <= entry.high:
             return False
         self._live[rid] = value
+        self._note_live()
         return True
 
     def save(self) -> None:
@@ -329,3 +323,4 @@ class Registers:
     def power_cycle(self) -> None:
         """Forget what was not saved."""
         self._live = dict(self._flash)
+        self._note_live()

@@ -102,7 +102,7 @@ class SlcanDevice:
         return OK if self._switch(letter, rest) else ERROR
 
     def _switch(self, letter: bytes, rest: bytes) -> bool:
-        """Open, close or set the bit rate; return whether that was allowed."""
+        """Open, close or set the bit rate; return True if that was allowed."""
         if letter in (b"O", b"L") and not rest and not self._open:
             self._open = True
             self._listen_only = letter == b"L"

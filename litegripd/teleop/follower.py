@@ -29,7 +29,7 @@ from litegripd.model.teleop import (
     encode_force,
 )
 from litegripd.teleop.intake import MOST_ROUND_TRIP_S, Intake
-from litegripd.teleop.link import Link, TeleopAction, Tell
+from litegripd.teleop.link import Link, ReportEvent, TeleopAction
 
 MOST_NM = 5.5
 """The jaws are pushed with at most this, however stiff the follow gains are: the torque of the 4 mm
@@ -45,7 +45,7 @@ _SLOWEST_RAD_S = 1e-3
 class FollowerCommand:
     """Makes the commands of one follower.
 
-    With `force_limit_n`, stiffness and damping have a budget (`control/gains.py`): jaws that are
+    With `force_limit_n`, stiffness and damping have a budget (`control/limiter.py`): jaws that are
     stopped suddenly are pushed with at most that force, at any speed of the leader.
     """
 
@@ -146,7 +146,7 @@ TELL_EVERY_S = 0.01
 _EARLY_S = 0.00025
 
 
-class ForceTeller:
+class ForceReporter:
     """Sends a force frame every `TELL_EVERY_S`.
 
     `sender` is the number by which a leader of several followers knows this one.
@@ -179,7 +179,10 @@ re-arm the guard in the tick of its trip."""
 
 
 class PressGuard:
-    """Off with a limit of 0. While `is_tripped`, the jaws must have no stiffness and no damping."""
+    """Trips when the jaws press too hard; a limit of 0 switches it off.
+
+    While `is_tripped`, the jaws must have no stiffness and no damping.
+    """
 
     def __init__(self, limit_nm: float) -> None:
         self.is_tripped = False
@@ -190,7 +193,7 @@ class PressGuard:
         self._rearm_openness = 0.0
 
     def step(self, now_s: float, torque_nm: float, openness: float) -> bool:
-        """Take this tick's torque and the leader's openness; return whether the state has changed.
+        """Take this tick's torque and the leader's openness; return True if the state has changed.
 
         It re-arms when the leader has reopened by `REARM_OPENNESS` since the trip. Near full open,
         where that way is missing, it re-arms at the open stop.
@@ -220,8 +223,8 @@ Phase: TypeAlias = Literal["waiting", "aligning", "following", "stale", "release
 
 _SILENT_S = 3.0
 """After this time without a frame, the leader is missing or elsewhere: no short disturbance."""
-_OTHERS_TOLD_EVERY_S = 5.0
-_PHASE_TOLD_EVERY_S = 1.0
+_OTHERS_REPORTED_EVERY_S = 5.0
+_PHASE_REPORTED_EVERY_S = 1.0
 """A bad network may lose and find a leader many times a second."""
 
 
@@ -241,12 +244,14 @@ class Course:
 class TeleopFollower(TeleopAction):
     """Follows until it is finished; leaves a hold behind or, after a trip, free jaws."""
 
-    def __init__(self, link: Link, options: LinkOptions, tell: Tell, course: Course) -> None:
-        super().__init__(link, options, tell)
+    def __init__(
+        self, link: Link, options: LinkOptions, report: ReportEvent, course: Course
+    ) -> None:
+        super().__init__(link, options, report)
         self._course = course
         self._intake = Intake(course.settings.watchdog_s)
         self._guard = PressGuard(course.settings.torque_limit_nm)
-        self._teller = ForceTeller(link, course.sender)
+        self._force_reporter = ForceReporter(link, course.sender)
         self._phase: Phase = "waiting"
         self._reference_rad: float | None = None
         self._leading = FollowerCommand(
@@ -258,10 +263,10 @@ class TeleopFollower(TeleopAction):
         )
         self._began_s: float | None = None
         self._stepped_s = 0.0
-        self._phases_told_s: dict[Phase, float] = {}
+        self._phases_reported_s: dict[Phase, float] = {}
         self._begins = 0
-        self._others_told = 0
-        self._others_told_s = float("-inf")
+        self._others_reported = 0
+        self._others_reported_s = float("-inf")
 
     def step(self, now_s: float, motor: MotorView) -> Step:
         """Take the frames that have arrived, and move the jaws on."""
@@ -281,7 +286,7 @@ class TeleopFollower(TeleopAction):
         self._stepped_s = now_s
         command = self._command(now_s, elapsed_s, feedback)
         if self.options.reflects and is_new:
-            self._tell_force(now_s, feedback)
+            self._report_force(now_s, feedback)
         return Step(command)
 
     def idle_after(self) -> Idle | None:
@@ -332,7 +337,7 @@ class TeleopFollower(TeleopAction):
             over_torque=self._guard.is_tripped,
             torque_trips=self._guard.trips,
             force_limited=self._leading.is_limited,
-            reflected_n=self._teller.reported_n,
+            reflected_n=self._force_reporter.reported_n,
         )
 
     def complaint(self) -> str | None:
@@ -364,7 +369,7 @@ class TeleopFollower(TeleopAction):
             return lead(self._reference_rad, 0.0, feedback)
         openness = min(max(frame.openness, 0.0), 1.0)  # nothing is followed beyond the travel
         if self._guard.step(now_s, feedback.torque_nm, openness):
-            self._tell_guard(feedback.torque_nm, openness)
+            self._report_guard(feedback.torque_nm, openness)
         if self._guard.is_tripped:
             self._enter("released")
             self._reference_rad = here_rad
@@ -408,7 +413,7 @@ class TeleopFollower(TeleopAction):
 
     # Reports
 
-    def _tell_force(self, now_s: float, feedback: Feedback) -> None:
+    def _report_force(self, now_s: float, feedback: Feedback) -> None:
         """Report the jaws' force to the leader's hand while the jaws go where it wants them.
 
         No report goes to a silent leader, nor to one that would reject the force as late: if its
@@ -416,47 +421,49 @@ class TeleopFollower(TeleopAction):
         """
         intake, frame, age_s = self._intake, self._intake.latest, self._intake.age_s(now_s)
         if frame is None or age_s is None or age_s >= MOST_ROUND_TRIP_S or intake.is_stale(now_s):
-            self._teller.reported_n = None
+            self._force_reporter.reported_n = None
             return
         is_felt = self._phase in ("aligning", "following")
         force_n = self._course.geometry.force_n(feedback.torque_nm) if is_felt else 0.0
-        failed = self._teller.step(now_s, feedback, force_n, frame.timestamp_s, intake.source)
+        failed = self._force_reporter.step(
+            now_s, feedback, force_n, frame.timestamp_s, intake.source
+        )
         self.send_failed += failed
 
     def _enter(self, phase: Phase) -> None:
         """Enter another phase, and report what a person needs to know about it."""
         before, self._phase = self._phase, phase
-        told_s = self._phases_told_s.get(phase, float("-inf"))
-        if phase == before or self._stepped_s - told_s < _PHASE_TOLD_EVERY_S:
+        reported_s = self._phases_reported_s.get(phase, float("-inf"))
+        if phase == before or self._stepped_s - reported_s < _PHASE_REPORTED_EVERY_S:
             return
-        self._phases_told_s[phase] = self._stepped_s
+        self._phases_reported_s[phase] = self._stepped_s
         if phase == "stale":
             text = f"no frame for {self._course.settings.watchdog_s:g} s: holding the last target"
-            self.tell(text, warning=True, phase=phase)
+            self.report(text, warning=True, phase=phase)
         elif phase == "aligning":
-            self.tell("the leader is heard: aligning", phase=phase)
+            self.report("the leader is heard: aligning", phase=phase)
         elif phase == "following":
-            self.tell("aligned: following", phase=phase)
+            self.report("aligned: following", phase=phase)
 
-    def _tell_guard(self, torque_nm: float, openness: float) -> None:
+    def _report_guard(self, torque_nm: float, openness: float) -> None:
         if self._guard.is_tripped:
             limit_nm = self._course.settings.torque_limit_nm
             text = (
                 f"{abs(torque_nm):.2f} N·m, at or over the limit of {limit_nm:g}: the jaws are let"
                 f" go until the leader, now {openness:.3g} open, has reopened"
             )
-            self.tell(text, warning=True, trips=self._guard.trips)
+            self.report(text, warning=True, trips=self._guard.trips)
         else:
-            self.tell("the leader has reopened: the torque guard is armed again")
+            self.report("the leader has reopened: the torque guard is armed again")
 
     def _note_others(self, now_s: float) -> None:
         """Report a second leader, but not all the time."""
         count = self._intake.other_leaders
-        is_due = now_s - self._others_told_s >= _OTHERS_TOLD_EVERY_S
-        if is_due and count > self._others_told:
-            self._others_told, self._others_told_s = count, now_s
+        is_due = now_s - self._others_reported_s >= _OTHERS_REPORTED_EVERY_S
+        if is_due and count > self._others_reported:
+            self._others_reported, self._others_reported_s = count, now_s
             text = (
                 f"frames of a second leader, or of a clock that was set back ({count} so far),"
                 " are not followed"
             )
-            self.tell(text, warning=True, other_leaders=count)
+            self.report(text, warning=True, other_leaders=count)

@@ -27,7 +27,7 @@ from litegripd.model.teleop import (
     encode_frame,
 )
 from litegripd.teleop.intake import ForceIntake
-from litegripd.teleop.link import Link, TeleopAction, Tell
+from litegripd.teleop.link import Link, ReportEvent, TeleopAction
 
 MOST_N = 10.0
 """No leader pushes back with more, on any request: a finger holds it without effort."""
@@ -119,13 +119,13 @@ class TeleopLeader(TeleopAction):
         self,
         link: Link,
         options: LinkOptions,
-        tell: Tell,
+        report: ReportEvent,
         *,
         geometry: Geometry,
         rate_hz: float,
         settings: TeleopSettings,
     ) -> None:
-        super().__init__(link, options, tell)
+        super().__init__(link, options, report)
         self._geometry = geometry
         self._every_s = 1.0 / rate_hz
         self._forces = ForceIntake()

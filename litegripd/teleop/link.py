@@ -38,7 +38,7 @@ class Link(Protocol):
         """The present status."""
 
     def publish(self, payload: bytes, now_s: float) -> bool:
-        """Send to all listeners, without waiting; return whether it left."""
+        """Send to all listeners, without waiting; return True if it was sent."""
 
     def reply(self, payload: bytes, to: str, now_s: float) -> bool:
         """Send from a follower to its leader, the `source` of the frames; as `publish`."""
@@ -152,7 +152,7 @@ _LONGEST_ERROR = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class OpenLink:
     """The link to open; `generation` distinguishes its reports from those of the one before."""
 
     generation: int
@@ -160,15 +160,17 @@ class Order:
     zenoh_config: str | None = None
 
 
-def pack_open(order: Order) -> bytes:
+def pack_open(wanted: OpenLink) -> bytes:
     """Return the packet that opens a link."""
-    return OPEN + json.dumps([order.generation, asdict(order.options), order.zenoh_config]).encode()
+    return (
+        OPEN + json.dumps([wanted.generation, asdict(wanted.options), wanted.zenoh_config]).encode()
+    )
 
 
-def unpack_open(body: bytes) -> Order:
+def unpack_open(body: bytes) -> OpenLink:
     """Return the content of `pack_open`'s packet, without its letter."""
     generation, options, zenoh_config = json.loads(body)
-    return Order(generation, LinkOptions(**options), zenoh_config)
+    return OpenLink(generation, LinkOptions(**options), zenoh_config)
 
 
 def pack_reply(payload: bytes, to: str) -> bytes:
@@ -244,7 +246,7 @@ class LoopRate:
         return self._ticks / elapsed_s if elapsed_s > 0.0 else 0.0
 
 
-Tell: TypeAlias = Callable[[Event], None]
+ReportEvent: TypeAlias = Callable[[Event], None]
 """Receives events for the log and the subscribers."""
 
 _OPEN: Mapping[TeleopMode, str] = {
@@ -253,7 +255,7 @@ _OPEN: Mapping[TeleopMode, str] = {
         " both ends nor for an access list or passwords"
     ),
     "slave": (
-        "whoever answers at the leader's address can move these jaws: zenoh_config names no"
+        "anybody who answers at the leader's address can move these jaws: zenoh_config names no"
         " authority for the leader's certificate"
     ),
 }
@@ -262,7 +264,7 @@ _OPEN: Mapping[TeleopMode, str] = {
 class TeleopAction(PlainAction, ABC):
     """One end of a teleoperation, while it lasts; only `finish` or a fault ends it."""
 
-    def __init__(self, link: Link, options: LinkOptions, tell: Tell) -> None:
+    def __init__(self, link: Link, options: LinkOptions, report: ReportEvent) -> None:
         self.options = options
         self.link = link
         self.loop = LoopRate()
@@ -271,8 +273,8 @@ class TeleopAction(PlainAction, ABC):
         """True after the warning that the link is open to others was logged."""
         self.is_finished = False
         self.feedback: Feedback | None = None
-        self._say = tell
-        self._told = LinkStatus()
+        self._report_event = report
+        self._reported = LinkStatus()
 
     def finish(self) -> TeleopResult:
         """End it on its owner's request; return the result."""
@@ -299,21 +301,21 @@ class TeleopAction(PlainAction, ABC):
         """Return what the daemon's health should report, including the link, or None."""
         return None
 
-    def tell(self, text: str, *, warning: bool = False, **data: object) -> None:
+    def report(self, text: str, *, warning: bool = False, **data: object) -> None:
         """Report an event."""
-        self._say(Event("teleop", f"teleop: {text}", {**data, "warning": warning}))
+        self._report_event(Event("teleop", f"teleop: {text}", {**data, "warning": warning}))
 
     def note_link(self) -> None:
         """Report a change of the link's state, once."""
-        status, told = self.link.status, self._told
-        if (status.state, status.error) != (told.state, told.error):
-            self._told = status
+        status, reported = self.link.status, self._reported
+        if (status.state, status.error) != (reported.state, reported.error):
+            self._reported = status
             why = "" if status.error is None else f": {status.error}"
             failed = status.state == "failed"
-            self.tell(f"the link is {status.state}{why}", warning=failed, link=status.state)
+            self.report(f"the link is {status.state}{why}", warning=failed, link=status.state)
             if status.is_protected is False and not self.is_warned:
                 self.is_warned = True
-                self.tell(_OPEN[self.options.mode], warning=True)
+                self.report(_OPEN[self.options.mode], warning=True)
 
     def base_status(self) -> TeleopStatus:
         """Return the part of the status that is the same for both ends."""

@@ -1,4 +1,4 @@
-"""The control thread's end of teleoperation links, which live in a process of their own.
+"""The control thread's end of teleoperation links; a process of their own keeps them.
 
 Nothing here waits: the process opens, connects and resolves names. It is started with the first
 link, kept for the daemon's life, and restarted when it dies.
@@ -14,7 +14,7 @@ from litegripd.teleop.link import (
     STATUS,
     InProcessLinks,
     Link,
-    Order,
+    OpenLink,
     pack_open,
     pack_reply,
     unpack_arrival,
@@ -78,7 +78,7 @@ class TeleopLinks:
         if options.kind == "none":
             return self._inside.open(options)
         self._generation += 1
-        self._link = ProcessLink(self, Order(self._generation, options, self._zenoh_config))
+        self._link = ProcessLink(self, OpenLink(self._generation, options, self._zenoh_config))
         if (options.kind, options.mode) == ("zenoh", "master"):
             self._led = self._link
         return self._link
@@ -93,7 +93,9 @@ class TeleopLinks:
                 else f"can send to port {port}"
             )
             whose = "the follower's" if leads else "these"
-            return f"whoever {who} can move {whose} jaws: datagrams are not encrypted nor signed"
+            return (
+                f"anybody who {who} can move {whose} jaws: datagrams are not encrypted nor signed"
+            )
         if options.kind == "none" or self._zenoh_config is not None:
             return None
         what = f"listens for anybody at port {port}" if leads else f"follows {options.host}:{port}"
@@ -129,7 +131,7 @@ class TeleopLinks:
     # For the links
 
     def send(self, packet: bytes) -> bool:
-        """Send a packet to the process; return whether it was taken."""
+        """Send a packet to the process; return True if it was taken."""
         return self._child is not None and self._child.send(packet)
 
     def exchange(self, link: "ProcessLink") -> None:
@@ -164,7 +166,7 @@ class TeleopLinks:
             link.status = _unstarted(str(error))
             self._restart_at_s = now_s + self._restart_after_s
             return
-        link.is_ordered = False
+        link.is_requested = False
 
     def _bury(self, child: Child, now_s: float) -> None:
         failure = child.failure
@@ -185,18 +187,18 @@ def _unstarted(why: str) -> LinkStatus:
 class ProcessLink:
     """One link, which the process keeps."""
 
-    def __init__(self, links: TeleopLinks, order: Order) -> None:
+    def __init__(self, links: TeleopLinks, wanted: OpenLink) -> None:
         self.status = LinkStatus()
-        self.is_ordered = False
+        self.is_requested = False
         self._is_closed = False
         self._links = links
-        self._order = order
+        self._wanted = wanted
         self._arrived: list[Arrival] = []
 
     def publish(self, payload: bytes, _now_s: float) -> bool:
         """Send a frame to the process; while the link is not open, it may be lost.
 
-        It is sent in any case: only sending shows whether a network is back.
+        It is sent in any case: only sending shows that a network is back.
         """
         return self._links.send(FRAME + payload) and self.status.state == "open"
 
@@ -207,8 +209,8 @@ class ProcessLink:
     def receive(self, _now_s: float) -> Sequence[Arrival]:
         """Return what the process has passed on; request the link once."""
         self._links.exchange(self)
-        if not self.is_ordered:
-            self.is_ordered = self._links.send(pack_open(self._order))
+        if not self.is_requested:
+            self.is_requested = self._links.send(pack_open(self._wanted))
         arrived, self._arrived = self._arrived, []
         return arrived
 
@@ -223,10 +225,10 @@ class ProcessLink:
         kind, body = packet[:1], packet[1:]
         if kind == FRAME:
             generation, arrival = unpack_arrival(body)
-            if generation == self._order.generation and not self._is_closed:
+            if generation == self._wanted.generation and not self._is_closed:
                 self._arrived.append(arrival)
         elif kind == STATUS:
             generation, status = unpack_status(body)
-            if generation == self._order.generation:
+            if generation == self._wanted.generation:
                 self.status = status
-                self._links.note(self, self._order.options, status)
+                self._links.note(self, self._wanted.options, status)

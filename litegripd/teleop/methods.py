@@ -120,15 +120,15 @@ class Teleoperation:
             return refusal
         warning = None if fake_leader else self._links.warning(options)
         if warning is not None:
-            self._tell(Event("teleop", f"teleop: {warning}", {"warning": True}))
+            self._report(Event("teleop", f"teleop: {warning}", {"warning": True}))
         link: Link = FakeLeader(geometry, rate_hz) if fake_leader else self._links.open(options)
         if options.mode == "master":
             action: TeleopAction = TeleopLeader(
-                link, options, self._tell, geometry=geometry, rate_hz=rate_hz, settings=settings
+                link, options, self._report, geometry=geometry, rate_hz=rate_hz, settings=settings
             )
         else:
             course = Course(geometry, config, gains, settings, controller.period_s, self._sender)
-            action = TeleopFollower(link, options, self._tell, course)
+            action = TeleopFollower(link, options, self._report, course)
         action.is_warned = warning is not None
         self._action = action
         self._job = controller.begin("teleop", action, owner, detached)
@@ -186,7 +186,7 @@ class Teleoperation:
             {"field": "rate_hz", "requested": rate_hz, "limit": most_hz},
         )
 
-    def _tell(self, event: Event) -> None:
+    def _report(self, event: Event) -> None:
         self._controller.events.append(event)
 
 

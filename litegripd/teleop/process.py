@@ -25,7 +25,7 @@ from litegripd.teleop.link import (
     FRAME,
     OPEN,
     REPLY,
-    Order,
+    OpenLink,
     pack_arrival,
     pack_status,
     unpack_open,
@@ -76,16 +76,16 @@ class Station:
 
     def __init__(self, peer: socket.socket) -> None:
         self._peer = peer
-        self._orders: SimpleQueue[Order | None] = SimpleQueue()
+        self._requests: SimpleQueue[OpenLink | None] = SimpleQueue()
         self._endpoint: Endpoint | None = None
         self._error: str | None = None
-        self._told = LinkStatus()
+        self._reported = LinkStatus()
         self._flood = Flood()
         self._leaders: ZenohLeaders | None = None
 
-    def order(self, order: Order | None) -> None:
+    def request(self, wanted: OpenLink | None) -> None:
         """Request a link in place of the present one, or none."""
-        self._orders.put(order)
+        self._requests.put(wanted)
 
     def publish(self, payload: bytes) -> None:
         """Send a frame, if the link is open; the worker reports an error."""
@@ -111,52 +111,52 @@ class Station:
 
         The daemon restarts it, and requests its link again.
         """
-        order = self._orders.get()
+        wanted = self._requests.get()
         try:
             while True:
-                order = self._serve(order) if order is not None else self._orders.get()
+                wanted = self._serve(wanted) if wanted is not None else self._requests.get()
         except Exception:  # noqa: BLE001 - whatever it is, it is reported
             traceback.print_exc()
             os._exit(1)
 
-    def _serve(self, order: Order) -> Order | None:
+    def _serve(self, wanted: OpenLink) -> OpenLink | None:
         """Keep one link open until the next request; return that request."""
-        self._told = LinkStatus()
+        self._reported = LinkStatus()
         self._flood = Flood()
-        endpoint = self._open(order)
+        endpoint = self._open(wanted)
         while True:
             try:
-                following = self._orders.get(
+                following = self._requests.get(
                     timeout=_RETRY_AFTER_S if endpoint is None else _LOOK_EVERY_S
                 )
             except Empty:
-                endpoint = self._open(order) if endpoint is None else self._look(order, endpoint)
+                endpoint = self._open(wanted) if endpoint is None else self._look(wanted, endpoint)
                 continue
             self._endpoint = None
             if endpoint is not None:
                 endpoint.close()
             return following
 
-    def _open(self, order: Order) -> Endpoint | None:
+    def _open(self, wanted: OpenLink) -> Endpoint | None:
         self._error = None
         try:
-            endpoint = self._make(order)
+            endpoint = self._make(wanted)
         except Exception as error:  # noqa: BLE001 - whatever it is: report and retry
-            self._tell(order, LinkStatus("failed", _not_opened(error, order.options)))
+            self._report(wanted, LinkStatus("failed", _not_opened(error, wanted.options)))
             return None
         self._endpoint = endpoint
         matching, is_protected = endpoint.matching, endpoint.is_protected
-        self._tell(order, LinkStatus("open", matching=matching, is_protected=is_protected))
+        self._report(wanted, LinkStatus("open", matching=matching, is_protected=is_protected))
         return endpoint
 
-    def _make(self, order: Order) -> Endpoint:
-        options, flood = order.options, self._flood
+    def _make(self, wanted: OpenLink) -> Endpoint:
+        options, flood = wanted.options, self._flood
 
         def deliver(payload: bytes, source: str) -> None:
             now_s = time.monotonic()
             if not flood.passes(now_s):
                 return
-            if not self._send(pack_arrival(order.generation, Arrival(payload, now_s, source))):
+            if not self._send(pack_arrival(wanted.generation, Arrival(payload, now_s, source))):
                 flood.refuse()  # the daemon stands still: frames get old, they are not kept
 
         if options.kind == "udp":
@@ -171,17 +171,17 @@ class Station:
         )
 
         if options.mode == "slave":
-            return ZenohFollower(options, order.zenoh_config, deliver)
+            return ZenohFollower(options, wanted.zenoh_config, deliver)
         self._leaders = self._leaders or ZenohLeaders()
-        return self._leaders.open(options, order.zenoh_config, deliver)
+        return self._leaders.open(options, wanted.zenoh_config, deliver)
 
-    def _look(self, order: Order, endpoint: Endpoint) -> Endpoint | None:
+    def _look(self, wanted: OpenLink, endpoint: Endpoint) -> Endpoint | None:
         """Report changes; close an end that has stopped listening."""
         failure = endpoint.failure
         if failure is not None:
             self._endpoint = None
             endpoint.close()
-            self._tell(order, LinkStatus("failed", f"listening: {_worded(failure)}"))
+            self._report(wanted, LinkStatus("failed", f"listening: {_worded(failure)}"))
             return None
         error = self._error
         state = LinkStatus("open" if error is None else "failed", error)
@@ -191,16 +191,16 @@ class Station:
             dropped=self._flood.dropped,
             is_protected=endpoint.is_protected,
         )
-        self._tell(order, state)
+        self._report(wanted, state)
         return endpoint
 
-    def _tell(self, order: Order, status: LinkStatus) -> None:
+    def _report(self, wanted: OpenLink, status: LinkStatus) -> None:
         """Report the link's status if it has changed; a report that did not leave is repeated."""
-        if status != self._told and self._send(pack_status(order.generation, status)):
-            self._told = status
+        if status != self._reported and self._send(pack_status(wanted.generation, status)):
+            self._reported = status
 
     def _send(self, packet: bytes) -> bool:
-        """Send a packet to the daemon; return whether its socket had room for it.
+        """Send a packet to the daemon; return True if its socket had room for it.
 
         Without a daemon, end the process from any thread.
         """
@@ -244,9 +244,9 @@ def main() -> None:
         elif kind == REPLY:
             station.reply(*unpack_reply(body))
         elif kind == OPEN:
-            station.order(unpack_open(body))
+            station.request(unpack_open(body))
         elif kind == CLOSE:
-            station.order(None)
+            station.request(None)
     os._exit(0)  # a session that is not closed, and a waiting worker, would keep it here
 
 

@@ -209,7 +209,7 @@ class ReplayGrips:
         return self._grips[self._number]
 
     def is_due(self, at_s: float) -> bool:
-        """Return whether the next grip has begun at `at_s`."""
+        """Return True if the next grip has begun at `at_s`."""
         return self._number < len(self._grips) and self.present.closing_s <= at_s
 
     def rewind(self) -> None:
@@ -536,7 +536,7 @@ class Replay(PlainAction):
         )
 
     def _is_pose(self, path: Path) -> bool:
-        """Return whether the path is shorter than a tick."""
+        """Return True if the path is shorter than a tick."""
         return path.duration_s < self._period_s
 
     def _is_endless_pose(self, path: Path) -> bool:

@@ -77,10 +77,11 @@ LINES: tuple[str, ...] = (
     "sim show",
     "sim reset",
     "completion bash",
+    "fleet --config no-such-fleet.toml",
 )
 """A command line for each command, and for each action of one; a daemon can be led through them."""
 
-WITHOUT_DAEMON = ("doctor", "completion", "install-units")
+WITHOUT_DAEMON = ("doctor", "completion", "fleet", "install-units")
 
 
 def every_parser() -> Iterator[Parser]:

@@ -435,7 +435,7 @@ def test_a_successor_that_does_not_answer_may_hold_or_not(daemon: FakeDaemon, ct
     daemon.handlers["state.get"] = lambda request: request.hang_up()
     code, shown, told = ctl("restart", "--hold")
     assert (code, told) == (0, "")
-    assert "pid 78 has taken over, whether the jaws are held is not known: " in shown
+    assert "pid 78 has taken over, but it is not known if the jaws are held: " in shown
 
 
 def test_a_restart_that_lets_go_is_left_to_the_service_manager(

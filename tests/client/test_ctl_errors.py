@@ -236,7 +236,11 @@ def test_ctrl_c_cancels_the_motion(daemon: FakeDaemon, ctl: Ctl) -> None:
     [
         ([], None, "no motion was running"),
         ([6], {"job": 6, "state": "done"}, "job 6 had ended, done"),
-        ([6], None, "could NOT be cancelled: gone\n  it may go on; stop it with: litegripctl stop"),
+        (
+            [6],
+            None,
+            "could NOT be cancelled: gone\n  it may continue; stop it with: litegripctl stop",
+        ),
     ],
 )
 def test_ctrl_c_tells_what_it_could_not_do(

@@ -74,6 +74,8 @@ def test_without_a_daemon(tmp_path: Path, capsys: pytest.CaptureFixture[str], li
     code, out = run(capsys, "--socket", str(tmp_path / "none.sock"), *line.split())
     if line in ASKING:
         assert (code, error_of(out)["data"]["reason"]) == (3, "no_daemon")
+    elif line.startswith("fleet"):  # by another program, which complains of its configuration
+        assert (code, error_of(out)["data"]["reason"]) == (2, "wrong_usage")
     else:
         assert (code, isinstance(json.loads(out), dict)) == (1 if line == "doctor" else 0, True)
 

@@ -12,7 +12,7 @@ def is_slack(world: World) -> bool:
 
 
 def sends_disable(world: World) -> bool:
-    return any(s.frame.data == codec.DISABLE for s in world.sent if s.at_s == world.now_s)
+    return any(sent.frame.data == codec.DISABLE for sent in world.sent_since(world.now_s))
 
 
 def errors_of(client: Client) -> list[str]:

@@ -186,7 +186,7 @@ def test_a_measurement_that_is_no_number_leads_to_no_command(
     view = world.machine.motor.view()
     assert view.feedback is not None
     changed: dict[str, Any] = {name: value}
-    wrong = replace(view, feedback=replace(view.feedback, **changed))
+    wrong = view._replace(feedback=replace(view.feedback, **changed))
     motor_input = world.controller.step(world.now_s + PERIOD_S, wrong)
     assert motor_input.command is None
     world.run(0.2)

@@ -53,7 +53,7 @@ def watched(world: World, client: Client, *, most: float = 1.0, **params: Any) -
         watch.begin()
         world.tick()
         feedback, is_on = world.controller.motor.feedback, world.controller.action is action
-        frames = [s.frame for s in world.sent if s.at_s == world.now_s]
+        frames = [sent.frame for sent in world.sent_since(world.now_s)]
         commands = [f.data for f in frames if f.can_id == CAN_ID and is_command(f)]
         command = codec.decode_command(commands[-1], world.ranges)
         watch.check(world.now_s, command, feedback, world.ranges, is_motion=is_on, in_codes=True)

@@ -5,8 +5,8 @@
 
 from dataclasses import dataclass, field
 
+from litegripd.control.snapshot import GripperState
 from litegripd.model.motor import MotorPhase
-from litegripd.model.state import GripperState
 from litegripd.motor import codec
 from litegripd.sim.motor import ENABLED
 from tests.faults.fault_world import FaultWorld

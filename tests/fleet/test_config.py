@@ -10,6 +10,7 @@ from litegrip_fleet.keys import BadNameError, Place, caller_in, place_in, stoppe
 
 TLS = 'ca = "/a"\ncertificate = "/b"\nkey = "/c"\n'
 NETWORK = f"[network]\n{TLS}"
+GATEWAY = NETWORK + '[gateway]\nsite = "lab"\ngrippers = { left = "can0" }\n'
 
 
 def config(tmp_path: Path, text: str) -> Path:
@@ -58,6 +59,12 @@ def test_all_three_parts(tmp_path: Path) -> None:
         (f'{NETWORK}[gateway]\nsite = "lab"\ngrippers = {{}}\n', "is empty"),
         (f'{NETWORK}[gateway]\nsite = "lab"\ngrippers = {{"*" = "can0"}}\n', "1 to 32 letters"),
         (f'{NETWORK}[gateway]\nsite = "lab"\ngrippers = {{a = "../x"}}\n', "cannot be a channel"),
+        (f"{GATEWAY}stop_when_silent = []\n", "1 to 8 users"),
+        (f'{GATEWAY}stop_when_silent = ["a", "a"]\n', "each once"),
+        (f'{GATEWAY}stop_when_silent = "a"\n', "an array of texts"),
+        (f'{GATEWAY}stop_when_silent = ["*"]\n', "1 to 32 letters"),
+        (f'{GATEWAY}stop_when_silent = ["a"]\nstop_level = "off"\n', "hold, relax, disable"),
+        (f'{GATEWAY}stop_level = "hold"\n', "without stop_when_silent"),
         (f'{NETWORK}[portal]\nuser = "op1"\ngrippers = ["left"]\n', "SITE.GRIPPER"),
         (f'{NETWORK}[portal]\nuser = "op1"\ngrippers = ["lab.*"]\n', "1 to 32 letters"),
         (f'{NETWORK}[portal]\nuser = "op1"\ngrippers = []\n', "one at least"),
@@ -81,6 +88,15 @@ def test_what_cannot_be_is_refused_and_says_what_can(tmp_path: Path, text: str, 
     with pytest.raises(FleetConfigError, match=r"fleet\.toml") as caught:
         load(str(config(tmp_path, text)))
     assert told in str(caught.value)
+
+
+def test_a_gateway_has_a_dead_mans_switch_if_it_says_for_whom(tmp_path: Path) -> None:
+    found = load(str(config(tmp_path, GATEWAY))).gateway
+    assert found is not None
+    assert found.stop_when_silent == ()
+    found = load(str(config(tmp_path, GATEWAY + 'stop_when_silent = ["a", "b"]\n'))).gateway
+    assert found is not None
+    assert (found.stop_when_silent, found.stop_level) == (["a", "b"], "hold")
 
 
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:

@@ -281,6 +281,56 @@ def test_a_frozen_client_loses_its_session_and_is_told_when_it_goes_on() -> None
     assert [told["error"]["message"] for told in scene.told] == ["gone"]
 
 
+def test_a_frozen_client_shows_no_life_by_what_comes_for_it() -> None:
+    scene = Scene()
+    scene.run(1.0)
+    scene.client_lives = False
+    for number in range(60):
+        if scene.far is None:
+            break
+        scene.daemon_says(id=number, result={"text": "x" * 2 * PIECE_BYTES})
+        scene.run(TICK_S)
+    assert scene.far is None
+
+
+def test_a_sign_of_life_says_when_it_was_sent_by_the_gateways_clock() -> None:
+    scene, sent_s = Scene(Weather(delay_s=0.2)), []
+    assert scene.far is not None
+    take = scene.far.asked
+
+    def asked(ask: Ask, line: bytes, now_s: float) -> None:
+        sent_s.append((ask.op, ask.at_s, now_s))
+        take(ask, line, now_s)
+
+    scene.far.asked = asked  # type: ignore[method-assign]
+    scene.run(3.0)
+    assert len(sent_s) > 5
+    for op, at_s, now_s in sent_s:
+        assert op == "live"
+        assert at_s == pytest.approx(now_s - 0.2, abs=0.01)
+
+
+def test_a_sign_of_life_that_comes_late_counts_from_when_it_was_shown() -> None:
+    scene = Scene(ttl_s=2.0)
+    scene.run(1.0)
+    scene.weather = Weather(delay_s=0.9)
+    scene.run(1.0)
+    scene.client_lives = False
+    begun_s = scene.now_s
+    scene.run(4.0)
+    assert scene.closed_s is not None
+    assert scene.closed_s - begun_s <= 2.0 + 2 * TICK_S
+
+
+def test_no_sign_of_life_counts_from_the_future() -> None:
+    scene = Scene()
+    assert scene.far is not None
+    scene.far.asked(Ask("live", at_s=scene.far_now_s + 3600.0), b"", scene.far_now_s)
+    scene.portal_runs = False
+    scene.run(TTL_S + 2 * TICK_S)
+    assert scene.far is None
+
+
 def test_a_frozen_portal_loses_its_sessions() -> None:
     scene = Scene()
     scene.portal_runs = False
@@ -401,6 +451,22 @@ def test_hello_says_by_which_way_it_came() -> None:
         "user": "op1@lab",
         "channel": "can0",
     }
+
+
+def test_health_says_how_the_way_is_protected() -> None:
+    scene = Scene()
+    scene.near.opened({"site": "lab", "insecure": True, "certificate_expires_s": None})
+    scene.say("health", 3)
+    scene.run(0.1)
+    scene.daemon_says(id=3, result={"verdict": "ok", "remote": None})
+    scene.say("health", 4)
+    scene.run(0.1)
+    scene.daemon_says(id=4, error={"code": 1, "message": "no"})
+    scene.run(0.1)
+    health, refused = scene.told
+    protection = {"insecure": True, "certificate_expires_s": None}
+    assert health["result"] == {"verdict": "ok", "remote": protection}
+    assert refused["error"] == {"code": 1, "message": "no"}
 
 
 def test_a_request_carries_the_stops_that_the_portal_knew_of() -> None:

@@ -9,7 +9,7 @@ import can
 import pytest
 
 from litegripd.io.can import pump_main
-from litegripd.io.can.pumped import pack_order
+from litegripd.io.can.pumped import pack_send_request
 from litegripd.model.motor import CanFrame
 
 
@@ -82,7 +82,7 @@ class Pump:
 
     def write(self, adapter: FakeAdapter, orders: Sequence[Sequence[CanFrame]]) -> None:
         """Carry out `orders`, none of which comes too late."""
-        self._orders.extend(pack_order(frames, float("inf")) for frames in orders)
+        self._orders.extend(pack_send_request(frames, float("inf")) for frames in orders)
         with pytest.raises(PumpEndsError):
             pump_main._write(adapter, self, self)  # type: ignore[arg-type]
 

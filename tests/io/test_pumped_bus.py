@@ -16,9 +16,9 @@ from litegripd.io.can.bus import BusSettings
 from litegripd.io.can.pumped import (
     PumpedBus,
     pack_frames,
-    pack_order,
+    pack_send_request,
     unpack_frames,
-    unpack_order,
+    unpack_send_request,
 )
 from litegripd.model.motor import CanFrame
 from litegripd.motor.codec import status_request
@@ -35,7 +35,7 @@ FRAMES = st.lists(st.builds(CanFrame, st.integers(0, 0x7FF), st.binary(max_size=
 @given(FRAMES, st.floats(allow_nan=False))
 def test_frames_are_the_same_after_their_journey(frames: list[CanFrame], deadline_s: float) -> None:
     assert unpack_frames(pack_frames(frames)) == frames
-    assert unpack_order(pack_order(frames, deadline_s)) == (frames, deadline_s)
+    assert unpack_send_request(pack_send_request(frames, deadline_s)) == (frames, deadline_s)
 
 
 class Rig:

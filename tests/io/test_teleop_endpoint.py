@@ -8,7 +8,7 @@ import pytest
 
 from litegripd.model.teleop import LinkOptions, LinkStatus, TeleopMode
 from litegripd.teleop.ends import UdpFollower, UdpLeader
-from litegripd.teleop.link import FRAME, STATUS, Order, unpack_arrival, unpack_status
+from litegripd.teleop.link import FRAME, STATUS, OpenLink, unpack_arrival, unpack_status
 from litegripd.teleop.process import Station
 
 DEADLINE_S = 30.0
@@ -57,7 +57,7 @@ def test_an_error_of_listening_is_told_and_the_port_opened_anew(mode: TeleopMode
             other.close()  # the port is the follower's
         station = Station(daemon)
         threading.Thread(target=station.work, daemon=True).start()
-        station.order(Order(1, LinkOptions(mode, "udp", "127.0.0.1", port, reflects=True)))
+        station.request(OpenLink(1, LinkOptions(mode, "udp", "127.0.0.1", port, reflects=True)))
         assert daemon.status().state == "open"
         socket_of(station).close()
         status = daemon.status()
@@ -67,4 +67,4 @@ def test_an_error_of_listening_is_told_and_the_port_opened_anew(mode: TeleopMode
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as sender:
             sender.sendto(b"frame", ("127.0.0.1", listens_at))
             assert daemon.payload() == b"frame"
-        station.order(None)
+        station.request(None)

@@ -19,7 +19,7 @@ from litegripd.io.helper.child import Child
 from litegripd.model.teleop import Arrival, LinkOptions, LinkStatus
 from litegripd.teleop.link import (
     Link,
-    Order,
+    OpenLink,
     pack_arrival,
     pack_open,
     pack_status,
@@ -47,7 +47,7 @@ OPTIONS = st.builds(
 def test_orders_are_the_same_after_their_journey(
     generation: int, options: LinkOptions, file: str | None
 ) -> None:
-    order = Order(generation, options, file)
+    order = OpenLink(generation, options, file)
     assert unpack_open(pack_open(order)[1:]) == order
 
 
@@ -110,10 +110,10 @@ def test_a_state_that_meets_a_full_socket_is_told_when_there_is_room() -> None:
         used.bind(("", 0))
         station = Station(peer)
         threading.Thread(target=station.work, daemon=True).start()
-        station.order(Order(5, LinkOptions("slave", "udp", port=used.getsockname()[1])))
+        station.request(OpenLink(5, LinkOptions("slave", "udp", port=used.getsockname()[1])))
         generation, status = unpack_status(peer.taken.get(timeout=DEADLINE_S)[1:])
         assert (generation, status.state) == (5, "failed")
-        station.order(None)
+        station.request(None)
 
 
 @pytest.fixture

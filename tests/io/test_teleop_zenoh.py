@@ -180,7 +180,7 @@ def test_a_leader_that_is_closed_while_it_opens_may_be_open_nevertheless(
     links = TeleopLinks()
     try:
         leader = links.open(LinkOptions("master", port=free_port(socket.SOCK_STREAM)))
-        until(leader, lambda: leader.is_ordered)  # type: ignore[attr-defined]
+        until(leader, lambda: leader.is_requested)  # type: ignore[attr-defined]
         leader.close()
         if followed_by is not None:
             options = LinkOptions("slave", followed_by, port=free_port(socket.SOCK_DGRAM))

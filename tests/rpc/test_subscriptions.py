@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.state import GripperState
+from litegripd.control.snapshot import GripperState
 from litegripd.rpc.jsonrpc import encode
 from litegripd.rpc.methods.reading import STATE_FIELDS
 from litegripd.rpc.subscriptions import MAX_PER_SESSION

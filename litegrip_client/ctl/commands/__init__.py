@@ -1,7 +1,7 @@
-"""The commands of `litegripctl`: each makes its calls, has the result shown, gives an exit code.
+"""The commands of `litegripctl`: each makes its calls, shows the result and returns an exit code.
 
-Errors are raised; what they look like and which exit code they have is not decided here. Only
-the module of the command that is run is imported, so that a `state` does not wait for the rest.
+Errors are raised, and shown by `main`. Only the module of the command that runs is imported, so
+that a `state` does not wait for the others.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from litegrip_client.ctl.run import Command, Fill
 
 
 class CommandRow:
-    """One command: its name, what the list says of it, and in which module of this room it is.
+    """One command: its name, its line in the list of commands, and its module in this folder.
 
-    A module has `COMMANDS`: what carries out its commands, and what adds their arguments.
+    A module has `COMMANDS`: the functions of its commands, and what adds their arguments.
     """
 
     __slots__ = ("_module", "name", "text")
@@ -75,12 +75,13 @@ COMMANDS = (
     CommandRow("dump", "write the last minute, tick by tick, to a file", "recorder"),
     CommandRow("plot", "draw a dump or a trajectory, as a picture or as text", "recorder"),
     CommandRow(
-        "doctor", "check link, daemon, motor and calibration; say what mends them", "machine"
+        "doctor", "check link, daemon, motor and calibration; say what corrects them", "machine"
     ),
     CommandRow("health", "show how the daemon is; the exit code is the verdict", "daemon"),
     CommandRow(
         "metrics", "print the figures of health as OpenMetrics text, for Prometheus", "daemon"
     ),
+    CommandRow("fleet", "list the grippers of other machines, or stop a whole site", "fleet"),
     CommandRow("restart", "restart the daemon without letting go of what is held", "daemon"),
     CommandRow("install-units", "install what lets systemd run the daemons", "machine"),
     CommandRow("info", "show what does not change: versions, motor, calibration", "daemon"),
@@ -92,8 +93,14 @@ COMMANDS = (
 )
 
 
-OF_THIS_MACHINE = ("doctor", "completion", "install-units")
+OF_THIS_MACHINE = ("doctor", "completion", "fleet", "install-units")
 """Commands that ask no daemon for anything."""
+
+
+READING = (
+    "state", "watch", "events", "clients", "jobs", "job", "health", "metrics", "info", "discover",
+)  # fmt: skip
+"""Commands that change nothing: they may go to the only daemon that runs, whatever its channel."""
 
 
 def needs_daemon(options: Namespace) -> bool:

@@ -6,7 +6,9 @@ this program dies, and the calibration in use changes at the very end only.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import LateParser
@@ -22,9 +24,9 @@ from litegrip_client.ctl.run import (
     confirm,
     may_ask,
     one_line,
-    read_calibration,
+    put_file,
+    refuse_existing,
     say,
-    write_calibration,
 )
 from litegrip_client.errors import CancelledError, CommandError, LiteGripError
 from litegrip_client.voices import in_shell
@@ -136,7 +138,7 @@ before: by the calibration in use, or by --mount.
 
 
 def zero_options(parser: LateParser) -> None:
-    """Take what is known before, and what is agreed to."""
+    """Add the arguments of `zero`."""
     parser.description = _ZERO
     parser.add_argument(
         "--mount",
@@ -168,7 +170,7 @@ def zero(run: Run) -> int:
 
 
 def _measured_text(name: str, data: Data) -> str:
-    """Show what was measured between the stops, and whether it is stored."""
+    """Return what was measured between the stops, and where it is stored."""
     text = f"{name}: {verdict(data)}"
     if data.get("message"):
         text += f": {plain(in_shell(str(data['message'])))}"
@@ -180,7 +182,7 @@ def _measured_text(name: str, data: Data) -> str:
 
 
 def _travel_text(data: Data) -> str:
-    """Show the two stops and what lies between, in one line."""
+    """Return the two stops and what lies between, in one line."""
     closed_rad, open_rad = data["closed_rad"], data["open_rad"]
     travel_rad = abs(closed_rad - open_rad)
     mount = "normal" if closed_rad > open_rad else "reverse"
@@ -202,7 +204,7 @@ travel between is used. Nothing changes before you agree at the end.
 
 
 def actions_options(parser: LateParser) -> None:
-    """Take what to do."""
+    """Add the actions of `calibration`, and their arguments."""
     parser.description = _CALIBRATION
     add = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser).add_parser
     add("show", help="show the calibration in use (default)")
@@ -254,7 +256,7 @@ def show(run: Run) -> int:
 
 
 def _calibration_text(data: Data) -> str:
-    """Show the calibration in use in aligned lines."""
+    """Return the calibration in use in aligned lines."""
     if not data.get("calibrated"):
         return f"not calibrated; {CHOOSE_MOUNT}"
     rows = [
@@ -277,7 +279,7 @@ def templates(run: Run) -> int:
 
 
 def _templates_text(rows: Iterable[Data]) -> str:
-    """Show the templates, one in a line."""
+    """Return the templates, one in a line."""
     return "\n".join(
         f"{plain(row.get('name')):<8} closed "
         f"{figure(row['content'].get('zero_position_rad'), '+.4f', 'rad')}, "
@@ -293,7 +295,7 @@ def load(run: Run) -> int:
     if source in _TEMPLATES:
         params["template"] = source
     elif source is not None:
-        params["content"] = read_calibration(source)
+        params["content"] = _read_file(source)
     data = run.connection.call("calibration.load", params)
     if data["loaded"] and run.options.keep:
         data = {**data, "saved": _store(run)}
@@ -302,7 +304,7 @@ def load(run: Run) -> int:
 
 
 def _loaded_text(data: Data, *, source: str | None) -> str:
-    """Show what was loaded, what was not and why, and whether it is stored.
+    """Return what was loaded, what was not and why, and where it is stored.
 
     Without a `source` the daemon has found it itself, and will do so again. A template is no
     measurement: what is to be done next is to measure.
@@ -324,6 +326,33 @@ def _loaded_text(data: Data, *, source: str | None) -> str:
     return "\n".join(lines)
 
 
+def _read_file(path: str) -> dict[str, Any]:
+    """Read a calibration file; raises `CommandError` when it is no JSON object."""
+    try:
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise _unreadable(path, getattr(error, "strerror", None) or str(error)) from error
+    try:
+        content = json.loads(text, parse_constant=_no_number)
+    except (ValueError, RecursionError) as error:
+        raise _unreadable(path, f"not valid JSON: {error}") from error
+    if not isinstance(content, dict):
+        raise _unreadable(path, "not a JSON object")
+    return content
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f"{text} is no number")
+
+
+def _unreadable(path: str, why: str) -> CommandError:
+    return CommandError(
+        f"cannot load {path}: {why}",
+        reason="calibration_unreadable",
+        data={"hint": "give a calibration file, or a template: normal, reverse"},
+    )
+
+
 def save(run: Run) -> int:
     """Have the daemon store the calibration in use, or write it to a file of this side."""
     path = run.options.file
@@ -335,7 +364,9 @@ def save(run: Run) -> int:
     content = data["content"]
     if not data["calibrated"] or not content:
         raise CommandError("there is no calibration to write", reason="not_calibrated")
-    write_calibration(path, content, overwrite=run.options.overwrite)
+    if not run.options.overwrite:
+        refuse_existing(path, "take another name, or replace it with: --overwrite")
+    put_file(path, (json.dumps(content, indent=2) + "\n").encode())
     run.output.result({"path": path, "content": content}, f"written to {plain(path)}")
     return OK
 
@@ -345,7 +376,7 @@ def _store(run: Run) -> dict[str, Any]:
 
 
 def _stored_text(data: Data) -> str:
-    """Show where the calibration was stored."""
+    """Return where the calibration was stored."""
     previous = data.get("previous")
     before = f" (the one before: {plain(previous)})" if previous else ""
     return f"stored in {plain(data.get('path'))}{before}"

@@ -27,7 +27,7 @@ all are shown, with what is allowed.
 
 
 def config_options(parser: LateParser) -> None:
-    """Take what to do."""
+    """Add the arguments of `config`."""
     parser.description = _CONFIG
     parser.set_defaults(field=None)
     actions = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser)
@@ -77,7 +77,7 @@ def config(run: Run) -> int:
 
 
 def _config_text(data: Data) -> str:
-    """Show fields, their values and what is allowed, one in a line."""
+    """Return fields, their values and what is allowed, one in a line."""
     fields = data["config"]
     names = max(map(len, fields), default=0)
     values = max((len(plain(value)) for value in fields.values()), default=0)
@@ -120,7 +120,7 @@ def health(run: Run) -> int:
 
 
 def _health_text(data: Data) -> str:
-    """Show the daemon's verdict and its reasons, and then the figures."""
+    """Return the daemon's verdict and its reasons, and then the figures."""
     figures = {name: value for name, value in data.items() if name not in ("verdict", "reasons")}
     lines = [f"verdict: {plain(data.get('verdict'))}"]
     lines += [f"- {plain(in_shell(str(reason)))}" for reason in data.get("reasons", ())]
@@ -151,7 +151,7 @@ def info(run: Run) -> int:
 
 
 def _tree_text(data: Data) -> str:
-    """Show nested figures, one in a line, with dotted names."""
+    """Return nested figures, one in a line, with dotted names."""
     rows = list(_leaves(data, ""))
     width = max((len(name) for name, _ in rows), default=0)
     return "\n".join(f"{name:<{width}}  {plain(value)}" for name, value in rows)
@@ -175,7 +175,7 @@ no motion runs."""
 
 
 def restart_options(parser: LateParser) -> None:
-    """Take that the jaws are to be held; without it nothing is done."""
+    """Add the arguments of `restart`."""
     parser.description = _RESTART
     parser.add_argument("--hold", action="store_true", help="hold through the restart; required")
 
@@ -195,12 +195,12 @@ def restart(run: Run) -> int:
 
 
 def _kept(run: Run, gap_s: float) -> str:
-    """Say what became of the jaws: a successor holds only what was held before."""
+    """Return what became of the jaws: a successor holds only what was held before."""
     try:
-        with run.way.connect() as successor:
+        with run.host.connect() as successor:
             state = successor.call("state.get")
     except LiteGripError as error:
-        return f"whether the jaws are held is not known: {error.message}"
+        return f"but it is not known if the jaws are held: {error.message}"
     if not state["enabled"]:
         return f"nothing is held: the motor is {state['motor']}"
     slack = state["mode"] == "relaxed"
@@ -216,7 +216,7 @@ def discover(run: Run) -> int:
 
 
 def _methods_text(document: Data) -> str:
-    """Show the methods of an OpenRPC document."""
+    """Return the methods of an OpenRPC document."""
     rows = {row.get("name", ""): row.get("summary", "") for row in document.get("methods", [])}
     return _tree_text(dict(sorted(rows.items())))
 

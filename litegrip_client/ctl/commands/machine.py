@@ -12,11 +12,11 @@ from pathlib import Path
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.render import plain
 from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run
-from litegrip_client.doctor import daemon_checks, gripper_checks, link_checks
+from litegrip_client.doctor import daemon_checks, fleet_checks, gripper_checks, link_checks
 from litegrip_client.doctor.findings import Check, Finding, as_data, examine
 from litegrip_client.doctor.gather import gather
 from litegrip_client.units import install
-from litegrip_client.units.install import Done, Wishes
+from litegrip_client.units.install import Done, Wanted
 from litegrip_client.voices import in_shell
 
 _LEVEL_WIDTH = 9
@@ -24,8 +24,9 @@ _NAME_WIDTH = 14
 
 
 def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
-    """Show all findings, and how many are not all right."""
-    lines = [line for name, finding in findings for line in _lines(name, finding)]
+    """Return all findings, and how many are not all right."""
+    width = max([_NAME_WIDTH, *(len(name) + 1 for name, _finding in findings)])
+    lines = [line for name, finding in findings for line in _lines(name, finding, width)]
     counts = [
         _counted(sum(finding.level == level for _, finding in findings), level)
         for level in ("error", "warning")
@@ -33,18 +34,18 @@ def findings_text(findings: Sequence[tuple[str, Finding]]) -> str:
     return "\n".join([*lines, "", ", ".join(counts)])
 
 
-def _lines(name: str, finding: Finding) -> list[str]:
+def _lines(name: str, finding: Finding, width: int) -> list[str]:
     head = f"{finding.level.upper():<{_LEVEL_WIDTH}}"
-    lines = [f"{head}{name:<{_NAME_WIDTH}}{_told(finding.text)}"]
+    lines = [f"{head}{name:<{width}}{_shown(finding.text)}"]
     if finding.command is not None:
         lines.append(f"{'':<{_LEVEL_WIDTH}}{plain(finding.command)}")
     if finding.advice is not None:
-        lines.append(f"{'':<{_LEVEL_WIDTH}}({_told(finding.advice)})")
+        lines.append(f"{'':<{_LEVEL_WIDTH}}({_shown(finding.advice)})")
     return lines
 
 
-def _told(text: str) -> str:
-    """Show a text that may be the daemon's, which names methods."""
+def _shown(text: str) -> str:
+    """Return a text for a shell: a daemon's text names methods, this one commands."""
     return plain(in_shell(text))
 
 
@@ -67,6 +68,7 @@ CHECKS: tuple[Check, ...] = (
     Check("daemon", daemon_checks.daemon),
     Check("version", daemon_checks.version),
     Check("sockets", daemon_checks.sockets),
+    Check("protection", fleet_checks.protection),
     Check("group", daemon_checks.group),
     Check("real-time", daemon_checks.real_time),
     Check("bus", gripper_checks.bus),
@@ -93,7 +95,7 @@ def doctor(run: Run) -> int:
             f"run it there: ssh {shlex.quote(options.ssh_host)} litegripctl doctor",
         )
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
-    findings = examine(facts, CHECKS)
+    findings = [*examine(facts, CHECKS), *fleet_checks.of_fleet(facts)]
     data = as_data(facts.channel if facts.is_channel_known else None, findings)
     run.output.result(data, findings_text(findings))
     return OK if data["ok"] else NOT_OK
@@ -111,7 +113,7 @@ an earlier call had brought up or allowed stays so, and is renewed.
 
 
 def install_units_options(parser: LateParser) -> None:
-    """Take where to, and what else."""
+    """Add the arguments of `install-units`."""
     parser.description = _INSTALL_UNITS
     parser.add_argument(
         "--root", type=Path, default=Path("/"), metavar="DIR", help="a system below DIR (/)"
@@ -138,7 +140,7 @@ def install_units_options(parser: LateParser) -> None:
 def _interface(text: str) -> str:
     """Read the name of a network interface."""
     if not _INTERFACE.fullmatch(text):
-        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface, such as can0")
+        raise ArgumentTypeError(f"{text!r} is no name of a CAN interface (can0, for example)")
     return text
 
 
@@ -157,8 +159,8 @@ def install_units(run: Run) -> int:
         following = _after_removal(root, done)
         notes.append("configuration, calibrations, user and group are left: see the documentation")
     else:
-        wishes = Wishes(options.can, options.serial, options.fleet)
-        done = install.install(root, wishes, install.program_directory())
+        wanted = Wanted(options.can, options.serial, options.fleet)
+        done = install.install(root, wanted, install.program_directory())
         following = _after_installation(root, done, options.can)
         notes += install.foreign_users(root)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
@@ -244,7 +246,7 @@ examples:
 
 
 def completion_options(parser: LateParser) -> None:
-    """Take which shell."""
+    """Add the arguments of `completion`."""
     parser.description, parser.epilog = _COMPLETION, _COMPLETION_EXAMPLES
     parser.add_argument("shell", choices=("bash", "zsh", "fish"), help="the shell")
 

@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
 
 
 def enable_options(parser: LateParser) -> None:
-    """Take the number of attempts."""
+    """Add the arguments of `enable`."""
     parser.add_argument("--retries", type=count, metavar="N", help="attempts at most, 1 to 20")
 
 
@@ -77,7 +77,7 @@ examples:
 
 
 def register_options(parser: LateParser) -> None:
-    """Take which."""
+    """Add the arguments of `register`."""
     parser.description, parser.epilog = "Read registers of the motor.", _REGISTERS
     parser.add_argument(
         "registers", nargs="+", metavar="NAME|NUMBER", help="PMAX, 21 or 0x15, for one"
@@ -95,7 +95,7 @@ def register(run: Run) -> int:
 
 
 def _registers_text(rows: Iterable[Data]) -> str:
-    """Show registers, one in a line."""
+    """Return registers, one in a line."""
     return "\n".join(
         f"{plain(row.get('number')):>3}  {plain(row.get('name')):<9}  {plain(row.get('value'))}"
         for row in rows
@@ -103,7 +103,7 @@ def _registers_text(rows: Iterable[Data]) -> str:
 
 
 def to_stop_options(parser: LateParser) -> None:
-    """Take the speed."""
+    """Add the arguments of `open` and `close`."""
     _speed_options(parser)
     _no_wait_options(parser)
 
@@ -133,7 +133,7 @@ examples:
 
 
 def move_options(parser: LateParser) -> None:
-    """Take where to, and how fast."""
+    """Add the arguments of `move`."""
     parser.description = "Move to a target, then hold."
     parser.epilog = _MOVE_EXAMPLES
     parser.add_argument(
@@ -162,14 +162,14 @@ def _move(run: Run, method: str, params: Mapping[str, Any]) -> int:
 
 
 def _moved_text(name: str, data: Data) -> str:
-    """Show how a motion ended."""
+    """Return how a motion ended."""
     return f"{name}: {verdict(data)}, at {opening_of(data)}"
 
 
 _GRASP = """\
 Close until the jaws hold something, then squeeze it with a force.
 
-Ends with the verdict whether something is held; the daemon goes on holding.
+Ends with the verdict: held or not. The daemon continues to hold.
 The exit code is 0 only when it is. Let go again with: litegripctl release
 """
 _GRASP_EXAMPLES = """\
@@ -181,7 +181,7 @@ examples:
 
 
 def grasp_options(parser: LateParser) -> None:
-    """Take with which force, what is expected, and how to hold it."""
+    """Add the arguments of `grasp`."""
     parser.description, parser.epilog = _GRASP, _GRASP_EXAMPLES
     parser.add_argument(
         "--force", type=positive, metavar="N", help="in newtons, 0.5 to 30 (default: the daemon's)"
@@ -200,7 +200,7 @@ def grasp_options(parser: LateParser) -> None:
         "--hold",
         type=not_negative,
         metavar="S",
-        help="wait while it is held for S seconds, and see whether it still is",
+        help="hold for S seconds, and then check that it is still held",
     )
     parser.add_argument(
         "--gains", action="store_true", help="hold by position and gains, not by torque"
@@ -228,7 +228,7 @@ def grasp(run: Run) -> int:
 
 
 def _grasp_text(data: Data) -> str:
-    """Show whether something is held, how wide it is, and how to let go of it."""
+    """Return what is held, how wide it is, and how to let go of it."""
     width = data.get("width_mm")
     text = f"grasp: {verdict(data)}, "
     text += f"at {opening_of(data)}" if width is None else f"{figure(width, '.1f', 'mm')} wide"
@@ -241,7 +241,7 @@ def _grasp_text(data: Data) -> str:
 
 
 def release_options(parser: LateParser) -> None:
-    """Take how far."""
+    """Add the arguments of `release`."""
     parser.description = (
         "Open by a distance from where the jaws are, at most to the open end of the\n"
         "calibrated travel, then hold."
@@ -259,7 +259,7 @@ def release(run: Run) -> int:
         raise CommandError("the gripper is not calibrated", reason="not_calibrated")
     if opening_mm is None:
         raise HardwareError(
-            "the opening is not known: the motor has not told its position",
+            "the opening is not known: the motor has not reported its position",
             reason="motor_silent",
             data={"hint": "see: litegripctl health"},
         )
@@ -270,7 +270,7 @@ def release(run: Run) -> int:
 
 
 def force_options(parser: LateParser) -> None:
-    """Take the force."""
+    """Add the arguments of `force`."""
     parser.description = (
         "Squeeze with another force from now on; jaws that hold nothing close with it."
     )
@@ -285,7 +285,7 @@ def force(run: Run) -> int:
 
 
 def _force_text(data: Data) -> str:
-    """Show with which force the jaws squeeze from now on."""
+    """Return the force with which the jaws squeeze from now on."""
     newtons = figure(data.get("force_n"), ".1f", "N")
     return (
         f"force: squeezing with {newtons}, at {opening_of(data)}; let go with: litegripctl release"
@@ -325,7 +325,7 @@ def jobs(run: Run) -> int:
 
 
 def _jobs_text(rows: list[Data], clock: Clock) -> str:
-    """Show jobs as a table."""
+    """Return jobs as a table."""
     table = [("JOB", "KIND", "BEGAN", "TOOK", "OUTCOME", "OWNER")]
     table += [
         (
@@ -349,7 +349,7 @@ def _took(row: Data) -> str:
 
 
 def _outcome(row: Data) -> str:
-    """Show how a job ended, or where it is."""
+    """Return how a job ended, or where it is."""
     error, result = row.get("error"), row.get("result") or {}
     if error:
         return f"{plain(row.get('state'))}: {words((error.get('data') or {}).get('reason'))}"
@@ -360,7 +360,7 @@ def _outcome(row: Data) -> str:
 
 
 def job_options(parser: LateParser) -> None:
-    """Take the job."""
+    """Add the arguments of `job`."""
     parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
 
 
@@ -388,7 +388,7 @@ def job(run: Run) -> int:
 
 
 def cancel_options(parser: LateParser) -> None:
-    """Take the job."""
+    """Add the arguments of `cancel`."""
     parser.add_argument("job", type=count, metavar="JOB", help="the number that 'jobs' shows")
 
 

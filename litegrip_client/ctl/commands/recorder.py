@@ -105,7 +105,7 @@ command it, and when a tick fails.
 
 
 def dump_options(parser: LateParser) -> None:
-    """Take why, and where to."""
+    """Add the arguments of `dump`."""
     parser.description = _DUMP
     parser.add_argument("--note", metavar="TEXT", help="kept in the file: why it was asked for")
     parser.add_argument("-o", "--output", metavar="FILE", help="copy it to this file, here")
@@ -130,7 +130,7 @@ def dump(run: Run) -> int:
 
 def _content(run: Run, path: str) -> bytes:
     try:
-        return run.way.content(path)
+        return run.host.content(path)
     except OSError as error:
         raise CommandError(
             f"the dump is {path} on the daemon's machine, but cannot be read from here: "
@@ -154,7 +154,7 @@ need matplotlib and mcap: pip install matplotlib mcap
 
 
 def plot_options(parser: LateParser) -> None:
-    """Take what to draw, and how."""
+    """Add the arguments of `plot`."""
     parser.description = _PLOT
     parser.add_argument("file", metavar="FILE|NAME", help="a dump, or a trajectory")
     parser.add_argument("--local", action="store_true", help="a trajectory of this user's")
@@ -222,7 +222,7 @@ def _begins_as_one(path: str) -> bool:
         with Path(path).open("rb") as file:
             return file.read(len(MAGIC)) == MAGIC
     except OSError:
-        return False  # whoever reads it says why
+        return False  # its reader says why
 
 
 def _show(run: Run, trajectory: Trajectory | None) -> int:
@@ -273,14 +273,14 @@ def _show_dump(run: Run) -> int:
         if event.at_s - end_s >= from_s
     ]
     head = f"{len(dump.ticks)} ticks; 0 s is the end"
-    told = [f"{event['time_s']:8.2f} s  {plain(event['message'])}" for event in events]
+    happened = [f"{event['time_s']:8.2f} s  {plain(event['message'])}" for event in events]
     data = {"ticks": len(dump.ticks), "lines": lines, "events": events}
-    run.output.result(data, "\n".join([head, *lines, *told]))
+    run.output.result(data, "\n".join([head, *lines, *happened]))
     return OK
 
 
 def _grip_line(grip: TaughtGrip) -> str:
-    """Show a grip that is kept with a trajectory."""
+    """Return a grip that is kept with a trajectory."""
     span = f"{grip.start_s:.2f} to {grip.end_s:.2f} s"
     return f"grip: {span}, {grip.force_n:g} N, {grip.width_mm:.1f} mm wide, {plain(grip.source)}"
 

@@ -21,7 +21,7 @@ A gripper on a real bus has no such world.
 
 
 def sim_options(parser: LateParser) -> None:
-    """Take what happens."""
+    """Add the arguments of `sim`."""
     parser.description = _SIM
     add = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser).add_parser
     add("show", help="show the world as it really is")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
     from litegrip_client.ctl.live import Scene
-    from litegrip_client.ctl.run import Output, Way
+    from litegrip_client.ctl.run import Host, Output
 
 STOP_WITHIN_S = 2.5
 """A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
@@ -35,7 +35,7 @@ def clients(run: Run) -> int:
 
 
 def _clients_text(rows: list[render.Data]) -> str:
-    """Show who is connected as a table; the asking program itself is marked."""
+    """Return a table of the connected clients; this program is marked."""
     table = [("CLIENT", "ROLE", "REQUESTS", "REFUSED", "DROPPED", "WORST", "CONNECTED")]
     table += [
         (
@@ -54,13 +54,13 @@ def _clients_text(rows: list[render.Data]) -> str:
 
 _TAKE = """\
 End somebody's lease, and with it the motion that runs; the gripper is nobody's
-then. The jaws go on holding what they hold, whatever the loser wished. On a
+then. The jaws keep holding what they hold, whatever the loser had chosen. On a
 terminal it asks first.
 """
 
 
 def lease_options(parser: LateParser) -> None:
-    """Take what to do."""
+    """Add the arguments of `lease`."""
     parser.description = "Show who has the gripper to itself. Without an action, just that."
     actions = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser)
     actions.add_parser("show", help="show it")
@@ -118,7 +118,7 @@ def _question(before: Mapping[str, Any], whose: Mapping[str, Any], options: Name
 
 
 def _jaws(state: Mapping[str, Any]) -> str:
-    """Show what the jaws do after a take-over."""
+    """Return what the jaws do after a take-over."""
     if state.get("mode") == "relaxed":
         return "the jaws are slack"
     if state.get("mode") != "holding":
@@ -128,16 +128,16 @@ def _jaws(state: Mapping[str, Any]) -> str:
     return f"the jaws hold on{by}"
 
 
-def stop_first(way: Way, output: Output) -> bool:
+def stop_first(host: Host, output: Output) -> bool:
     """Stop by the stop socket; return True if there was one.
 
     A daemon that serves none is stopped as by any other request, and so for too long a reason.
     """
-    options = way.options
+    options = host.options
     if not is_taken_as_meant(_params(options)):
         return False
-    for path in way.paths():
-        with suppress(*way.not_listening):
+    for path in host.paths():
+        with suppress(*host.not_listening):
             data = stop_at(path, options.level, options.why, STOP_WITHIN_S)
             output.result(data, stopped(data))
             return True
@@ -145,7 +145,7 @@ def stop_first(way: Way, output: Output) -> bool:
 
 
 def stop_options(parser: LateParser) -> None:
-    """Take what stopping means."""
+    """Add the arguments of `stop`."""
     parser.add_argument(
         "--level",
         choices=("hold", "relax", "disable"),
@@ -167,7 +167,7 @@ def _params(options: Namespace) -> dict[str, str]:
 
 
 def stopped(data: Mapping[str, Any]) -> str:
-    """Show that a stop is latched."""
+    """Return the text for a latched stop."""
     return render.plain(f"stopped: {data['level']}, until: litegripctl clear")
 
 
@@ -193,7 +193,7 @@ def state(run: Run) -> int:
 
 
 def _state_text(data: Data) -> str:
-    """Show a state in aligned lines."""
+    """Return a state in aligned lines."""
     lines = [f"{label:<{_LABEL_WIDTH}} {plain(text)}" for label, text in state_rows(data)]
     if is_unheard(data):
         lines.insert(0, "the motor has not answered yet: nothing is known of it")
@@ -203,7 +203,7 @@ def _state_text(data: Data) -> str:
 
 
 def state_rows(data: Data) -> list[tuple[str, str]]:
-    """Show a state as labels and texts; the texts may hold anything.
+    """Return a state as labels and texts; the texts may hold anything.
 
     What is measured is left out while the motor has never answered.
     """
@@ -244,7 +244,7 @@ def _rows(data: Data) -> list[tuple[str, str]]:
 
 
 def age(data: Data) -> str:
-    """Show how old a state's feedback is, in capitals when it is too old."""
+    """Return how old a state's feedback is, in capitals when it is too old."""
     seconds = data.get("age_s")
     if is_unheard(data):
         return "no answer yet"
@@ -301,7 +301,7 @@ def _stop(stop: Data) -> str:
 
 
 def state_line(data: Data) -> str:
-    """Show a state in one line."""
+    """Return a state in one line."""
     parts = [
         f"{data.get('mode')!s:<9}",
         f"{figure(data.get('opening_mm'), '7.2f', 'mm'):>10}",
@@ -329,7 +329,7 @@ and with --plain, a line for each state.
 
 
 def watch_options(parser: LateParser) -> None:
-    """Take how often, until when, and in which form."""
+    """Add the arguments of `watch`."""
     parser.description = _WATCH
     parser.add_argument("--hz", type=positive, default=5.0, metavar="N", help="0.1 to 200 (5)")
     parser.add_argument("--count", type=count, metavar="N", help="end after N states")
@@ -370,10 +370,10 @@ def _live_view(run: Run) -> Show | None:
 
 
 def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
-    """Give scenes, as many as are wanted; `last` holds the newest."""
+    """Yield at most `--count` scenes; `last` holds the newest."""
     from litegrip_client.ctl.live import scenes  # noqa: PLC0415 - only the view needs it
 
-    for scene in islice(scenes(run.way, run.connection, run.options.hz), run.options.count):
+    for scene in islice(scenes(run.host, run.connection, run.options.hz), run.options.count):
         last[:] = [scene]
         yield scene
 
@@ -394,9 +394,9 @@ of other clients that were refused.
 
 
 def events_options(parser: LateParser) -> None:
-    """Take which, and how long."""
+    """Add the arguments of `events`."""
     parser.description = _EVENTS
-    parser.add_argument("-f", "--follow", action="store_true", help="go on until Ctrl-C")
+    parser.add_argument("-f", "--follow", action="store_true", help="continue until Ctrl-C")
     parser.add_argument(
         "--kind", action="append", metavar="KIND", help="only these; may be given again"
     )

@@ -60,7 +60,7 @@ examples:
 
 
 def teleop_options(parser: LateParser) -> None:
-    """Take what to do."""
+    """Add the arguments of `teleop`."""
     parser.description, parser.epilog = _TELEOP, _EXAMPLES
     add = parser.add_subparsers(
         dest="action", required=True, metavar="ACTION", parser_class=LateParser
@@ -105,12 +105,12 @@ def _slave_options(parser: LateParser) -> None:
         "--torque-limit",
         type=positive,
         metavar="NM",
-        help="let go at or over so much torque, in N·m (default: never)",
+        help="let go at this torque or more, in N·m (default: never)",
     )
     parser.add_argument(
         "--force-limit", type=positive, metavar="N", help="push by no more than this, in newtons"
     )
-    parser.add_argument("--reflect", action="store_true", help="tell the leader that force")
+    parser.add_argument("--reflect", action="store_true", help="report that force to the leader")
     parser.add_argument(
         "--watchdog", type=positive, metavar="S", help="hold after so long without a frame (0.2)"
     )
@@ -168,8 +168,8 @@ def _leave(run: Run, data: dict[str, Any]) -> int:
     if data["active"] and data.get("link_state") == "failed":
         why = data.get("link_error")
         data = run.connection.call("teleop.stop")
-        told = f"the link has failed: {why}"
-        run.output.result({**data, "link_error": why}, f"{data['mode']}: ended, {told}")
+        text = f"{data['mode']}: ended, the link has failed: {why}"
+        run.output.result({**data, "link_error": why}, text)
         return NOT_OK
     if not data["active"]:
         run.output.result(data, status_text(data))
@@ -199,7 +199,7 @@ def _stop(run: Run, *, holding: bool = False) -> int:
 
 
 def status_line(data: Data) -> str:
-    """Show how it goes in one line."""
+    """Return the status in one line."""
     whose, own = _owners(data)
     parts = [
         f"{data.get('mode')!s} {data.get('phase')!s:<9}",
@@ -214,7 +214,7 @@ def status_line(data: Data) -> str:
 
 
 def ended_text(data: Data, *, holding: bool = False) -> str:
-    """Show in one line how it ended; with `holding` a command ended it and the jaws hold."""
+    """Return how it ended, in one line. With `holding` a command ended it, and the jaws hold."""
     if data.get("mode") is None:
         return "no teleoperation so far"
     by = f" by {data['fault']}" if data.get("fault") else ""
@@ -223,7 +223,7 @@ def ended_text(data: Data, *, holding: bool = False) -> str:
 
 
 def status_text(data: Data) -> str:
-    """Show a status in aligned lines."""
+    """Return a status in aligned lines."""
     if data.get("mode") is None:
         return "no teleoperation so far"
     verdict = "runs" if data.get("active") else "does not run"
@@ -260,7 +260,7 @@ def _owners(data: Data) -> tuple[str, str]:
 
 
 def _followers(data: Data) -> str:
-    """Show how many follow, as far as a leader can know: each is heard only with reflection."""
+    """Return how many follow, as far as a leader can know: each is heard only with reflection."""
     count = data.get("followers")
     if count is not None:
         return f"{count} heard"
@@ -291,7 +291,7 @@ def _address(host: object, port: object) -> str:
 
 
 def _felt(data: Data) -> list[str]:
-    """Show force reflection: the slave's last report, or the master's present push."""
+    """Return force reflection: the slave's last report, or the master's present push."""
     force_n = data.get("reflected_n")
     if force_n is None:
         return []

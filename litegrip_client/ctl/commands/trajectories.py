@@ -63,7 +63,7 @@ The daemon has it until the next one begins, or until it ends.
 
 
 def actions_options(parser: LateParser) -> None:
-    """Take what to do."""
+    """Add the actions of `trajectories`, and their arguments."""
     parser.description = _TRAJECTORIES
     parser.add_argument("--local", action="store_true", help="list this user's own ones")
     add = parser.add_subparsers(dest="action", metavar="ACTION", parser_class=LateParser).add_parser
@@ -107,7 +107,7 @@ def _delete_options(parser: LateParser) -> None:
 
 def _keep_options(parser: LateParser) -> None:
     parser.description = _KEEP_HELP
-    parser.add_argument("name", metavar="NAME", help="what the daemon shall keep it under")
+    parser.add_argument("name", metavar="NAME", help="the name under which the daemon keeps it")
     parser.add_argument("--overwrite", action="store_true", help="replace one of that name")
 
 
@@ -140,7 +140,7 @@ def show(run: Run) -> int:
 
 
 def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
-    """Show trajectories as a table, `owners` by their uid; of one that cannot be used, why."""
+    """Return a table of trajectories, or why one cannot be used; `owners` are names by uid."""
     head = ("NAME", "SAMPLES", "LENGTH", "RATE", "MOUNT", "GRIPS", "CREATED")
     table: list[tuple[str, ...]] = [(*head, "UID") if owners else head]
     broken = []
@@ -158,7 +158,7 @@ def listed_text(rows: Iterable[Data], *, owners: bool = False) -> str:
 
 
 def _room_lines(usage: Data | None) -> list[str]:
-    """Show how much of the room a user has taken; nothing where the daemon does not say."""
+    """Return how much of the room a user has taken; nothing if the daemon does not say."""
     if usage is None:
         return []
     most, most_mb = usage["most_named"], usage["most_bytes"] / 1e6
@@ -330,7 +330,7 @@ def grips_beside(name: str, content: bytes) -> bytes:
 
 @contextlib.contextmanager
 def showing(run: Run) -> Iterator[Callable[[float], None]]:
-    """Give what shows the share that is done."""
+    """Yield a function that shows the share that is done."""
 
     def share(done: float) -> None:
         if run.output.live:
@@ -369,9 +369,9 @@ off and keeps nothing; the jaws hold at the end in any case.
 
 
 def record_options(parser: LateParser) -> None:
-    """Take what, how long and how."""
+    """Add the arguments of `record`."""
     parser.description = _RECORD
-    parser.add_argument("name", metavar="NAME", help="what the daemon shall keep it under")
+    parser.add_argument("name", metavar="NAME", help="the name under which the daemon keeps it")
     parser.add_argument(
         "--seconds", type=positive, required=True, metavar="S", help="how long, in s"
     )
@@ -391,12 +391,12 @@ def record(run: Run) -> int:
     options = run.options
     refuse_unkeepable(run, options.name, overwrite=options.overwrite)
     samples = max(1, round(options.seconds * options.rate))
-    told = options.no_zero_gravity
+    is_said = options.no_zero_gravity
 
     def show(status: dict[str, Any]) -> None:
-        nonlocal told
-        if not told:  # not before: where recording is refused the jaws are not slack
-            told = True
+        nonlocal is_said
+        if not is_said:  # not before: where recording is refused the jaws are not slack
+            is_said = True
             say(f"The jaws are slack for {options.seconds:g} s: push them. {_CTRL_C}")
         if run.output.live:
             run.output.line(_recording_line(status, samples))
@@ -429,14 +429,14 @@ def record(run: Run) -> int:
 
 
 def _recording_line(data: Data, samples: int) -> str:
-    """Show how far a recording is, in one line."""
+    """Return how far a recording is, in one line."""
     done = data["samples"] + data["missed"]
     seconds = figure(data.get("duration_s"), ".1f", "s")
     return f"{bar(done / samples)} {seconds}, {data['samples']} samples"
 
 
 def recorded_text(data: Data) -> str:
-    """Show what was recorded, and how it is called."""
+    """Return what was recorded, and its name."""
     missed = f", {data['missed']} missed" if data.get("missed") else ""
     length = figure(data.get("duration_s"), ".2f", "s")
     name = plain(data.get("name"))
@@ -454,7 +454,7 @@ _NAME = "the daemon's name of it"
 
 
 def play_options(parser: LateParser) -> None:
-    """Take what, how often and how fast."""
+    """Add the arguments of `play`."""
     parser.description = _PLAY
     _kept_options(parser)
     parser.add_argument("--repeat", type=count, default=1, metavar="N", help="so many passes (1)")
@@ -476,7 +476,7 @@ def play_options(parser: LateParser) -> None:
 
 
 def _kept_options(parser: LateParser) -> None:
-    """Take which of the daemon's."""
+    """Add the name of a trajectory that the daemon keeps."""
     parser.add_argument("name", metavar="NAME", help=_NAME)
 
 
@@ -496,7 +496,7 @@ def play(run: Run) -> int:
 
 
 def played_text(data: Data) -> str:
-    """Show how a replay ended."""
+    """Return how a replay ended."""
     loops = data.get("loops")
     passes = f"{loops} pass" if loops == 1 else f"{loops} passes"
     behind = figure(data.get("largest_lag_mm"), ".1f", "mm")

@@ -194,7 +194,7 @@ def _is_alarm(event: Happening) -> bool:
 
 
 def _short(event: Happening) -> str:
-    """Say it in few words: of a motion its kind, of the motor its new phase."""
+    """Return an event in few words: a motion's kind, the motor's new phase."""
     message, data = event.message, event.data
     if event.kind == "job_started" and "kind" in data:
         return f"{data['kind']} (job {data.get('job')})"

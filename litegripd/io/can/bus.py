@@ -35,7 +35,7 @@ _STUFFING = 1.1  # the average share of stuff bits on top
 
 @dataclass(frozen=True, slots=True)
 class BusSettings:
-    """What python-can is given: `options` are the interface's own keyword arguments."""
+    """The arguments of python-can; `options` are the interface's own keyword arguments."""
 
     interface: str
     channel: str
@@ -74,19 +74,19 @@ class FrameBus(Protocol):
         """Return what has come since the last call; opens the bus again when that is due."""
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
-        """Hand `frames` over in this order."""
+        """Send `frames` in this order."""
 
     def close(self) -> None:
-        """Let go of the adapter."""
+        """Close the adapter."""
 
     def stand_by(self, now_s: float) -> None:
-        """Open what a successor opens for itself, and drop what comes until it takes over."""
+        """Open, in a successor, its own socket; drop what comes until it takes over."""
 
     def hand_over(self) -> tuple[tuple[int, ...], int]:
-        """Return what a successor goes on with: descriptors, and the pump's pid (0: none)."""
+        """Return what a successor continues with: descriptors, and the pump's pid (0: none)."""
 
     def take_over(self, descriptors: Sequence[int], pid: int) -> None:
-        """Go on with what the predecessor has handed over."""
+        """Continue with what the predecessor has handed over."""
 
     def leave(self) -> None:
         """Close our end of what a successor has taken over."""
@@ -116,7 +116,7 @@ _UNOPENED = {
 
 
 def code_of(error: BaseException) -> int | None:
-    """Return the system's error number of an error or of what caused it, where there is one."""
+    """Return the system's error number of an error or of its cause, None without one."""
     seen: BaseException | None = error
     while seen is not None:
         code = getattr(seen, "error_code", None) or getattr(seen, "errno", None)
@@ -127,7 +127,7 @@ def code_of(error: BaseException) -> int | None:
 
 
 def condition_of(error: BaseException, text: str, channel: str) -> BusCondition:
-    """Name what was raised; a device file that is no longer there is an adapter that is gone."""
+    """Return the bus condition for an error; without its device file the adapter is gone."""
     if "buffer full" in str(error):
         return BusCondition("bus_stalled", text)
     is_missing = channel.startswith("/") and not Path(channel).exists()
@@ -136,7 +136,7 @@ def condition_of(error: BaseException, text: str, channel: str) -> BusCondition:
 
 
 def explain(error: BaseException, text: str, interface: str, channel: str) -> str:
-    """Return `text`; in front of it what it means and what to do, where it does not say that."""
+    """Return `text`, after what it means and what to do if it does not say that itself."""
     why = _UNOPENED.get(code_of(error) or 0)
     if interface != "socketcan" or why is None:
         return text
@@ -144,13 +144,13 @@ def explain(error: BaseException, text: str, interface: str, channel: str) -> st
 
 
 def not_opened(error: BaseException, text: str, interface: str, channel: str) -> BusCondition:
-    """Return the condition of a bus whose opening has raised."""
+    """Return the condition of a bus that could not be opened."""
     why = explain(error, text, interface, channel)
     return condition_of(error, f"cannot be opened: {why}", channel)
 
 
-def told_by(message: can.Message) -> BusState | None:
-    """Return the state that an error frame tells of, if any: `bus_off`, or `up` when over."""
+def state_in(message: can.Message) -> BusState | None:
+    """Return the state that an error frame reports: `bus_off`, `up` at its end; None for others."""
     if not message.is_error_frame:
         return None
     if message.arbitration_id & RESTARTED:
@@ -178,12 +178,12 @@ def open_bus(settings: BusSettings) -> can.BusABC:
 
 
 def to_message(frame: CanFrame) -> can.Message:
-    """Make python-can's message of a frame."""
+    """Return python-can's message for a frame."""
     return can.Message(arbitration_id=frame.can_id, data=frame.data, is_extended_id=False)
 
 
 def to_frame(message: can.Message) -> CanFrame | None:
-    """Make a frame of a message; None for every kind that is not a classic data frame.
+    """Return the frame in a message, None if it is not a classic data frame.
 
     Error frames go first: their ids are masked to 11 bits and can equal the feedback id.
     """
@@ -193,7 +193,7 @@ def to_frame(message: can.Message) -> CanFrame | None:
 
 
 def describe(error: BaseException) -> str:
-    """Say in one line what python-can raised, with the system's error number where it has one."""
+    """Return an error of python-can in one line, with the system's error number if it has one."""
     code = getattr(error, "error_code", None)
     text = str(error) or type(error).__name__
     return text if code is None else f"{text} (error {code})"
@@ -260,7 +260,7 @@ class DirectBus:
                 self._works()
 
     def close(self) -> None:
-        """Close the adapter; an adapter that is gone already does not matter any more."""
+        """Close the adapter, also one that is gone already."""
         if self._bus is not None:
             try:
                 self._bus.shutdown()
@@ -277,7 +277,7 @@ class DirectBus:
         return (), 0
 
     def take_over(self, _descriptors: Sequence[int], _pid: int) -> None:
-        """Go on with our own socket."""
+        """Continue with our own socket."""
 
     def leave(self) -> None:
         """Close our socket."""
@@ -298,12 +298,12 @@ class DirectBus:
                 continue
             self.counters.count(frame)
             frames.append(frame)
-            self._works()  # here, so that a bus-off that is told behind it counts
+            self._works()  # here, so that a bus-off that is reported after it counts
 
     def _take_error_frame(self, message: can.Message) -> None:
-        """Note a bus-off, and its end; most error frames only tell what the controller mended."""
+        """Note a bus-off, and its end; most error frames report only corrected errors."""
         self.counters.error_frames += 1
-        state = told_by(message)
+        state = state_in(message)
         if state == "bus_off":
             self.counters.errors += 1
             self._sending_failed = False  # a frame that can be sent again proves nothing any more
@@ -332,7 +332,7 @@ class DirectBus:
         self._works()
 
     def _failed(self, error: Exception, now_s: float, *, sending: bool = False) -> None:
-        """Note what was raised; close the bus, to open it again, where nothing else helps."""
+        """Note an error; close the bus, to open it again, if nothing else helps."""
         self.counters.errors += 1
         condition = condition_of(error, describe(error), self._settings.channel)
         if condition.state == "bus_stalled":

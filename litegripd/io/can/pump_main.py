@@ -16,21 +16,21 @@ from typing import NoReturn
 import can
 
 from litegripd.io.can.bus import BusSettings, condition_of, describe, open_bus, to_frame, to_message
-from litegripd.io.can.pumped import pack_frames, unpack_order
+from litegripd.io.can.pumped import pack_frames, unpack_send_request
 from litegripd.io.helper.child import inherited_socket, next_packet, use_all_cpus
 from litegripd.model.motor import CanFrame
 
 _READ_TIMEOUT_S = 0.05
 _QUEUED_AT_MOST = 4  # packets; what comes while the adapter is blocked is dropped
 _LONGEST_TEXT = 4000
-_CORRUPT_AT_MOST = 50  # in a row; an adapter that gives nothing else is opened anew
+_CORRUPT_AT_MOST = 50  # in a row; an adapter that gives nothing else is opened again
 
 
 def _channel() -> str:
     return str(json.loads(sys.argv[1])[1])
 
 
-def _tell(peer: socket.socket, packet: bytes) -> None:
+def _report(peer: socket.socket, packet: bytes) -> None:
     """Send something to the daemon; without a daemon, end the process from any thread."""
     try:
         peer.send(packet)
@@ -42,7 +42,7 @@ def _fail(peer: socket.socket, error: Exception, doing: str) -> NoReturn:
     """Report to the daemon why the pump ends, and end it from any thread."""
     text = f"{doing}: {describe(error)}"[:_LONGEST_TEXT]
     condition = condition_of(error, text, _channel())
-    _tell(peer, b"x" + json.dumps([condition.state, condition.error]).encode())
+    _report(peer, b"x" + json.dumps([condition.state, condition.error]).encode())
     os._exit(1)
 
 
@@ -55,26 +55,26 @@ def _read(bus: can.BusABC, peer: socket.socket) -> None:
             corrupt += 1
             if corrupt > _CORRUPT_AT_MOST:
                 _fail(peer, error, "reading: nothing but corrupt frames")
-            _tell(peer, b"i1")
+            _report(peer, b"i1")
             continue
         except Exception as error:  # noqa: BLE001 - an interface may raise anything
             _fail(peer, error, "reading")
         corrupt = 0
         if message is not None:
             frame = to_frame(message)
-            _tell(peer, b"i1" if frame is None else b"f" + pack_frames((frame,)))
+            _report(peer, b"i1" if frame is None else b"f" + pack_frames((frame,)))
 
 
-def _write(bus: can.BusABC, peer: socket.socket, orders: "SimpleQueue[bytes]") -> None:
-    """Send what is ordered; what comes too late, or is refused for now, is dropped and told.
+def _write(bus: can.BusABC, peer: socket.socket, requests: "SimpleQueue[bytes]") -> None:
+    """Send the frames of each request; drop and report those that are too late, or have no room.
 
-    Nothing of an order follows a frame that was dropped.
+    After a dropped frame, the others of its request are dropped, too.
     """
     while True:
-        frames, deadline_s = unpack_order(orders.get())
+        frames, deadline_s = unpack_send_request(requests.get())
         for number, frame in enumerate(frames):
             if time.monotonic() > deadline_s or not _send(bus, peer, frame):
-                _tell(peer, b"d%d" % (len(frames) - number))
+                _report(peer, b"d%d" % (len(frames) - number))
                 break
 
 
@@ -98,17 +98,17 @@ def main() -> None:
     peer = inherited_socket()
     try:
         bus = open_bus(BusSettings(interface, channel, bitrate, options))
-    except Exception as error:  # noqa: BLE001 - an interface may raise anything; the daemon is told
+    except Exception as error:  # noqa: BLE001 - an interface may raise anything; it is reported to the daemon
         _fail(peer, error, "cannot be opened")
-    _tell(peer, b"o")
-    orders: SimpleQueue[bytes] = SimpleQueue()
+    _report(peer, b"o")
+    requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_read, args=(bus, peer), daemon=True).start()
-    threading.Thread(target=_write, args=(bus, peer, orders), daemon=True).start()
+    threading.Thread(target=_write, args=(bus, peer, requests), daemon=True).start()
     while packet := next_packet(peer):
-        if orders.qsize() < _QUEUED_AT_MOST:
-            orders.put(packet)
+        if requests.qsize() < _QUEUED_AT_MOST:
+            requests.put(packet)
         else:
-            _tell(peer, b"d%d" % len(unpack_order(packet)[0]))
+            _report(peer, b"d%d" % len(unpack_send_request(packet)[0]))
     os._exit(0)  # a writer that is blocked in the adapter cannot be joined
 
 

@@ -26,22 +26,22 @@ FRAME_LIFETIME_PERIODS = 2.0
 
 
 def pack_frames(frames: Sequence[CanFrame]) -> bytes:
-    """Lay frames behind one another, 16 bytes each."""
+    """Return the frames one after another, 16 bytes each."""
     return b"".join(_FRAME.pack(frame.can_id, len(frame.data), frame.data) for frame in frames)
 
 
 def unpack_frames(packed: bytes) -> list[CanFrame]:
-    """Take `pack_frames` apart again."""
+    """Return the frames in `pack_frames`'s bytes."""
     return [CanFrame(can_id, data[:length]) for can_id, length, data in _FRAME.iter_unpack(packed)]
 
 
-def pack_order(frames: Sequence[CanFrame], deadline_s: float) -> bytes:
-    """Make the packet that tells the pump to send `frames`, but not after `deadline_s`."""
+def pack_send_request(frames: Sequence[CanFrame], deadline_s: float) -> bytes:
+    """Return the packet that makes the pump send `frames`, but not after `deadline_s`."""
     return _DEADLINE.pack(deadline_s) + pack_frames(frames)
 
 
-def unpack_order(packet: bytes) -> tuple[list[CanFrame], float]:
-    """Take `pack_order` apart again."""
+def unpack_send_request(packet: bytes) -> tuple[list[CanFrame], float]:
+    """Return the content of `pack_send_request`'s packet."""
     (deadline_s,) = _DEADLINE.unpack_from(packet)
     return unpack_frames(packet[_DEADLINE.size :]), deadline_s
 
@@ -94,7 +94,7 @@ class PumpedBus:
         return frames
 
     def send(self, frames: Sequence[CanFrame], now_s: float) -> None:
-        """Hand `frames` to the pump; while the adapter is not open they are dropped.
+        """Pass `frames` to the pump, which drops them while the adapter is not open.
 
         Before it was open for the first time, that is no loss to be counted.
         """
@@ -102,7 +102,7 @@ class PumpedBus:
             return
         deadline_s = now_s + self._lifetime_s
         if self._is_open and self._child is not None:
-            if self._child.send(pack_order(frames, deadline_s)):
+            if self._child.send(pack_send_request(frames, deadline_s)):
                 self.counters.sent += len(frames)
                 for frame in frames:
                     self.counters.count(frame)
@@ -118,7 +118,7 @@ class PumpedBus:
             self._child = None
 
     def stand_by(self, _now_s: float) -> None:
-        """Do nothing: the adapter can be opened only once, so its pump is what is taken over."""
+        """Do nothing: the adapter can be opened only once, so its pump is taken over."""
 
     def hand_over(self) -> tuple[tuple[int, ...], int]:
         """Return the socket to the pump, its pidfd, and its pid."""
@@ -128,7 +128,7 @@ class PumpedBus:
         return (child.socket.fileno(), child.pidfd), child.pid
 
     def take_over(self, descriptors: Sequence[int], pid: int) -> None:
-        """Go on with the predecessor's pump, which has the adapter open."""
+        """Continue with the predecessor's pump, which has the adapter open."""
         connected, pidfd = descriptors
         self._child = Child(socket.socket(fileno=connected), pid, pidfd)
         self._was_open = True
@@ -167,9 +167,9 @@ class PumpedBus:
             self.condition = BusCondition(state, text)
 
     def _judge_drops(self, now_s: float) -> None:
-        """Say that the adapter is blocked once drops have lasted, and no longer once they end.
+        """Report a blocked adapter once drops have lasted; end that when they end.
 
-        A blocked one shows at every order, and a motor that does not answer is asked all the time.
+        A blocked one shows at every request. A motor that does not answer is asked all the time.
         """
         since_s = self._dropping_since_s
         if not self._is_open or since_s is None:

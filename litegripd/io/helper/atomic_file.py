@@ -1,4 +1,4 @@
-"""Small files that are whole at any instant: a crash leaves the old content or the new one.
+"""Small files that are complete at any instant: a crash leaves the old content or the new one.
 
 The content goes to a temporary file beside the target, which is renamed over it once it is on the
 disk. Nothing here knows what the files mean, and nothing here may run in the control thread.
@@ -30,7 +30,7 @@ class FileSystem:
     """
 
     def is_directory(self, path: Path) -> bool:
-        """Return whether there is a directory."""
+        """Return True if there is a directory."""
         return path.is_dir()
 
     def make_directory(self, path: Path) -> None:
@@ -91,7 +91,7 @@ def write(
     keep_previous: Path | None = None,
     file_system: FileSystem = REAL,
 ) -> bool:
-    """Write a file so that a crash at any instant leaves the old one or the new one, whole.
+    """Write a file; a crash at any instant leaves the complete old one or the complete new one.
 
     Makes the directory where it is missing (mode 0755; the file has 0644; both less the umask).
     The file that was there stays as `keep_previous`, a name in the same directory; the result
@@ -185,7 +185,7 @@ def _make_directory(directory: Path, file_system: FileSystem) -> None:
 
 @contextmanager
 def _temporary(path: Path, file_system: FileSystem) -> Iterator[Path]:
-    """Yield a free name beside `path`; what still has it in the end is removed."""
+    """Yield a free name beside `path`; a file of that name is removed in the end."""
     name = path.with_name(f".{path.name}.{secrets.token_hex(_TOKEN_BYTES)}.tmp")
     try:
         yield name

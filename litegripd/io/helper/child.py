@@ -1,4 +1,4 @@
-"""Starts the processes in which whatever can block lives, and notices when they die.
+"""Starts the processes for work that can block, and notices when they die.
 
 A child talks over a pair of `SOCK_SEQPACKET` sockets, one message a packet, and ends when its end
 of the pair reads end-of-file. It runs at ordinary priority and on all CPUs. What it shares with the
@@ -72,7 +72,7 @@ runpy.run_module(sys.argv.pop(1), run_name="__main__", alter_sys=True)"""
 
 
 def module_command(module: str, arguments: Sequence[str] = ()) -> list[str]:
-    """Return what runs `module` from where this process has its own modules.
+    """Return the command that runs `module` from the folder of this process's modules.
 
     `python -m module` would look in the current directory first, and run what lies there: any
     `json.py`, for one.
@@ -169,7 +169,7 @@ class Child:
         os.close(pidfd)
 
     def let_go(self) -> None:
-        """Close our end and leave the process to the one that has got its own."""
+        """Close our end, and leave the process to the other owner of an end."""
         self.socket.close()
         pidfd, self._pidfd = self._pidfd, None
         if pidfd is not None:
@@ -263,13 +263,13 @@ def next_packet(peer: socket.socket) -> bytes:
 
 
 def use_all_cpus() -> None:
-    """Leave the control thread's CPUs, which a child that it has started inherits, to itself."""
+    """Use all CPUs: a child inherits those of the control thread, and must leave them to it."""
     with contextlib.suppress(OSError):  # not allowed: then where it is
         os.sched_setaffinity(0, range(os.cpu_count() or 1))
 
 
 def _despite_reset(receive: Callable[[], T]) -> T:
-    """Receive; a reset, which tells that our words were not read, comes before the last packets."""
+    """Receive; a reset (what we sent was not read) comes before the last packets."""
     try:
         return receive()
     except ConnectionResetError:

@@ -107,7 +107,7 @@ def find_configured(channel: str, mount: str | None) -> Found:
 
 
 def find_calibration(channel: str, mount: str | None) -> Found:
-    """Return the calibration that is asked for, else the first one of the chain.
+    """Return the requested calibration, else the first one of the chain.
 
     Raises `CalibrationError` where one was asked for by name or path and cannot be used, and where
     one of the chain is there and cannot be used: falling back could answer "reverse" with the
@@ -158,7 +158,7 @@ def _first_of(channel: str, paths: tuple[Path, ...]) -> Found:
 
 
 def _previous_hint(path: Path) -> str:
-    """Point at the file before this one, which is never used unasked: it may be another mount's."""
+    """Return a hint at the previous file, which is never used unasked: its mount may differ."""
     previous = path.with_name(f"{path.stem}.previous.json")
     return f"; the calibration before it is {previous}" if os.access(previous, os.R_OK) else ""
 
@@ -180,7 +180,7 @@ def _read(path: Path) -> Calibration:
 def load_operation(parameters: Mapping[str, object]) -> dict[str, object]:
     """Find a calibration, as the helper's operation `calibration.load`.
 
-    `mount` is what is asked for, if anything is; `configured` tells that the configuration asks.
+    `mount` is what is asked for, if anything is; `configured` is true if the configuration asks.
     """
     mount = parameters["mount"]
     find = find_configured if parameters["configured"] else find_calibration

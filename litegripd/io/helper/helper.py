@@ -1,4 +1,4 @@
-"""The control thread's end of the helper process, where disk and every other slow thing lives.
+"""The control thread's end of the helper process, which does all that is slow, as disk access.
 
 Requests go out as JSON packets and come back as calls of `on_result`; nothing here waits. A
 helper that dies is started again, and every request it left unanswered fails with that reason.
@@ -27,7 +27,7 @@ MOST_OWN = 64
 
 @dataclass(frozen=True, slots=True)
 class HelperResult(TaskResult):
-    """What became of one request; what came in pieces is in `pieces`."""
+    """The outcome of one request; a value that came in pieces is in `pieces`."""
 
     pieces: tuple[bytes, ...] = ()
 
@@ -107,7 +107,7 @@ class HelperRequests:
         del self._sent[request.identity]
 
     def take_sent(self) -> list[HelperRequest]:
-        """Forget and return what a helper had got that is gone; the rest waits for the next one."""
+        """Forget and return the requests at a helper that is gone; others wait for the next one."""
         orphans, self._sent = list(self._sent.values()), {}
         return orphans
 
@@ -131,7 +131,7 @@ LOG_STATE = b"l"
 
 LOG = "log"
 GOODBYE = "goodbye"
-"""Tells the helper that the daemon ends as it should; one that just vanishes has crashed."""
+"""Sent to the helper at the daemon's regular end; without it, the daemon has crashed."""
 
 
 class Helper:
@@ -231,7 +231,7 @@ class Helper:
             self._send_waiting()
 
     def post(self, operation: str, parameters: Mapping[str, object]) -> bool:
-        """Send a request that wants no answer, now or to the next helper; tell whether it could."""
+        """Send a request without an answer, now or to the next helper; return False if lost."""
         packet = json.dumps([0, operation, parameters]).encode()
         if self._child is not None:
             return self._child.send(packet)
@@ -314,9 +314,9 @@ class Helper:
         value = json.loads(packet[5:])
         pieces = tuple(request.pieces)
         if kind == b"r":
-            _tell(request, HelperResult(value, pieces=pieces))
+            _answer(request, HelperResult(value, pieces=pieces))
         else:
-            _tell(request, HelperResult(error=str(value)))
+            _answer(request, HelperResult(error=str(value)))
 
     def _note_log(self, lost: int, is_stuck: bool) -> None:
         self.log_lines_lost += lost - self._lost_by_child
@@ -337,11 +337,11 @@ class Helper:
         else:
             _log.error("the helper process cannot be started: %s", failure)
         for request in self._requests.take_sent():
-            _tell(request, HelperResult(error="the helper process died while it worked on this"))
+            _answer(request, HelperResult(error="the helper process died while it worked on this"))
 
 
-def _tell(request: HelperRequest, result: HelperResult) -> None:
-    """Hand a result over; a defect of who takes it must not leave the helper unserved."""
+def _answer(request: HelperRequest, result: HelperResult) -> None:
+    """Pass a result on; a defect of its receiver must not leave the helper unserved."""
     try:
         request.on_result(result)
     except Exception:  # noqa: BLE001 - whatever it is

@@ -1,8 +1,8 @@
-"""Has processes started by one that does nothing else, so that the control thread never waits.
+"""Lets another process start processes, so that the control thread never waits.
 
-Whoever starts a process waits until that runs its program, which takes long where the disk or the
-machine is busy; a motor that hears nothing meanwhile lets go. So only the spawner's own start,
-which comes before any motor is commanded, is waited for.
+A process that starts another one waits until that one runs its program. That takes long on a busy
+disk or machine, and a motor that gets no command meanwhile lets go. So the control thread waits
+only for the start of the spawner itself, before any motor is commanded.
 """
 
 import errno
@@ -70,7 +70,7 @@ class Spawner:
             is_sent = self._child.send(packet, descriptors)
         if not is_sent:
             ours.close()
-            raise OSError(errno.EAGAIN, "the process that starts the others takes no order")
+            raise OSError(errno.EAGAIN, "the process that starts the others takes no request")
         child = Child(ours, settle=self._settle)
         self._starting[self._last] = child
         return child

@@ -20,7 +20,7 @@ from litegripd.io.helper.child import (
 
 
 def serve(daemon: socket.socket) -> None:
-    """Start what the daemon orders, until it is gone."""
+    """Start the processes that the daemon requests, until the daemon is gone."""
     running: dict[int, int] = {}  # pidfds and their pids
     poll = select.poll()
     poll.register(daemon, select.POLLIN)
@@ -51,7 +51,7 @@ def _start(daemon: socket.socket, packet: bytes, inherited: list[int]) -> tuple[
         daemon.send(json.dumps([number, None, str(error)]).encode())
         return None
     finally:
-        # After the report, so that whoever sees the end of an unstarted one's socket can know why.
+        # After the report: when the socket of a failed start ends, its reason can be read already.
         for descriptor in inherited:
             os.close(descriptor)
     socket.send_fds(daemon, [json.dumps([number, pid, None]).encode()], [pidfd])

@@ -1,7 +1,7 @@
 """The core's methods, group by group: what they take and do. Checks and documents follow them.
 
 A further method is a further function with its row above it; a further group is a class, named here
-and made by the service. What a slice adds is a `Feature`, named in `app/features.py`.
+and made by the service. What a slice adds is a `Feature`, named in `app/build.py`.
 """
 
 from litegripd.rpc.methods.lease import LeaseMethods

@@ -71,14 +71,14 @@ class LeaseNumber(TypedDict):
 
 
 class Granted(LeaseNumber):
-    """A lease, and the token by which it is shown."""
+    """A lease, and the token that proves it."""
 
     lease: str
     state: StateView
 
 
 class Taken(Granted):
-    """A lease that was taken, and what became of what was."""
+    """A lease that was taken: its former owner, the job that ended, and what the jaws do."""
 
     taken_from: Holder | None
     ended_job: int | None
@@ -288,7 +288,7 @@ class LeaseMethods:
 
 
 def _lease_options(params: Mapping[str, Any], before: LeaseOptions) -> LeaseOptions:
-    """Return what is wished; what a holder does not name stays as it was."""
+    """Return the wanted options; what a holder does not name stays as it was."""
     return LeaseOptions(
         purpose=params.get("purpose", before.purpose),
         ttl_s=params.get("ttl_s", before.ttl_s),

@@ -444,7 +444,7 @@ def _one_at_most(method: str, names: Sequence[str], params: Mapping[str, Any]) -
 
 
 def _target(method: str, params: Mapping[str, Any]) -> Target:
-    """Find the one quantity that says where to go."""
+    """Return the target: exactly one quantity must be given."""
     given = [name for name in QUANTITIES if name in params]
     if len(given) != 1:
         text = f"{method} takes exactly one of {', '.join(QUANTITIES)}"

@@ -6,8 +6,9 @@ from dataclasses import fields
 from typing import Any, TypedDict
 
 from litegripd.control.controller import Controller
+from litegripd.control.snapshot import GripperState
 from litegripd.model.errors import Refusal
-from litegripd.model.state import GripperState, Job
+from litegripd.model.state import Job
 from litegripd.rpc.method import JOB, Answer, Call, Later, Method, Param, Refused, Shape, accepted
 from litegripd.rpc.reports import (
     Facts,
@@ -32,7 +33,7 @@ DEFAULT_SAMPLE_HZ = 20.0
 
 
 class Greeting(TypedDict):
-    """What `hello` says of the connection that asks; the rest are the daemon's facts."""
+    """What `hello` says of the asking connection; the other members are the daemon's facts."""
 
     client: int
     role: Role

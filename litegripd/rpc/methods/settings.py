@@ -82,7 +82,7 @@ class Marks(TypedDict):
 
 
 class Nothing(TypedDict):
-    """An answer that only says that it is done."""
+    """An answer without members: it is done."""
 
 
 BY_HAND = (
@@ -109,7 +109,7 @@ class FrameInterval(TypedDict):
 
 
 class ConfigView(TypedDict):
-    """The motion configuration; `kept` says whether it outlives the daemon."""
+    """The motion configuration; `kept` is true if it outlives the daemon."""
 
     config: MotionFields
     ranges: Mapping[str, list[float]]
@@ -162,10 +162,7 @@ class SettingsMethods:
         "calibration.templates", "Tell the templates of the mounts.", "The templates.", Templates
     )
     def _templates(self, call: Call) -> Answer:
-        def told(value: Any) -> Templates:
-            return {"templates": value}
-
-        return self._task(call, "calibration.templates", {}, told)
+        return self._task(call, "calibration.templates", {}, lambda value: {"templates": value})
 
     @Method(
         "calibration.load",
@@ -239,7 +236,7 @@ class SettingsMethods:
     def _adopt_found(
         self, value: Any, authority: Authority, owner: Owner
     ) -> CalibrationLoaded | Refusal:
-        """Take what the helper found, unless a motion has begun or somebody else decides now."""
+        """Use what the helper found, unless a motion has begun or the authority has changed."""
         refusal = authority()
         if refusal is not None:
             return refusal
@@ -423,7 +420,7 @@ class SettingsMethods:
     def _task(
         self, call: Call, operation: str, parameters: Mapping[str, Any], then: Any
     ) -> Deferred:
-        """Have something done by the helper process, and answer with what `then` makes of it."""
+        """Let the helper process do a task; answer with what `then` makes of its value."""
         deferred = Deferred()
 
         def done(result: TaskResult) -> None:
@@ -435,7 +432,7 @@ class SettingsMethods:
 
 
 def _register(text: str) -> Register:
-    """Find a register by its name, in any case, or its number, decimal or after 0x."""
+    """Return a register by its name, in any case, or its number, decimal or after 0x."""
     named = {register.name.lower(): register for register in REGISTERS.values()}
     register = named.get(text.strip().lower())
     if register is None:
@@ -457,7 +454,7 @@ _FAILURES = {
 
 
 def _outcome(operation: str, result: TaskResult) -> Any:
-    """Return what a task brought, or a refusal that says why it brought nothing."""
+    """Return the value of a task, or a refusal that says why there is none."""
     if result.error is None:
         return result.value
     return Refusal(result.reason or _FAILURES.get(operation, "not_saved"), result.error)

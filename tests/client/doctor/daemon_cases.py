@@ -52,7 +52,7 @@ DAEMON_CASES = [
         "daemon",
         facts(daemon=None, failure="no daemon can be reached", sockets=CLOSED),
         "warning",
-        "not known whether it runs",
+        "not known if it runs",
         "systemctl status litegripd@can0",
     ),
     Case(
@@ -68,7 +68,7 @@ DAEMON_CASES = [
         "error",
         "no daemon can be reached",
         "sudo systemctl start litegripd@can0",
-        "not before the configuration is mended",
+        "not before the configuration is corrected",
     ),
     Case(
         "daemon",
@@ -121,7 +121,7 @@ DAEMON_CASES = [
         "error",
         "nobody listens",
         "litegripd can0",
-        "not before the configuration is mended; that is in the foreground",
+        "not before the configuration is corrected; that is in the foreground",
     ),
     Case(
         "daemon",

@@ -21,10 +21,11 @@ from litegripd.model.gripper import MOTOR_TYPES
 from litegripd.motor import codec, identity
 from tests.client.doctor.case import Case
 from tests.client.doctor.daemon_cases import DAEMON_CASES
+from tests.client.doctor.fleet_cases import FLEET_CASES
 from tests.client.doctor.gripper_cases import GRIPPER_CASES
 from tests.client.doctor.link_cases import LINK_CASES
 
-CASES = [*LINK_CASES, *DAEMON_CASES, *GRIPPER_CASES]
+CASES = [*LINK_CASES, *DAEMON_CASES, *GRIPPER_CASES, *FLEET_CASES]
 BY_NAME = {check.name: check.examine for check in CHECKS}
 
 

@@ -12,7 +12,7 @@ import pytest
 from litegrip_client.ctl.main import main
 from litegrip_client.errors import CommandError
 from litegrip_client.units import install
-from litegrip_client.units.install import Wishes
+from litegrip_client.units.install import Wanted
 from litegripd.app.main import EXIT_NO_PACKAGES, EXIT_USAGE
 
 PROGRAMS = "/opt/grippers/bin"
@@ -26,7 +26,7 @@ SOURCES = Path(__file__).parents[3]
 
 
 def put(root: Path, *channels: str, serial: bool = False, fleet: bool = False) -> dict[str, str]:
-    done = install.install(root, Wishes(channels, serial, fleet), PROGRAMS)
+    done = install.install(root, Wanted(channels, serial, fleet), PROGRAMS)
     return {str(Path(one.path).relative_to(root)): one.what for one in done}
 
 
@@ -480,7 +480,7 @@ def test_systemd_accepts_the_units(tmp_path: Path) -> None:
     programs.mkdir()
     for name in ("litegripd", "litegripctl"):
         (programs / name).symlink_to("/bin/true")
-    install.install(tmp_path, Wishes(), str(programs))
+    install.install(tmp_path, Wanted(), str(programs))
     folder = tmp_path / UNITS
     unit = folder / "litegripd@can0.service"
     (folder / "litegripd@.service").rename(unit)

@@ -8,7 +8,7 @@ import pytest
 from litegrip_client.ctl.main import main
 from litegrip_client.errors import CommandError
 from litegrip_client.units import install
-from litegrip_client.units.install import Wishes
+from litegrip_client.units.install import Wanted
 
 RULES = "usr/local/lib/udev/rules.d/85-litegrip.rules"
 SERIAL = "usr/local/lib/systemd/system/litegripd@.service.d/serial.conf"
@@ -77,10 +77,10 @@ def test_copies_of_the_units_that_would_shadow_the_packages_are_removed(
 ) -> None:
     unit = packaged / install.PACKAGED
     unit.unlink()
-    install.install(packaged, Wishes(("can0",)), "/opt/litegripd/bin")
+    install.install(packaged, Wanted(("can0",)), "/opt/litegripd/bin")
     assert len(files(packaged)) == 7
     unit.touch()
-    done = {one.path: one.what for one in install.install(packaged, Wishes(), "")}
+    done = {one.path: one.what for one in install.install(packaged, Wanted(), "")}
     assert sorted(done.values()) == ["kept", *["removed"] * 5, "unchanged"]
     assert files(packaged) == {install.PACKAGED, CONFIGURATION, RULES}
 
@@ -88,7 +88,7 @@ def test_copies_of_the_units_that_would_shadow_the_packages_are_removed(
 def test_what_is_beside_the_package_is_removed_while_a_unit_is_enabled(
     packaged: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    install.install(packaged, Wishes(("can0",), serial=True), "/opt/litegripd/bin")
+    install.install(packaged, Wanted(("can0",), serial=True), "/opt/litegripd/bin")
     link = packaged / "etc/systemd/system/litegripd.target.wants/litegripd@can0.service"
     link.parent.mkdir(parents=True)
     link.symlink_to(f"/{install.PACKAGED}")

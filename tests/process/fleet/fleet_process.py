@@ -164,12 +164,19 @@ class Fleet:
         self.router.until_says("listening at")
 
     def start_gateway(
-        self, sockets: Mapping[str, Path], gateway: str = "robot1", name: str = "gateway"
+        self,
+        sockets: Mapping[str, Path],
+        gateway: str = "robot1",
+        name: str = "gateway",
+        options: str = "",
     ) -> None:
-        """Start the gateway of daemons, by their names on the network and their sockets."""
+        """Start the gateway of daemons, by their names on the network and their sockets.
+
+        `options` are more lines of its table.
+        """
         directory = self.short / "litegripd"
         directory.mkdir(exist_ok=True)
-        lines = [f'site = "{SITE}"', "[gateway.grippers]"]
+        lines = [f'site = "{SITE}"', options, "[gateway.grippers]"]
         for gripper, path in sockets.items():
             channel = f"{gripper}-{os.getpid()}"
             for ending in (".sock", ".stop.sock"):
@@ -234,11 +241,12 @@ def fleet(
     role: str = "operator",
     users: Mapping[str, str] | None = None,
     ttl_s: float = 5.0,
+    options: str = "",
 ) -> Iterator[Fleet]:
-    """Run all three."""
+    """Run all three; `options` are more lines of the gateway's table."""
     with started(folder, certificates) as made:
         made.start_router(users or {user: role}, {"robot1": list(sockets)})
-        made.start_gateway(sockets)
+        made.start_gateway(sockets, options=options)
         made.start_portal(user, role, list(sockets), ttl_s)
         for name in sockets:
             made.gateway.until_says(f"{SITE}.{name}: ")

@@ -70,14 +70,14 @@ def lab(
     own = {name: [ROBOTS[name]] for name in robots}
     with contextlib.ExitStack() as stack:
         made = stack.enter_context(machines(ROUTER, *robots, *operators))
-        grippers = {}
+        grippers: dict[str, DaemonProcess] = {}
         for robot in robots:
             channel = f"{robot}-{os.getpid()}"
             arguments = (channel, "--config", str(config))
             # A socket's path has 107 bytes at most.
             short = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="robot-")))
-            running = daemon(short, *arguments, on=made.on(robot))
-            grippers[ROBOTS[robot]] = stack.enter_context(running)
+            own_daemon = daemon(short, *arguments, on=made.on(robot))
+            grippers[ROBOTS[robot]] = stack.enter_context(own_daemon)
         for running in grippers.values():
             with running.connect() as client:
                 client.until(lambda state: bool(state["motor"] == "disabled"))

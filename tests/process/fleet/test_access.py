@@ -14,7 +14,7 @@ import zenoh
 
 from litegrip_fleet.messages import Ask, Reply, packed, unpacked
 from litegrip_fleet.network import the_newest
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, daemon
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, daemon, wait_a_moment
 from tests.process.fleet.fleet_process import Fleet, fleet, make_certificates
 from tests.process.fleet.on_network import LEFT, answers, connected
 
@@ -176,3 +176,17 @@ def make_expired(authority: Path, own: Path) -> None:
         files = f"-in {own}/own.csr -out {own}/own.pem {dates}" if command[:2] == "ca" else ""
         arguments = ["openssl", *command.split(), *files.split()]
         subprocess.run(arguments, check=True, capture_output=True, timeout=DEADLINE_S)
+
+
+def test_a_gateway_sees_its_own_grippers_and_no_others(shared: Fleet) -> None:
+    def seen(session: zenoh.Session, key: str) -> list[str]:
+        replies = session.liveliness().get(key, timeout=1.5)
+        return [str(reply.ok.key_expr) for reply in replies if reply.ok is not None]
+
+    with connected(shared, "robot1") as gateway, connected(shared, "forger") as forger:
+        while not seen(gateway, LEFT.alive):  # what has just connected may not see it at once
+            wait_a_moment(shared.router.process)
+        assert seen(gateway, LEFT.alive) == [LEFT.alive]
+        assert seen(gateway, f"{LEFT.key}/**") == []
+        assert seen(gateway, "litegripd/1/*/*/alive") == []
+        assert seen(forger, LEFT.alive) == []

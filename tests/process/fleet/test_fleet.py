@@ -1,10 +1,13 @@
 """Every client through a portal as through a daemon: real processes, real TLS, loopback."""
 
+import contextlib
+import socket
+from pathlib import Path
 from typing import Any
 
 from litegrip_client import LiteGrip
 from tests.process.daemon_process import Client, DaemonProcess
-from tests.process.fleet.fleet_process import Fleet
+from tests.process.fleet.fleet_process import Fleet, fleet
 
 
 def of(lab: Fleet) -> dict[str, Any]:
@@ -19,6 +22,22 @@ def test_a_gripper_of_another_machine_is_used_as_one_of_this(lab: Fleet) -> None
         for sample in gripper.states(hz=50):
             assert sample.opening_mm is not None
             break
+
+
+def test_who_has_said_all_gets_the_answers_that_take_longer_than_a_session_lives(
+    tmp_path: Path, certificates: Path, gripper: DaemonProcess
+) -> None:
+    """As `socat` does at the end of its input."""
+    sockets = {"left": gripper.socket_path}
+    with fleet(tmp_path / "short", certificates, sockets, ttl_s=0.5) as lab:
+        with Client(lab.socket_path()) as client:
+            client.enabled()
+            client.result("motion.close")
+            number = client.send("motion.open", speed_mm_s=50.0)
+            client.socket.shutdown(socket.SHUT_WR)
+            assert client.answer(number)["result"]["ok"]
+            assert client.read() == {}
+        assert "Traceback" not in lab.gateway.log
 
 
 def test_hello_says_through_what(lab: Fleet) -> None:
@@ -40,3 +59,39 @@ def test_owner_and_journal_name_the_remote_user(lab: Fleet, gripper: DaemonProce
         owner = local.result("lease.get")["owner"]
         assert owner["program"] == "sorter of op1@lab via gateway"
         assert owner["ttl_s"] == 5.0
+
+
+def test_the_daemon_opens_no_network_for_it(lab: Fleet, gripper: DaemonProcess) -> None:
+    with LiteGrip(**of(lab)) as used:
+        used.enable()
+        assert used.open().ok
+        daemon = gripper.process.pid
+        assert all(sockets_of(pid) for pid in (daemon, lab.gateway.process.pid))
+        for pid in (daemon, *children_of(daemon)):
+            assert other_than_unix(pid) == set()
+        assert other_than_unix(lab.gateway.process.pid)  # it is the gateway that has one
+
+
+def sockets_of(pid: int) -> set[str]:
+    """Return the numbers of a process's sockets, as /proc has them."""
+    numbers = set()
+    for descriptor in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):  # closed meanwhile
+            link = str(descriptor.readlink())
+            if link.startswith("socket:["):
+                numbers.add(link)
+    return numbers
+
+
+def other_than_unix(pid: int) -> set[str]:
+    """Return those of a process's sockets that are no Unix sockets, whatever else they are."""
+    before = sockets_of(pid)
+    table = Path(f"/proc/{pid}/net/unix").read_text().splitlines()[1:]
+    unix = {f"socket:[{row.split()[6]}]" for row in table}
+    return (before - unix) & sockets_of(pid)
+
+
+def children_of(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    lists = Path(f"/proc/{pid}/task").glob("*/children")
+    return [int(number) for one in lists for number in one.read_text().split()]

@@ -1,0 +1,74 @@
+"""A daemon of this machine, as the gateway asks and stops it."""
+
+import asyncio
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from litegrip_client.discovery import reach, stop_path
+from litegrip_client.errors import LiteGripError, from_error_object
+from litegrip_client.exchange import request_line
+from litegrip_fleet.answers import UNREACHABLE, error_object
+
+ANSWER_WITHIN_S = 2.0
+STOP_WITHIN_S = 1.0
+
+_LONGEST_LINE_BYTES = 16 * 1024 * 1024
+
+
+async def connected(channel: str) -> tuple[str, asyncio.StreamReader, asyncio.StreamWriter]:
+    """Connect to a daemon; return its socket's path, too. Raises `ConnectError` without one."""
+
+    async def attempt(path: str) -> tuple[str, asyncio.StreamReader, asyncio.StreamWriter]:
+        return (path, *await asyncio.open_unix_connection(path, limit=_LONGEST_LINE_BYTES))
+
+    return await reach(channel, None, attempt)
+
+
+async def asked_of(
+    reader: asyncio.StreamReader,
+    writer: asyncio.StreamWriter,
+    method: str,
+    params: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Ask the daemon, and wait for the answer; raises `LiteGripError` for a refusal."""
+    writer.write(request_line(0, method, params))
+    while True:
+        try:
+            line = await asyncio.wait_for(reader.readline(), ANSWER_WITHIN_S)
+        except (asyncio.TimeoutError, OSError) as error:
+            text = f"the daemon does not answer {method}: {error}"
+            raise unreachable(text) from error
+        if not line:
+            text = f"the daemon has closed the connection before it answered {method}"
+            raise unreachable(text)
+        answer = json.loads(line)
+        if "error" in answer:
+            raise from_error_object(answer["error"], method)
+        if answer.get("id") == 0:
+            result: dict[str, Any] = answer["result"]
+            return result
+
+
+async def stop(channel: str, level: str, why: str) -> None:
+    """Stop by the daemon's stop socket; raises `LiteGripError` if it does not confirm it."""
+
+    async def attempt(path: str) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        return await asyncio.open_unix_connection(stop_path(path))
+
+    reader, writer = await reach(channel, None, attempt)
+    try:
+        writer.write(request_line(1, "stop", {"level": level, "why": why}))
+        answer = json.loads(await asyncio.wait_for(reader.readline(), STOP_WITHIN_S))
+        if "result" not in answer:
+            raise from_error_object(answer["error"], "stop")
+    except (asyncio.TimeoutError, OSError, ValueError, KeyError, TypeError) as error:
+        text = f"the stop is not confirmed by the daemon of {channel}: {error!r}"
+        raise unreachable(text) from error
+    finally:
+        writer.close()
+
+
+def unreachable(text: str) -> LiteGripError:
+    """Return the error that says that a daemon cannot be reached."""
+    return from_error_object(error_object(UNREACHABLE, text))
