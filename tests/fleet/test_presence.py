@@ -25,14 +25,16 @@ class Gripper:
     def __post_init__(self) -> None:
         self.dead_man = DeadMan(self.presence)
 
-    def look(self, now_s: float) -> None:
+    def look(self, now_s: float) -> bool:
+        """Look, and return whether it is stopped then."""
         if not self.dead_man.is_due(now_s):
-            return
+            return self.is_stopped
         self.dead_man.begin(now_s)
         if self.answers:
             self.is_stopped = True
             self.stops += 1
         self.dead_man.done(confirmed=self.answers)
+        return self.is_stopped
 
     def clear(self) -> None:
         self.is_stopped = False
@@ -67,17 +69,13 @@ def test_at_first_nobody_is_present_and_the_gripper_is_stopped_once() -> None:
 def test_one_who_is_silent_is_enough_and_his_return_clears_nothing() -> None:
     presence, gripper = present("supervisor", "nurse")
     presence.shown("nurse", 1.0, TTL_S, 1.0)
-    gripper.look(1.0)
-    assert not gripper.is_stopped
-    gripper.look(1.01)
-    assert gripper.is_stopped
+    assert not gripper.look(1.0)
+    assert gripper.look(1.01)
     presence.shown("supervisor", 1.5, TTL_S, 1.5)
-    gripper.look(1.5)
-    assert gripper.is_stopped
+    assert gripper.look(1.5)
     assert gripper.stops == 2  # at the start, and now
     gripper.clear()
-    gripper.look(1.6)
-    assert not gripper.is_stopped
+    assert not gripper.look(1.6)
 
 
 def test_a_stop_that_is_cleared_meanwhile_comes_again_each_time() -> None:
