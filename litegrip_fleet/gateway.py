@@ -196,7 +196,8 @@ class Gateway:
             about = await self._begin(connection, ask)
         except (LiteGripError, OSError, ValueError, KeyError) as error:
             connection.close()
-            _answer(query, Reply(0, 0, time.monotonic(), gone=_gone(error)))
+            gone = _gone(self.place, error)
+            _answer(query, Reply(0, 0, time.monotonic(), gone=gone))
             return
         reply = connection.far.reply(time.monotonic(), about)
         _answer(query, reply)
@@ -206,7 +207,7 @@ class Gateway:
     async def _begin(self, connection: "_Connection", ask: Ask) -> dict[str, Any]:
         """Open a session's connection to the daemon, in its user's name; return what it is."""
         if len(self._connections) > MOST_SESSIONS:
-            text = f"{self.place} has {MOST_SESSIONS} sessions, no more are let in: close one"
+            text = f"the gateway has {MOST_SESSIONS} sessions, no more are let in: close one"
             raise unreachable(text)
         if "error" in self._hello:
             raise unreachable(str(self._hello["error"]))
@@ -389,13 +390,14 @@ class _Connection:
             self.task.cancel()
 
 
-def _gone(error: Exception) -> dict[str, Any]:
-    """Return why a session could not begin, as an error of JSON-RPC."""
+def _gone(place: Place, error: Exception) -> dict[str, Any]:
+    """Return why a session could not begin, as an error of JSON-RPC; it is read elsewhere."""
+    where = f"on the machine of {place}"
     if not isinstance(error, LiteGripError):
-        return error_object(UNREACHABLE, f"the daemon does not answer as one: {error!r}")
+        return error_object(UNREACHABLE, f"{where}: the daemon does not answer as one: {error!r}")
     return {
         "code": error.code or UNREACHABLE,
-        "message": error.message,
+        "message": f"{where}: {error.message}",
         "data": {"reason": error.reason or "unreachable", **error.data},
     }
 

@@ -128,9 +128,9 @@ class Portal:
             _make_way(path)
             listener.bind(path)
             Path(path).chmod(_MODE)
-        except OSError:
+        except OSError as error:
             listener.close()
-            raise
+            raise OSError(f"the socket {path} cannot be made: {error.strerror or error}") from error
         return await asyncio.start_unix_server(accepted, sock=listener, limit=_READ_BYTES)
 
     async def _served(
@@ -467,7 +467,7 @@ def _make_way(path: str) -> None:
         except ConnectionRefusedError:
             file.unlink(missing_ok=True)
             return
-    raise FileExistsError(f"{path} belongs to another process")
+    raise OSError("it belongs to another process")
 
 
 def _program(pid: int) -> str | None:

@@ -446,3 +446,11 @@ def test_a_restart_that_lets_go_is_left_to_the_service_manager(
     assert (code, shown) == (2, "")
     assert "systemctl restart litegripd@can3" in told
     assert "daemon.restart" not in [request.method for request in daemon.requests]
+
+
+def test_a_restart_of_another_machines_daemon_is_done_there(daemon: FakeDaemon, ctl: Ctl) -> None:
+    remote = {"site": "lab", "channel": "can3"}
+    daemon.handlers["hello"] = lambda request: {**HELLO, "channel": "lab.left", "remote": remote}
+    code, _shown, told = ctl("restart")
+    assert code == 2
+    assert "on the gripper's machine: systemctl restart litegripd@can3" in told

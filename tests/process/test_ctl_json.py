@@ -15,6 +15,7 @@ CODES = {
     "doctor": {0, 1},  # as the machine is
     "calibration manual": {2},  # it asks at a terminal
     "trajectories keep another": {4},  # there is none that could not be kept
+    "fleet --config no-such-fleet.toml": {2},  # there is none
     "grasp --force 10": {1},  # there is nothing between the jaws
 }
 LETTING_GO = ("motor_silent", "motor_fault", "not_enabled")

@@ -183,10 +183,13 @@ def restart_options(parser: LateParser) -> None:
 def restart(run: Run) -> int:
     """Have a successor take the daemon's place, while the jaws are held."""
     if not run.options.hold:
-        channel = run.connection.call("hello")["channel"]
+        hello = run.connection.call("hello")
+        remote = hello.get("remote")
+        channel = hello["channel"] if remote is None else remote["channel"]
+        where = "" if remote is None else "on the gripper's machine: "
         return run.refuse(
             "a restart that disables the motor is the service manager's to do",
-            f"systemctl restart litegripd@{channel}; to hold all the while: --hold",
+            f"{where}systemctl restart litegripd@{channel}; to hold all the while: --hold",
         )
     data = run.connection.call("daemon.restart", {"hold_through_restart": True}, ACTION_TIMEOUT_S)
     text = f"restarted: pid {data['pid']} has taken over, {_kept(run, data['gap_s'])}"

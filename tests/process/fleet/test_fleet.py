@@ -2,11 +2,13 @@
 
 import contextlib
 import socket
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
 from litegrip_client import LiteGrip
-from tests.process.daemon_process import Client, DaemonProcess
+from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.fleet_process import Fleet, fleet
 
 
@@ -95,3 +97,36 @@ def children_of(pid: int) -> list[int]:
     """Return the processes that a process has started."""
     lists = Path(f"/proc/{pid}/task").glob("*/children")
     return [int(number) for one in lists for number in one.read_text().split()]
+
+
+def test_a_portal_names_the_socket_that_it_cannot_make(tmp_path: Path) -> None:
+    config, missing = tmp_path / "fleet.toml", tmp_path / "nowhere"
+    config.write_text(
+        '[network]\nconnect = ["tcp/127.0.0.1:1"]\ninsecure = true\n'
+        f'[portal]\nuser = "op1"\ngrippers = ["lab.left"]\ndirectory = "{missing}"\n',
+        encoding="utf-8",
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "litegrip_fleet", "--config", str(config), "portal"],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+    told = f"the socket {missing}/lab.left.sock cannot be made: No such file or directory"
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (1, f"litegripd-fleet: {told}")
+
+
+def test_a_second_portal_for_a_gripper_leaves_the_first_ones_socket(lab: Fleet) -> None:
+    command = ["-m", "litegrip_fleet", "--config", str(lab.portal.config_path), "portal"]
+    done = subprocess.run(
+        [sys.executable, *command],
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "lab.left.sock cannot be made: it belongs to another process" in done.stderr
+    with Client(lab.socket_path()) as client:
+        assert client.result("hello")["channel"] == "lab.left"

@@ -87,6 +87,7 @@ def test_when_a_daemon_is_gone_its_remote_clients_are_let_go(
         error = client.read()["error"]
     assert error["data"]["reason"] == "unreachable"
     assert "no daemon can be reached" in error["message"] or "has gone" in error["message"]
+    assert "on the machine of lab.right: " in error["message"]  # the paths are that one's
 
 
 def test_a_site_is_stopped_at_once(
