@@ -22,7 +22,7 @@ from litegrip_fleet.dead_man import DeadMansSwitch
 from litegrip_fleet.far_session import FarSession, generation_in
 from litegrip_fleet.keys import Caller, Place, caller_in, stopper_in
 from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
-from litegrip_fleet.network import all_in_order, hand_over
+from litegrip_fleet.network import all_in_order, hand_over, the_newest
 
 _log = logging.getLogger(__name__)
 
@@ -30,6 +30,9 @@ LOOK_EVERY_S = 0.05
 RETRY_EVERY_S = 0.5
 MOST_SESSIONS = 56
 """For each gripper; the daemon lets 64 connections of a user in."""
+
+MOST_UNREAD_BYTES = 1024 * 1024
+"""What a session has sent and its daemon has not read; beyond it, the session is ended."""
 
 _ALIVE = b'{"jsonrpc":"2.0","id":"gateway","method":"state.get"}\n'
 _ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
@@ -72,7 +75,8 @@ class Gateway:
         hand_over(rpc, asked, f"rpc {self.place}")
         hellos = self._session.declare_queryable(self.place.about, all_in_order())
         hand_over(hellos, asked_about, f"hello {self.place}")
-        stops = self._session.declare_queryable(f"{key}/stop/*", all_in_order())
+        # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
+        stops = self._session.declare_queryable(f"{key}/stop/*", the_newest())
         # On a thread of its own: nothing else that the gateway does is before it.
         hand_over(stops, lambda query: self._stop(query, loop), f"stop {self.place}")
         look = asyncio.create_task(self._look())
@@ -179,6 +183,7 @@ class Gateway:
             connection = _Connection(self._session, self.place, caller, self._forget(key))
             self._connections[key] = connection
             task = asyncio.get_running_loop().create_task(self._open(query, connection, ask))
+            task.add_done_callback(_log_failure)
             connection.task = task
         elif connection is None:
             gone = error_object(
@@ -199,6 +204,9 @@ class Gateway:
             gone = _gone(self.place, error)
             _answer(query, Reply(0, 0, time.monotonic(), gone=gone))
             return
+        except Exception:
+            connection.close()
+            raise
         reply = connection.far.reply(time.monotonic(), about)
         _answer(query, reply)
         # What was said last may have to be said again: the portal ends it, or its time is up.
@@ -333,6 +341,9 @@ class _Connection:
             self._writer.write_eof()
         else:
             self._writer.write(line)
+            if self._writer.transport.get_write_buffer_size() > MOST_UNREAD_BYTES:
+                _log.warning("%s: the daemon does not read what it is sent", self.caller.user)
+                self.close()
 
     def push(self, push: Push, piece: bytes) -> None:
         """Send a message to the portal; one that is lost is asked for again.
@@ -388,6 +399,11 @@ class _Connection:
             self._writer = None
         if self.task is not None and self.task is not asyncio.current_task():
             self.task.cancel()
+
+
+def _log_failure(task: "asyncio.Task[None]") -> None:
+    if not task.cancelled() and (error := task.exception()) is not None:
+        _log.error("a session has ended by a defect", exc_info=error)
 
 
 def _gone(place: Place, error: Exception) -> dict[str, Any]:

@@ -133,7 +133,10 @@ def hand_over(
                 item = queue.recv()
             except zenoh.ZError:  # undeclared, or the session is closed
                 return
-            take(item)
+            try:
+                take(item)
+            except Exception:  # noqa: BLE001 - the next one counts all the same, a stop most of all
+                _log.exception("%s: what came was not taken", name)
 
     threading.Thread(target=read, name=name, daemon=True).start()
 

@@ -1,6 +1,8 @@
 """Every client through a portal as through a daemon: real processes, real TLS, loopback."""
 
 import contextlib
+import json
+import signal
 import socket
 import subprocess
 import sys
@@ -40,6 +42,22 @@ def test_who_has_said_all_gets_the_answers_that_take_longer_than_a_session_lives
             assert client.answer(number)["result"]["ok"]
             assert client.read() == {}
         assert "Traceback" not in lab.gateway.log
+
+
+def test_what_a_frozen_daemon_does_not_read_is_bounded(lab: Fleet, gripper: DaemonProcess) -> None:
+    line = json.dumps({"jsonrpc": "2.0", "method": "ping", "params": {"x": "x" * 16_000}}).encode()
+    with Client(lab.socket_path()) as client:
+        client.result("hello")
+        gripper.process.send_signal(signal.SIGSTOP)
+        try:
+            with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+                while True:
+                    client.socket.sendall(line + b"\n")
+            lab.gateway.until_says("the daemon does not read what it is sent")
+        finally:
+            gripper.process.send_signal(signal.SIGCONT)
+    with Client(lab.socket_path()) as client:
+        assert client.result("state.get")["stop"] is None
 
 
 def test_hello_says_through_what(lab: Fleet) -> None:
