@@ -1,0 +1,43 @@
+"""What comes from the network is taken on a thread of its own, whatever becomes of it."""
+
+import queue
+import threading
+from typing import Any
+
+import pytest
+import zenoh
+
+from litegrip_fleet.network import hand_over
+
+
+class Source:
+    """A source that gives what it is filled with, and is then undeclared."""
+
+    def __init__(self, *items: object) -> None:
+        self._items: queue.SimpleQueue[object] = queue.SimpleQueue()
+        for item in items:
+            self._items.put(item)
+        self.handler = self
+        self.has_ended = threading.Event()
+
+    def recv(self) -> object:
+        if self._items.empty():
+            self.has_ended.set()
+            raise zenoh.ZError("undeclared")
+        return self._items.get()
+
+
+def test_what_cannot_be_taken_is_logged_and_the_next_is_taken(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    taken: list[object] = []
+
+    def take(item: Any) -> None:
+        taken.append(10 / item)
+
+    source = Source(5, 0, 2)
+    hand_over(source, take, "stop lab.left")  # type: ignore[arg-type]
+    assert source.has_ended.wait(10.0)
+    assert taken == [2.0, 5.0]
+    assert "stop lab.left: what came was not taken" in caplog.text
+    assert "ZeroDivisionError" in caplog.text
