@@ -41,7 +41,7 @@ from litegrip_fleet.findings import (
     parts_of,
 )
 from litegrip_fleet.keys import Place
-from litegrip_fleet.network import CONNECT_WITHIN_S, NetworkError, Tls, opening
+from litegrip_fleet.network import CONNECT_WITHIN_S, NetworkError, Tls, close, opening
 from litegrip_fleet.site import look
 
 ENDPOINT_WITHIN_S = 3.0
@@ -313,7 +313,7 @@ def _network(config: FleetConfig, now_s: float, *, is_usable: bool) -> Found:
         yield from _grippers(config, session)
     finally:
         if session is not None:
-            session.close()
+            close(session)
 
 
 def _grippers(config: FleetConfig, session: zenoh.Session | None) -> Found:

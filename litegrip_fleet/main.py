@@ -29,7 +29,14 @@ from litegrip_fleet.config import FILE, FleetConfig, FleetConfigError, load
 from litegrip_fleet.dead_man import DeadMansSwitch
 from litegrip_fleet.gateway import Gateway
 from litegrip_fleet.keys import BadNameError, check_name
-from litegrip_fleet.network import CONNECT_WITHIN_S, Network, NetworkError, opened, opening
+from litegrip_fleet.network import (
+    CONNECT_WITHIN_S,
+    Network,
+    NetworkError,
+    close,
+    opened,
+    opening,
+)
 from litegrip_fleet.portal import Portal
 from litegrip_fleet.site import About, Stopped, alive, look, stop_all
 
@@ -143,7 +150,7 @@ def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
         try:
             await asyncio.gather(*(gateway.run() for gateway in gateways))
         finally:
-            session.close()
+            close(session)
 
     async def serve() -> None:
         if not part.stop_when_silent:
@@ -187,7 +194,7 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
             await asyncio.gather(connecting, *(portal.run() for portal in portals))
         finally:
             if (connected := session()) is not None:
-                connected.close()
+                close(connected)
 
     return asyncio.run(_until_a_signal(serve, certificate))
 
@@ -202,7 +209,7 @@ def _router(config: FleetConfig, _arguments: argparse.Namespace) -> int:
         try:
             await asyncio.Event().wait()
         finally:
-            session.close()
+            close(session)
 
     return asyncio.run(_until_a_signal(serve, certificate))
 
@@ -339,7 +346,10 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
             return stopped
 
         stopped = asyncio.run(stop())
-    return _report_as_json(stopped) if arguments.json else _report(stopped)
+        # Before the session is closed: a network that does not answer holds that up.
+        code = _report_as_json(stopped) if arguments.json else _report(stopped)
+        sys.stdout.flush()
+    return code
 
 
 def _report_as_json(stopped: Stopped) -> int:
@@ -388,7 +398,7 @@ def _connected(config: FleetConfig) -> Iterator[zenoh.Session]:
     try:
         yield session
     finally:
-        session.close()
+        close(session)
 
 
 def _fail(message: str, code: int) -> int:

@@ -121,6 +121,14 @@ def opening(network: Network) -> futures.Future[zenoh.Session]:
     return future
 
 
+def close(session: zenoh.Session) -> None:
+    """Close a session; it takes 10 s where the network does not answer, and is then logged."""
+    try:
+        session.close()
+    except zenoh.ZError as error:
+        _log.warning("the network has not taken the session's end: %s", error)
+
+
 def hand_over(
     source: "zenoh.Queryable[Any] | zenoh.Subscriber[Any]", take: Callable[[Any], None], name: str
 ) -> None:

@@ -83,7 +83,16 @@ class Part:
         self.process = self._start()
 
     def freeze(self) -> None:
+        """Stop it; when this returns, none of its threads does anything any more."""
         self.process.send_signal(signal.SIGSTOP)
+        ends_s = time.monotonic() + DEADLINE_S
+        while not self._is_stopped():
+            assert time.monotonic() < ends_s, f"the {self.kind} does not stop"
+
+    def _is_stopped(self) -> bool:
+        tasks = Path(f"/proc/{self.process.pid}/task").iterdir()
+        stats = [(task / "stat").read_text(encoding="ascii") for task in tasks]
+        return all(stat.rpartition(")")[2].split()[0] == "T" for stat in stats)
 
     def thaw(self) -> None:
         self.process.send_signal(signal.SIGCONT)

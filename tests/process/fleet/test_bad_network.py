@@ -260,6 +260,12 @@ def test_the_command_line_reports_a_stop_that_is_not_confirmed_in_the_portals_wo
     again(bad).close()
 
 
+def test_parts_end_as_they_should_while_nobody_takes_their_goodbye(bad: Lab) -> None:
+    for name in ("op1", "robot1"):
+        bad.machines.fault(name, CUT)
+        bad.fleet.parts[name].end()
+
+
 # Bad networks -------------------------------------------------------------------------------------
 
 
