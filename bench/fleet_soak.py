@@ -27,6 +27,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bench.fleet_recorded import record
+from bench.fleet_scale import kill_all
 from bench.fleet_standin import name_of
 from bench.fleet_usage import Usage, slope, usage_of
 from tests.process.fleet.fleet_process import HOST, SITE, Fleet, Part, make_certificates
@@ -37,8 +38,16 @@ PRINT_EVERY_S = 300.0
 CLIENT_WITHIN_S = 15.0
 USER, TTL_S = "op1", 1.0
 
-ENDS = (("closes", 35), ("killed", 35), ("subscribed, closes", 10), ("subscribed, killed", 10))
-ENDS += (("killed at once", 10), ("stays", 2))
+ENDS = {
+    "closes": 35,
+    "killed": 35,
+    "subscribed, closes": 10,
+    "subscribed, killed": 10,
+    "killed at once": 10,
+    "stays": 2,
+}
+"""How a client ends, by how often."""
+
 STAYS_S = 30.0
 """So long such a client reads samples, if nothing breaks meanwhile."""
 
@@ -122,7 +131,7 @@ class Soak:
 
     def _first_fleet(self, lasting: Path, second: Path) -> list[Path]:
         fleet = self._fleet("first")
-        fleet.start_router({USER: "operator"}, ["left", "right"])
+        fleet.start_router({USER: "operator"}, {"robot1": ["left", "right"]})
         router = fleet.endpoint
         fleet.endpoint, cut_gateway = self._link(router)
         fleet.start_gateway({"left": lasting})
@@ -139,7 +148,7 @@ class Soak:
 
     def _second_fleet(self, path: Path) -> list[Path]:
         fleet = self._fleet("second")
-        fleet.start_router({USER: "operator"}, ["left"])
+        fleet.start_router({USER: "operator"}, {"robot1": ["left"]})
         fleet.start_gateway({"left": path})
         fleet.start_portal(USER, "operator", ["left"], TTL_S)
         self.kinds["router killed"] = fleet.router.restart
@@ -152,7 +161,7 @@ class Soak:
         folder = self._folder / name
         folder.mkdir()
         made = Fleet(folder, short, self._certificates)
-        self._stack.callback(lambda: [part.kill() for part in made.parts.values()])
+        self._stack.callback(kill_all, made)
         return made
 
     def _second_gateway(self, fleet: Fleet, path: Path) -> Part:
@@ -163,7 +172,7 @@ class Soak:
         config = fleet.network("robot1", [fleet.endpoint])
         config += f'[gateway]\nsite = "{SITE}"\ngrippers = {{ right = "right" }}\n'
         folder = self._folder / "right"
-        part = Part(folder, "gateway", config, XDG_RUNTIME_DIR=str(fleet.short))
+        part = Part(folder, "gateway", "gateway", config, XDG_RUNTIME_DIR=str(fleet.short))
         self._stack.callback(part.kill)
         return part
 
@@ -192,7 +201,7 @@ class Soak:
 
     def start_client(self) -> None:
         path = self.random.choice(self.paths)
-        end = self.random.choices(*zip(*ENDS, strict=True))[0]
+        end = self.random.choices(list(ENDS), list(ENDS.values()))[0]
         pid = os.fork()
         if pid == 0:
             code = HUNG
