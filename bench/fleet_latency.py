@@ -16,6 +16,7 @@ import contextlib
 import importlib.util
 import itertools
 import json
+import os
 import random
 import socket
 import sys
@@ -26,7 +27,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from bench.fleet_scale import said, started
+from bench.fleet_scale import kill_all, said, started
 from tests.process.daemon_process import SIMULATED, Client, DaemonProcess, daemon
 from tests.process.fleet.fleet_process import HOST, Fleet, make_certificates
 
@@ -182,7 +183,7 @@ class Lab:
         logs = self._folder / f"{one_way_ms:g}"
         logs.mkdir()
         fleet = Fleet(logs, short, self.certificates)
-        stack.callback(lambda: [part.kill() for part in fleet.parts.values()])
+        stack.callback(kill_all, fleet)
         fleet.start_router({USER: "operator"}, ["left"])
         fleet.start_gateway({"left": self.gripper.socket_path})
         router, _colon, port = fleet.endpoint.rpartition(":")
@@ -247,7 +248,9 @@ def main() -> None:
         folder = Path(name)
         config = folder / "simulated.toml"
         config.write_text(SIMULATED, encoding="utf-8")
-        gripper = stack.enter_context(daemon(folder / "left", "latency", "--config", str(config)))
+        channel = f"latency-{os.getpid()}"
+        running = daemon(folder / "left", channel, "--config", str(config))
+        gripper = stack.enter_context(running)
         lab = Lab(stack, folder, gripper)
         for one_way_ms in delays:
             with contextlib.ExitStack() as link:

@@ -1,6 +1,7 @@
 """What a daemon with a simulated gripper answers, for the stand-ins of `bench.fleet_standin`."""
 
 import json
+import os
 import subprocess
 import sys
 import tempfile
@@ -9,8 +10,15 @@ from pathlib import Path
 from bench.__main__ import wait_for
 from bench.raw_connection import Connection
 
-ASKED = ("hello", "rpc.discover", "events.subscribe", "state.get", "state.subscribe", "health")
-ASKED += ("lease.get",)
+ASKED = (
+    "hello",
+    "rpc.discover",
+    "events.subscribe",
+    "state.get",
+    "state.subscribe",
+    "health",
+    "lease.get",
+)
 PARAMS = {"events.subscribe": {"kinds": ["stop"]}, "state.subscribe": {"hz": 50}}
 SAMPLE = "sample"
 """The name of the notification among the answers."""
@@ -20,7 +28,8 @@ def record(file: Path) -> None:
     """Run a daemon for a moment; write the results of `ASKED`, and one sample, to `file`."""
     with tempfile.TemporaryDirectory() as name:
         path = Path(name) / "rpc.sock"
-        command = [sys.executable, "-m", "litegripd.app.main", "recorded", "--simulate"]
+        channel = f"recorded-{os.getpid()}"
+        command = [sys.executable, "-m", "litegripd.app.main", channel, "--simulate"]
         daemon = subprocess.Popen(
             [*command, "--socket", str(path)],
             stdin=subprocess.DEVNULL,

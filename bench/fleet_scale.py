@@ -43,6 +43,12 @@ def said(process: "subprocess.Popen[str]") -> str:
     return line.strip()
 
 
+def kill_all(fleet: Fleet) -> None:
+    """End all parts of a fleet, at once."""
+    for part in fleet.parts.values():
+        part.kill()
+
+
 class Row:
     """One size and rate: what came, and what each process used."""
 
@@ -100,7 +106,7 @@ class Scale:
             said(standin)
             names = [name_of(index) for index in range(grippers)]
             fleet = Fleet(logs, short, self.certificates)
-            stack.callback(lambda: [part.kill() for part in fleet.parts.values()])
+            stack.callback(kill_all, fleet)
             fleet.start_router({USER: "operator"}, names)
             fleet.start_gateway({name: standins / f"{name}.sock" for name in names})
             fleet.start_portal(USER, "operator", names, TTL_S)

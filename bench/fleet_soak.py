@@ -27,6 +27,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from bench.fleet_recorded import record
+from bench.fleet_scale import kill_all
 from bench.fleet_standin import name_of
 from bench.fleet_usage import Usage, slope, usage_of
 from tests.process.fleet.fleet_process import HOST, SITE, Fleet, Part, make_certificates
@@ -37,8 +38,16 @@ PRINT_EVERY_S = 300.0
 CLIENT_WITHIN_S = 15.0
 USER, TTL_S = "op1", 1.0
 
-ENDS = (("closes", 35), ("killed", 35), ("subscribed, closes", 10), ("subscribed, killed", 10))
-ENDS += (("killed at once", 10), ("stays", 2))
+ENDS = {
+    "closes": 35,
+    "killed": 35,
+    "subscribed, closes": 10,
+    "subscribed, killed": 10,
+    "killed at once": 10,
+    "stays": 2,
+}
+"""How a client ends, by how often."""
+
 STAYS_S = 30.0
 """So long such a client reads samples, if nothing breaks meanwhile."""
 
@@ -152,7 +161,7 @@ class Soak:
         folder = self._folder / name
         folder.mkdir()
         made = Fleet(folder, short, self._certificates)
-        self._stack.callback(lambda: [part.kill() for part in made.parts.values()])
+        self._stack.callback(kill_all, made)
         return made
 
     def _second_gateway(self, fleet: Fleet, path: Path) -> Part:
@@ -192,7 +201,7 @@ class Soak:
 
     def start_client(self) -> None:
         path = self.random.choice(self.paths)
-        end = self.random.choices(*zip(*ENDS, strict=True))[0]
+        end = self.random.choices(list(ENDS), list(ENDS.values()))[0]
         pid = os.fork()
         if pid == 0:
             code = HUNG
