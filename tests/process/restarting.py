@@ -20,7 +20,7 @@ from tests.process.daemon_process import (
 from tests.sim.simulator_process import simulator
 
 RATE_HZ = 100
-CONFIG = f"{SLCAN}[control]\nrate_hz = {RATE_HZ}\n{BY_GATEWAY}"
+CONFIG = f"{SLCAN}{BY_GATEWAY}[control]\nrate_hz = {RATE_HZ}\n"
 """At this rate a busy machine may keep pump and simulator away for 40 ms without any harm."""
 
 OBJECT_MM = 40.0

@@ -227,6 +227,7 @@ def test_a_renewal_behind_a_stream_is_served_with_its_newest_set_point(
         assert me_after["requests"] - me["requests"] < LEFT_BEHIND / 4
 
 
+@pytest.mark.alone
 def test_three_flooding_users_with_many_connections_are_three_to_wait_for(
     running: DaemonProcess,
 ) -> None:
