@@ -38,9 +38,9 @@ def test_doctor(simulated: DaemonProcess) -> None:
     with simulated.connect() as client:
         client.until(lambda state: bool(state["motor"] == "disabled" and state["calibrated"]))
         found = levels(simulated)
-        well = ("daemon", "version", "sockets", "bus", "motor", "other-master")
-        # The other machine's device is not here; the way to it is.
-        well += ("protection",) if simulated.remote_as else ("device",)
+        # The device of another machine is not here; the way to it is.
+        way = "protection" if simulated.remote_as else "device"
+        well = (way, "daemon", "version", "sockets", "bus", "motor", "other-master")
         registers = ("control-mode", "can-br", "ids", "watchdog", "ranges")
         assert {name: found[name] for name in well + registers} == dict.fromkeys(
             well + registers, "ok"
