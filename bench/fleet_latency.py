@@ -9,7 +9,8 @@ Each round asks each way once, in random order, on connections that stay. `state
 `motion`: from the request of a motion that is not waited for, to the answer that it is accepted.
 `stop`: by the socket for stops, to the daemon's answer. gRPC `memory` answers the same number of
 bytes from memory, `daemon` passes each call on to the daemon, both in Python (`bench.fleet_grpc`);
-without grpcio (`pip install grpcio`) their rows are missing. `bare TCP` is an echo of 800 bytes.
+without grpcio (`pip install grpcio`) their rows are missing. `refused` is not in the times.
+`bare TCP` is an echo of 800 bytes.
 """
 
 import contextlib
@@ -23,6 +24,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -46,6 +48,7 @@ class Ways:
     def __init__(self) -> None:
         self.calls: dict[str, dict[str, Call]] = {}
         self.took_s: dict[tuple[str, str], list[float]] = {}
+        self.refused: Counter[str] = Counter()
         self._identities = itertools.count(1)
 
     def measure(self, kind: str, rounds: int, seed: int, after: Callable[[bytes], None]) -> None:
@@ -57,10 +60,15 @@ class Ways:
                 line = request(kind, next(self._identities), number)
                 begun_s = time.monotonic()
                 answer = self.calls[way][kind](line)
-                self.took_s.setdefault((way, kind), []).append(time.monotonic() - begun_s)
-                if b'"error"' in answer or not answer:
-                    raise RuntimeError(f"{way}: {answer!r}")
-                after(answer)
+                took_s = time.monotonic() - begun_s
+                if not answer:
+                    raise RuntimeError(f"{way}: the connection is closed")
+                if b'"error"' in answer:
+                    self.refused[way] += 1
+                    print(f"{way}: {answer.decode():.300}", file=sys.stderr)
+                else:
+                    self.took_s.setdefault((way, kind), []).append(took_s)
+                    after(answer)
                 time.sleep(BETWEEN_S)
 
     def rows(self, one_way_ms: float) -> Iterator[str]:
@@ -73,7 +81,7 @@ class Ways:
                     cells += "".join(f"{took_s * 1e3:>9.2f}" for took_s in shares)
                 else:
                     cells += f"{'-':>9}{'-':>9}"
-            yield f"{one_way_ms:>7g}  {way:<22}{cells}"
+            yield f"{one_way_ms:>7g}  {way:<22}{cells}{self.refused[way]:>9}"
 
 
 def request(kind: str, identity: int, number: int) -> bytes:
@@ -243,7 +251,9 @@ def main() -> None:
     delays = [float(ms) for ms in (sys.argv[2] if len(sys.argv) > 2 else "0,1,20").split(",")]
     seed = int(sys.argv[3]) if len(sys.argv) > 3 else 1
     print(f"{rounds} rounds, seed {seed}; ms, p50 and p99 of each")
-    print(f"{'one way':>7}  {'':<22}{'state':>18}{'motion':>18}{'stop':>18}", flush=True)
+    print(
+        f"{'one way':>7}  {'':<22}{'state':>18}{'motion':>18}{'stop':>18}{'refused':>9}", flush=True
+    )
     with tempfile.TemporaryDirectory(prefix="latency-") as name, contextlib.ExitStack() as stack:
         folder = Path(name)
         config = folder / "simulated.toml"
