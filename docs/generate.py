@@ -189,7 +189,8 @@ user who may not write there.
   name: later versions add some.
 - A motion answers with its result when it ends. With `"wait": false` it answers `{{"job": n}}` at
   once, and outlives its connection, unless `"detach"` is false; with `"detach": true` every one
-  does. With `"progress": true` the connection gets `job.progress` [notifications](#notifications).
+  does. What its holder has queued under a lease that is lost never begins, detached or not.
+  With `"progress": true` the connection gets `job.progress` [notifications](#notifications).
 - The lease belongs to the connection that acquired it: its own motions need no token. The token
   (`lease`) is for another connection that is to act under it, and for `lease.resume`. It is a
   random secret, a new one for each grant, and only the holder is given it: whoever has it may move,

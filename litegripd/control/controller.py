@@ -478,11 +478,12 @@ class Controller:
         """End the motion of a lost client or lease; then the jaws do what its options say.
 
         They do so at once, or after the end of a motion that continues: a detached one, or another
-        client's. A disabling always continues.
+        client's. A disabling always continues. What the holder has queued under a lost lease never
+        begins, detached or not: the lease's options say how the jaws are left.
         """
         running = self.jobs.running
         refusal = events.loss_refusal(loss)
-        self._drop_queued(refusal, lambda job: _falls(job, loss, client))
+        self._drop_queued(refusal, lambda job: _never_begins(job, loss, client))
         ends = running is not None and running.kind != "disable" and _falls(running, loss, client)
         if ends:
             self.end(refusal)
@@ -665,6 +666,12 @@ class Controller:
 def _defect(job: Job, error: Exception) -> Refusal:
     text = f"{job.kind} failed by a defect: {type(error).__name__}: {error}"
     return Refusal("internal_error", text)
+
+
+def _never_begins(job: Job, loss: Loss | None, client: int) -> bool:
+    """Return True if a queued job does not begin after this loss."""
+    is_holders = loss is not None and job.owner.client == loss.grant.owner.client
+    return is_holders or _falls(job, loss, client)
 
 
 def _falls(job: Job, loss: Loss | None, client: int) -> bool:

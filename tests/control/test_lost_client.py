@@ -82,15 +82,21 @@ class TestLostHolder:
         other.result("motion.move", opening_mm=20)
         check_left(world, "hold")
 
-    def test_what_a_lost_one_has_queued_never_runs(self, on_lost: str) -> None:
+    @pytest.mark.parametrize("waits", [True, False])
+    @pytest.mark.parametrize("runs_on", [True, False])
+    def test_what_a_lost_one_has_queued_never_runs(
+        self, on_lost: str, waits: bool, runs_on: bool
+    ) -> None:
         world, client = self.holder(on_lost)
-        client.send("motion.open", wait=False)
-        client.send("motion.close", if_busy="queue")
+        client.send("motion.open", wait=not runs_on)
+        client.send("motion.close", if_busy="queue", wait=waits)
         client.leave()
         world.run_until(lambda: world.controller.jobs.running is None)
         check_left(world, on_lost)
         queued = list(world.controller.jobs)[-1]
         assert (queued.kind, queued.state) == ("close", JobState.CANCELLED)
+        assert queued.error is not None
+        assert queued.error.reason == "client_lost"
 
     def test_one_that_gave_the_lease_back_leaves_everything_as_it_is(self, on_lost: str) -> None:
         world, client = self.holder(on_lost)
@@ -122,6 +128,35 @@ class TestLostHolder:
         world.lose_to_motor = lambda _frame: False
         world.run(1.0)
         assert world.gripper.motor.status == Status.DISABLED
+
+
+def test_what_is_queued_without_a_lease_outlives_who_does_not_wait_for_it() -> None:
+    """A script may ask for two motions, and end."""
+    world = World()
+    client = world.enabled()
+    client.send("motion.open", wait=False)
+    client.send("motion.move", opening_mm=20, if_busy="queue", wait=False)
+    client.leave()
+    world.run_until(
+        lambda: world.controller.jobs.running is None and not world.controller.jobs.queue
+    )
+    assert [job.state for job in world.controller.jobs][-2:] == [JobState.DONE] * 2
+    assert world.state.opening_mm == pytest.approx(20.0, abs=0.5)
+
+
+def test_what_is_queued_under_a_lease_that_was_given_back_runs() -> None:
+    world = World()
+    client = world.enabled()
+    client.result("lease.acquire", on_lost="relax")
+    client.send("motion.open", wait=False)
+    client.send("motion.move", opening_mm=20, if_busy="queue", wait=False)
+    client.result("lease.release")
+    client.leave()
+    world.run_until(
+        lambda: world.controller.jobs.running is None and not world.controller.jobs.queue
+    )
+    assert world.state.opening_mm == pytest.approx(20.0, abs=0.5)
+    check_left(world, "hold")
 
 
 def test_a_holder_may_change_its_mind() -> None:
