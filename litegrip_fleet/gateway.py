@@ -34,6 +34,9 @@ MOST_SESSIONS = 56
 MOST_UNREAD_BYTES = 1024 * 1024
 """What a session has sent and its daemon has not read; beyond it, the session is ended."""
 
+MOST_ASKED_ABOUT = 64
+"""How many may wait for what a gripper says about itself."""
+
 _ALIVE = b'{"jsonrpc":"2.0","id":"gateway","method":"state.get"}\n'
 _ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
 
@@ -58,7 +61,8 @@ class Gateway:
         self._voided: frozenset[str] = frozenset()
         self._generation: int | None = None
         self._path: str | None = None
-        self._answering: set[asyncio.Task[None]] = set()
+        self._asking: asyncio.Task[None] | None = None
+        self._asked_by: list[zenoh.Query] = []
 
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
@@ -135,12 +139,28 @@ class Gateway:
             self._generation = max(generation, self._generation or 0)
 
     def _asked_about(self, query: zenoh.Query) -> None:
-        task = asyncio.get_running_loop().create_task(self._say_how_it_is(query))
-        self._answering.add(task)
-        task.add_done_callback(self._answering.discard)
+        """Have a query answered; who asks while the daemon is asked gets the same answer."""
+        if len(self._asked_by) >= MOST_ASKED_ABOUT:
+            query.drop()
+            return
+        self._asked_by.append(query)
+        if self._asking is None:
+            self._asking = asyncio.get_running_loop().create_task(self._say_how_it_is())
+            self._asking.add_done_callback(_log_failure)
 
-    async def _say_how_it_is(self, query: zenoh.Query) -> None:
-        """Answer with the daemon's version, verdict, mode and owner; or why it does not answer."""
+    async def _say_how_it_is(self) -> None:
+        try:
+            about = await self._how_it_is()
+        finally:
+            self._asking = None
+            queries, self._asked_by = self._asked_by, []
+        answer = json.dumps(about).encode()
+        for query in queries:
+            with query:
+                query.reply(self.place.about, answer)
+
+    async def _how_it_is(self) -> dict[str, Any]:
+        """Return the daemon's version, verdict, mode and owner; or why it does not answer."""
         about: dict[str, Any] = {"gateway": self._version}
         if self._switch is not None:
             about["silent"] = self._switch.silent
@@ -156,10 +176,9 @@ class Gateway:
             about |= {"version": hello["version"], "verdict": health["verdict"]}
             about |= {"mode": state["mode"], "age_s": state["age_s"]}
             about["owner"] = None if owner is None else owner["program"]
-        except (LiteGripError, KeyError) as error:
+        except (LiteGripError, OSError, ValueError, KeyError) as error:
             about["error"] = str(error)
-        with query:
-            query.reply(self.place.about, json.dumps(about).encode())
+        return about
 
     # Sessions -------------------------------------------------------------------------------------
 
@@ -403,7 +422,7 @@ class _Connection:
 
 def _log_failure(task: "asyncio.Task[None]") -> None:
     if not task.cancelled() and (error := task.exception()) is not None:
-        _log.error("a session has ended by a defect", exc_info=error)
+        _log.error("the gateway has a defect", exc_info=error)
 
 
 def _gone(place: Place, error: Exception) -> dict[str, Any]:

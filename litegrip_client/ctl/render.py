@@ -122,7 +122,8 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
     if own:
         return own
     if error.reason == "internal_error":
-        return f"see the daemon's log: journalctl {_log_of(options)}"
+        where = " on the gripper's machine" if _is_remote(options) else ""
+        return f"see the daemon's log{where}: journalctl {_log_of(options)}"
     if error.retryable:
         return "" if "try again" in error.message else "try again"
     return f"see: {options.help_of} --help"
@@ -131,9 +132,15 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
 def _log_of(options: Namespace) -> str:
     """Name the daemon's unit; a socket that is named alone may be of any channel."""
     alone = options.socket is not None or (options.ssh_host is None and is_socket_given())
-    if alone and not options.channel_chosen:
+    if _is_remote(options) or (alone and not options.channel_chosen):
         return "-t litegripd"
     return f"-u litegripd@{options.channel}"
+
+
+def _is_remote(options: Namespace) -> bool:
+    from litegrip_client.doctor.gather import is_remote_name  # noqa: PLC0415 - seldom needed
+
+    return options.channel_chosen and is_remote_name(options.channel)
 
 
 def start(run: Run, method: str, params: Mapping[str, Any]) -> int:

@@ -82,6 +82,18 @@ def test_the_log_is_that_of_the_channel_where_that_is_known(
     assert told() == "  see the daemon's log: journalctl -u litegripd@can0"
 
 
+def test_the_log_of_a_gripper_of_another_machine_is_there(
+    daemon: FakeDaemon, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hello = daemon.handlers["hello"]
+    daemon.handlers["hello"] = lambda request: {**hello(request), "channel": "lab.left"}
+    daemon.handlers["state.get"] = lambda request: request.fail("internal_error", -32603)
+    monkeypatch.setenv("LITEGRIPD_SOCKET", daemon.path)
+    assert main(["-c", "lab.left", "state"]) == 70
+    hint = "  see the daemon's log on the gripper's machine: journalctl -t litegripd"
+    assert capsys.readouterr().err.splitlines()[-1] == hint
+
+
 def test_a_remedy_that_the_message_ends_with_is_not_told_twice(
     daemon: FakeDaemon, ctl: Ctl
 ) -> None:

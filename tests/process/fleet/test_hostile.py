@@ -4,9 +4,11 @@ LITEGRIPD_FLEET_MESSAGES sets another number of messages, for a long run; LITEGR
 another seed.
 """
 
+import asyncio
 import json
 import os
 import random
+import signal
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -20,9 +22,10 @@ import zenoh
 from bench.hostile_clients import OTHERS_RIGHT
 from bench.hostile_lines import HostileLines
 from bench.polite import Polite
+from litegrip_fleet.gateway import MOST_ASKED_ABOUT
 from litegrip_fleet.lateness import MOTION_COUNTS_S
 from litegrip_fleet.messages import LONGEST_BYTES, VERSION, Ask, Reply, packed, unpacked
-from litegrip_fleet.network import the_newest
+from litegrip_fleet.network import Answered, ask, the_newest
 from litegripd.app.build import METHODS
 from tests.process.daemon_process import DEADLINE_S, Client, DaemonProcess
 from tests.process.fleet.fleet_process import Fleet, Part
@@ -247,3 +250,32 @@ def test_a_captured_motion_in_a_session_that_begins_later_is_too_late(
         answer = answer_to(session, name, heard, 1)
         assert answer["error"]["data"]["reason"] == "too_late"
         assert motions(local) == before
+
+
+def test_a_flood_of_questions_how_it_is_costs_one_connection(
+    lab: Fleet, gripper: DaemonProcess
+) -> None:
+    """While the daemon hangs, some wait for its one answer; the others get none."""
+
+    async def flooded(session: zenoh.Session) -> list[Answered]:
+        loop = asyncio.get_running_loop()
+        asking = [ask(session, LEFT.about, b"", None, loop) for _ in range(300)]
+        done, waiting = set[asyncio.Future[list[Answered]]](), set(asking)
+        while len(done) < len(asking) - MOST_ASKED_ABOUT:
+            more, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+            done |= more
+        assert descriptors() <= before + 1
+        gripper.process.send_signal(signal.SIGCONT)
+        return [answered for future in asking for answered in await future]
+
+    def descriptors() -> int:
+        return len(list(Path(f"/proc/{lab.gateway.process.pid}/fd").iterdir()))
+
+    with connected(lab, "op1") as session:
+        answers(session, LEFT.about)
+        before = descriptors()
+        gripper.process.send_signal(signal.SIGSTOP)
+        given = asyncio.run(flooded(session))
+        assert 1 <= len(given) <= MOST_ASKED_ABOUT
+        assert all("version" in json.loads(one.payload) for one in given)
+        assert len(answers(session, LEFT.about)) == 1
