@@ -30,7 +30,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 @pytest.fixture(scope="session")
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("certificates")
-    names = ("user:viewer", "gateway:forger", *CERTIFICATES)
+    names = ("user:viewer", "user:former", "gateway:forger", *CERTIFICATES)
     return make_certificates(folder, HOST, *names)
 
 

@@ -114,6 +114,13 @@ def test_an_observer_stops_too(shared: Fleet) -> None:
         assert answers(session, LEFT.stop("viewer"), STOP)
 
 
+def test_a_user_who_is_in_the_table_no_more_does_nothing(shared: Fleet) -> None:
+    with connected(shared, "former") as session:
+        assert opening(session, "former", "observer") is None
+        assert answers(session, LEFT.stop("former"), STOP) == []
+        assert answers(session, LEFT.about) == []
+
+
 @pytest.mark.parametrize("certificate", ["op2", "forger"])
 def test_a_forged_gateway_is_asked_nothing_and_says_nothing(
     shared: Fleet, certificate: str
