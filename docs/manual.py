@@ -29,7 +29,7 @@ DATE = "2026-11-21"
 
 ENVIRONMENT = (
     (CHANNEL_VARIABLE, "the channel, where --channel does not name it"),
-    (SOCKET_VARIABLE, "the daemon's socket, where --socket does not name it; not with --host"),
+    (SOCKET_VARIABLE, "the daemon's socket, where --socket does not name it"),
     (DIRECTORY_VARIABLE, "where this user's trajectories are (~/.litegrip/trajectories)"),
 )
 CLIENT_FILES = (
@@ -58,12 +58,11 @@ SIGNALS = (
     ("SIGUSR1", "stop, as a client does: the jaws hold"),
 )
 REMOTE = """\
-With --host every command works on the daemon of another machine. ssh(1) forwards its two sockets
-into a private directory, for as long as the command runs; who may log in, and how, is ssh's to
-ask. Files that a command reads and writes are this machine's. doctor looks at the machine that it
-runs on, and is refused. For other programs, forward the socket yourself:
+Where a portal is set up (litegripd-fleet(8)), a gripper of another machine is a channel named
+SITE.GRIPPER, and every command works on it. Without one, ssh(1) forwards the daemon's sockets:
 
-  ssh -N -L /tmp/can0.sock:/run/litegripd/can0.sock user@robot &
+  ssh -N -L /tmp/can0.sock:/run/litegripd/can0.sock \\
+         -L /tmp/can0.stop.sock:/run/litegripd/can0.stop.sock user@robot &
   litegripctl --socket /tmp/can0.sock state
 """
 NOT_AN_EMERGENCY_STOP = "A software stop is not an emergency stop: cut the motor's power for that."

@@ -17,7 +17,6 @@ OWN_REASONS: Mapping[str, tuple[str, int, str]] = {
     "no_answer": ("ConnectError", 3, "The daemon does not answer in time."),
     "connection_lost": ("ConnectError", 3, "The connection to the daemon is gone."),
     "not_connected": ("ConnectError", 3, "The object is not connected, or no longer."),
-    "ssh_failed": ("ConnectError", 3, "ssh (`--host`) is missing, or did not get there."),
     "forked": ("ConnectError", 3, "The connection belongs to the process before the fork."),
     "wrong_loop": ("CommandError", 4, "The connection belongs to another event loop."),
     "reentrant": ("CommandError", 4, "The thread waits for an answer there already."),

@@ -33,8 +33,6 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any
 
-    from litegrip_client.ctl.run import Host
-
 _EVENTS = 8
 _TRACE_COLUMNS, _COLUMN_S = 40, 1.5
 _LOOK_EVERY_S = 1.0
@@ -67,10 +65,10 @@ class Scene:
         self.trace = {at: value for at, value in self.trace.items() if began < at <= now}
 
 
-def scenes(host: Host, connection: Connection, hz: float) -> Iterator[Scene]:
+def scenes(connect: Callable[[], Connection], connection: Connection, hz: float) -> Iterator[Scene]:
     """Yield the same scene again with each state and each trouble; does not end by itself.
 
-    Begins with a `connection` and makes another one by `host` whenever it is lost. Raises
+    Begins with a `connection` and makes another one by `connect` whenever it is lost. Raises
     `LiteGripError` when a daemon is there and refuses.
     """
     scene, connected = Scene(), connection
@@ -83,7 +81,7 @@ def scenes(host: Host, connection: Connection, hz: float) -> Iterator[Scene]:
             yield scene
             time.sleep(_TRY_EVERY_S)
             try:
-                connected = host.connect()
+                connected = connect()
                 scene.trouble = None
             except ConnectError as error:
                 scene.trouble = error.message

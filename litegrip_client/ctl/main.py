@@ -13,11 +13,10 @@ from litegrip_client.ctl.run import (
     INTERRUPTED,
     OK,
     WRONG_USAGE,
-    Host,
     Output,
     OutputLostError,
     Run,
-    host_of,
+    connected,
 )
 from litegrip_client.errors import CommandError, LiteGripError, ProtocolError, exit_code
 
@@ -55,14 +54,13 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _run(options: Namespace, output: Output) -> int:
     try:
-        with host_of(options) as host:
-            if options.command == "stop" and _stop_first(host, output):
-                return OK
-            command = find(options.command)
-            if not needs_daemon(options):
-                return command(Run(None, options, output, host))
-            with host.connect() as connection:
-                return command(Run(connection, options, output, host))
+        if options.command == "stop" and _stop_first(options, output):
+            return OK
+        command = find(options.command)
+        if not needs_daemon(options):
+            return command(Run(None, options, output))
+        with connected(options) as connection:
+            return command(Run(connection, options, output))
     except LiteGripError as error:
         output.error(error, hint_for(error, options))
         return exit_code(error)
@@ -75,10 +73,10 @@ def _run(options: Namespace, output: Output) -> int:
         return INTERRUPTED
 
 
-def _stop_first(host: Host, output: Output) -> bool:
+def _stop_first(options: Namespace, output: Output) -> bool:
     from litegrip_client.ctl.commands.state import stop_first  # noqa: PLC0415 - see commands
 
-    return stop_first(host, output)
+    return stop_first(options, output)
 
 
 def _refuse(wrong: UsageError, output: Output) -> int:

@@ -40,7 +40,7 @@ EXIT_CODES: tuple[tuple[int, str], ...] = (
         ),
     ),
     (2, 'wrong usage; the verdict "down" of health'),
-    (3, "no daemon to talk to, or no longer; with --host: ssh did not get there"),
+    (3, "no daemon to talk to, or no longer"),
     (4, "refused: not calibrated, a value out of its range, no such job or file"),
     (5, "the motor or its bus does not work"),
     (6, "busy: another motion is running, or another client has the lease"),
@@ -152,12 +152,6 @@ def common() -> argparse.ArgumentParser:
         help=f"the daemon's channel (default: ${CHANNEL_VARIABLE}, else {DEFAULT_CHANNEL})",
     )
     where.add_argument("--socket", metavar="PATH", help="the daemon's socket")
-    parser.add_argument(
-        "--host",
-        dest="ssh_host",
-        metavar="[USER@]HOST",
-        help="the daemon of another machine, reached by ssh; --socket is a path there",
-    )
     parser.add_argument("--json", action="store_true", help="print results and errors as JSON")
     return parser
 
@@ -179,7 +173,6 @@ def parse(given: list[str]) -> argparse.Namespace:
     options.only_reads = options.command in READING
     options.call = _call(options)
     options.socket = getattr(options, "socket", None)
-    options.ssh_host = getattr(options, "ssh_host", None)
     options.json = getattr(options, "json", False)
     if options.command == "grasp" and (options.width is None) != (options.tolerance is None):
         message = "grasp: --width and --tolerance go together: give both"
@@ -193,7 +186,7 @@ def parse(given: list[str]) -> argparse.Namespace:
 
 def _call(options: argparse.Namespace) -> str:
     """Return the program with the options that name the gripper, for a shell."""
-    named = (("ssh_host", "--host"), ("channel", "-c"), ("socket", "--socket"))
+    named = (("channel", "-c"), ("socket", "--socket"))
     words = [
         word
         for name, option in named

@@ -131,7 +131,7 @@ def hint_for(error: LiteGripError, options: Namespace) -> str:
 
 def _log_of(options: Namespace) -> str:
     """Name the daemon's unit; a socket that is named alone may be of any channel."""
-    alone = options.socket is not None or (options.ssh_host is None and is_socket_given())
+    alone = options.socket is not None or is_socket_given()
     if _is_remote(options) or (alone and not options.channel_chosen):
         return "-t litegripd"
     return f"-u litegripd@{options.channel}"

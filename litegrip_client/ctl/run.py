@@ -1,6 +1,5 @@
-"""What every command works with: the daemon's host, the output, files, and exit codes.
+"""What every command works with: the daemon, the output, files, and exit codes.
 
-A host is this machine, or another one that ssh reaches (see `remote`).
 Questions go to standard error, so that standard output keeps results only. This module must not
 know single commands.
 """
@@ -21,7 +20,6 @@ from litegrip_client.discovery import (
     DEFAULT_CHANNEL,
     is_socket_given,
     running_channels,
-    socket_paths,
 )
 from litegrip_client.errors import CommandError, LiteGripError
 from litegrip_client.voices import in_shell, is_said
@@ -157,65 +155,21 @@ def confirm(question: str) -> bool:
     return ask(f"{question} [y/N]") in ("y", "yes")
 
 
-class Host:
-    """The machine of the daemon that the command line names: this one."""
+def connected(options: Namespace) -> Connection:
+    """Connect to the daemon that the command line names, and check that it is that one.
 
-    not_listening: tuple[type[Exception], ...] = (
-        FileNotFoundError,
-        ConnectionRefusedError,
-        PermissionError,
-        TimeoutError,
-    )
-    """What a stop raises if nobody listens for stops, or not to this user. The other socket then
-    says so."""
-
-    def __init__(self, options: Namespace) -> None:
-        self.options = options
-
-    def connect(self) -> Connection:
-        """Connect, and check that this is the named daemon; raises `LiteGripError`."""
-        connection = self._connected()
-        connection.voice = in_shell
-        try:
-            self._check(connection.greet("litegripctl"), connection.path)
-        except BaseException:
-            connection.close()
-            raise
-        return connection
-
-    def paths(self) -> list[str]:
-        """Return the sockets on this machine where the daemon may be found."""
-        return socket_paths(self.options.channel, self.options.socket)
-
-    def content(self, path: str) -> bytes:
-        """Read a file of the daemon's machine; raises `OSError`."""
-        return Path(path).read_bytes()
-
-    def close(self) -> None:
-        """Release what was opened."""
-
-    def __enter__(self) -> Host:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def _connected(self) -> Connection:
-        options = self.options
-        if not options.channel_chosen and not is_socket_given(options.socket):
-            _take_the_only_one(options)
-        return connect(options.channel, options.socket)
-
-    def _check(self, hello: Mapping[str, Any], path: str) -> None:
-        options = self.options
-        if options.channel_chosen and options.socket is None:
-            if hello["channel"] == options.channel:
-                return
-            raise CommandError(
-                f"the daemon at {path} has channel {hello['channel']}, not {options.channel}",
-                reason="wrong_gripper",
-                data={"hint": "see the variable LITEGRIPD_SOCKET"},
-            )
+    Raises `LiteGripError`.
+    """
+    if not options.channel_chosen and not is_socket_given(options.socket):
+        _take_the_only_one(options)
+    connection = connect(options.channel, options.socket)
+    connection.voice = in_shell
+    try:
+        _check(options, connection.greet("litegripctl"), connection.path)
+    except BaseException:
+        connection.close()
+        raise
+    return connection
 
 
 def _take_the_only_one(options: Namespace) -> None:
@@ -226,13 +180,14 @@ def _take_the_only_one(options: Namespace) -> None:
         options.channel, options.channel_chosen = running[0], True
 
 
-def host_of(options: Namespace) -> Host:
-    """Return the host that the command line names."""
-    if options.ssh_host is None:
-        return Host(options)
-    from litegrip_client.ctl.remote import SshHost  # noqa: PLC0415 - seldom needed
-
-    return SshHost(options)
+def _check(options: Namespace, hello: Mapping[str, Any], path: str) -> None:
+    is_checked = options.channel_chosen and options.socket is None
+    if is_checked and hello["channel"] != options.channel:
+        raise CommandError(
+            f"the daemon at {path} has channel {hello['channel']}, not {options.channel}",
+            reason="wrong_gripper",
+            data={"hint": "see the variable LITEGRIPD_SOCKET"},
+        )
 
 
 OK = 0
@@ -247,15 +202,12 @@ ENDING = ("cancelled", "running")
 class Run:
     """What a command works with; one that needs no daemon gets no connection."""
 
-    __slots__ = ("_connection", "host", "options", "output")
+    __slots__ = ("_connection", "options", "output")
 
-    def __init__(
-        self, connection: Connection | None, options: Namespace, output: Output, host: Host
-    ) -> None:
+    def __init__(self, connection: Connection | None, options: Namespace, output: Output) -> None:
         self._connection = connection
         self.options = options
         self.output = output
-        self.host = host
 
     @property
     def connection(self) -> Connection:

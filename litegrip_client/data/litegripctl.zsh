@@ -121,7 +121,6 @@ _shtab_litegripctl_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--version[print the version and exit]"
 )
@@ -133,7 +132,6 @@ _shtab_litegripctl_calibration_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -144,7 +142,6 @@ _shtab_litegripctl_calibration_load_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--chain[what the daemon finds, as it does at its start]"
   "--keep[have the daemon store it for its next start]"
@@ -158,7 +155,6 @@ _shtab_litegripctl_calibration_manual_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -169,7 +165,6 @@ _shtab_litegripctl_calibration_save_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--overwrite[replace a FILE that exists]"
   ":write it to this file instead, here:_files"
@@ -182,7 +177,6 @@ _shtab_litegripctl_calibration_show_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -193,7 +187,6 @@ _shtab_litegripctl_calibration_templates_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -204,7 +197,6 @@ _shtab_litegripctl_cancel_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":the number that \'jobs\' shows:"
 )
@@ -216,7 +208,6 @@ _shtab_litegripctl_clear_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -227,7 +218,6 @@ _shtab_litegripctl_clear_fault_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -238,7 +228,6 @@ _shtab_litegripctl_clients_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -249,7 +238,6 @@ _shtab_litegripctl_close_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--speed[in mm\/s (default\: the daemon\'s)]:MM_S:"
   "--no-wait[do not wait for the end]"
@@ -262,7 +250,6 @@ _shtab_litegripctl_completion_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":the shell:(bash zsh fish)"
 )
@@ -274,7 +261,6 @@ _shtab_litegripctl_config_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -285,7 +271,6 @@ _shtab_litegripctl_config_get_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":force_n, for one:(speed_mm_s grasp_speed_mm_s margin frame_interval sample_interval settle_s reach_tol stall_cycles stall_ratio stall_delta max_lead_mm press_overshoot press_zone_mm stop_lead_mm stop_tol force_n hold_interval hold_kp hold_kd enable_retries enable_retry_interval calib_kp calib_kd calib_step_rad calib_tau_limit calib_stall_delta calib_stall_cycles calib_max_iter force_rate_n_s stop_torque_nm stop_torque_cycles stop_release_s)"
 )
@@ -297,7 +282,6 @@ _shtab_litegripctl_config_set_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--keep[also for after a restart]"
   "(*):numbers:(speed_mm_s= grasp_speed_mm_s= margin= frame_interval= sample_interval= settle_s= reach_tol= stall_cycles= stall_ratio= stall_delta= max_lead_mm= press_overshoot= press_zone_mm= stop_lead_mm= stop_tol= force_n= hold_interval= hold_kp= hold_kd= enable_retries= enable_retry_interval= calib_kp= calib_kd= calib_step_rad= calib_tau_limit= calib_stall_delta= calib_stall_cycles= calib_max_iter= force_rate_n_s= stop_torque_nm= stop_torque_cycles= stop_release_s=)"
@@ -310,7 +294,6 @@ _shtab_litegripctl_disable_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -321,7 +304,6 @@ _shtab_litegripctl_discover_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -332,7 +314,6 @@ _shtab_litegripctl_doctor_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -343,7 +324,6 @@ _shtab_litegripctl_dump_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--note[kept in the file\: why it was asked for]:TEXT:"
   {-o,--output}"[copy it to this file, here]:FILE:_files"
@@ -356,7 +336,6 @@ _shtab_litegripctl_enable_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--retries[attempts at most, 1 to 20]:N:"
 )
@@ -368,7 +347,6 @@ _shtab_litegripctl_events_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   {-f,--follow}"[continue until Ctrl-C]"
   "*--kind[only these\; may be given again]:KIND:"
@@ -381,7 +359,6 @@ _shtab_litegripctl_fleet_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--level[of a stop (default\: hold)]:level:(hold relax disable)"
   "--why[of a stop, for the log and for those who find it stopped]:why:"
@@ -397,7 +374,6 @@ _shtab_litegripctl_force_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":in newtons, 0.5 to 30:"
 )
@@ -409,7 +385,6 @@ _shtab_litegripctl_grasp_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--force[in newtons, 0.5 to 30 (default\: the daemon\'s)]:N:"
   "--speed[in mm\/s (default\: the daemon\'s)]:MM_S:"
@@ -427,7 +402,6 @@ _shtab_litegripctl_health_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -438,7 +412,6 @@ _shtab_litegripctl_hold_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -449,7 +422,6 @@ _shtab_litegripctl_info_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -460,7 +432,6 @@ _shtab_litegripctl_install_units_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--root[a system below DIR (\/)]:DIR:_files -/"
   "*--can[also have this CAN interface brought up at 1 Mbit\/s\; may be repeated]:NAME:"
@@ -476,7 +447,6 @@ _shtab_litegripctl_job_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":the number that \'jobs\' shows:"
 )
@@ -488,7 +458,6 @@ _shtab_litegripctl_jobs_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -499,7 +468,6 @@ _shtab_litegripctl_lease_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -510,7 +478,6 @@ _shtab_litegripctl_lease_show_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -521,7 +488,6 @@ _shtab_litegripctl_lease_take_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--release[let go of what is held\: the jaws go slack]"
   {-y,--yes}"[do not ask first]"
@@ -535,7 +501,6 @@ _shtab_litegripctl_metrics_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -546,7 +511,6 @@ _shtab_litegripctl_move_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--speed[in mm\/s (default\: the daemon\'s)]:MM_S:"
   "--duration[how long it takes, in s]:S:"
@@ -561,7 +525,6 @@ _shtab_litegripctl_open_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--speed[in mm\/s (default\: the daemon\'s)]:MM_S:"
   "--no-wait[do not wait for the end]"
@@ -574,7 +537,6 @@ _shtab_litegripctl_play_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--repeat[so many passes (1)]:N:"
   "--speed[a multiple of the taught one, 0.1 to 4 (1)]:X:"
@@ -591,7 +553,6 @@ _shtab_litegripctl_plot_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--local[a trajectory of this user\'s]"
   {-o,--output}"[the picture (default\: beside FILE, as .png)]:PNG:_files"
@@ -607,7 +568,6 @@ _shtab_litegripctl_record_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--seconds[how long, in s]:S:"
   "--rate[samples a second (100)]:HZ:"
@@ -623,7 +583,6 @@ _shtab_litegripctl_register_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "(*):PMAX, 21 or 0x15, for one:"
 )
@@ -635,7 +594,6 @@ _shtab_litegripctl_release_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--by[how far to open, in mm (10)]:MM:"
 )
@@ -647,7 +605,6 @@ _shtab_litegripctl_restart_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--hold[hold through the restart\; required]"
 )
@@ -659,7 +616,6 @@ _shtab_litegripctl_sim_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -670,7 +626,6 @@ _shtab_litegripctl_sim_fault_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":overload, coil_hot, silent, ...:"
 )
@@ -682,7 +637,6 @@ _shtab_litegripctl_sim_heat_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":in \°C:"
 )
@@ -694,7 +648,6 @@ _shtab_litegripctl_sim_hold_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -705,7 +658,6 @@ _shtab_litegripctl_sim_object_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--stiffness[250 is rigid (default), 10 is foam]:NM_RAD:"
   "--slip[how fast it gives way under pressure]:MM_S:"
@@ -719,7 +671,6 @@ _shtab_litegripctl_sim_push_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":positive closes, negative opens, 0 lets go:"
 )
@@ -731,7 +682,6 @@ _shtab_litegripctl_sim_reset_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -742,7 +692,6 @@ _shtab_litegripctl_sim_show_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -753,7 +702,6 @@ _shtab_litegripctl_slack_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -764,7 +712,6 @@ _shtab_litegripctl_state_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -775,7 +722,6 @@ _shtab_litegripctl_stop_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--level[hold the position (default), let go, or disable the motor]:level:(hold relax disable)"
   "--why[shown to clients that the stop refuses]:TEXT:"
@@ -788,7 +734,6 @@ _shtab_litegripctl_teleop_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -837,7 +782,6 @@ _shtab_litegripctl_teleop_status_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -848,7 +792,6 @@ _shtab_litegripctl_teleop_stop_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
 )
 
@@ -859,7 +802,6 @@ _shtab_litegripctl_trajectories_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--local[list this user\'s own ones]"
 )
@@ -871,7 +813,6 @@ _shtab_litegripctl_trajectories_delete_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   ":the daemon\'s name of it:"
 )
@@ -883,7 +824,6 @@ _shtab_litegripctl_trajectories_export_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   {-o,--output}"[write it to this file]:FILE:_files"
   ":the daemon\'s name of it:"
@@ -896,7 +836,6 @@ _shtab_litegripctl_trajectories_get_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   {-o,--output}"[to this name or path instead]:FILE:_files"
   "--overwrite[replace a file that exists]"
@@ -910,7 +849,6 @@ _shtab_litegripctl_trajectories_keep_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--overwrite[replace one of that name]"
   ":the name under which the daemon keeps it:"
@@ -923,7 +861,6 @@ _shtab_litegripctl_trajectories_list_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--local[list this user\'s own ones]"
 )
@@ -935,7 +872,6 @@ _shtab_litegripctl_trajectories_put_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--as[the daemon\'s name of it]:NAME:"
   "--overwrite[replace one of that name]"
@@ -949,7 +885,6 @@ _shtab_litegripctl_watch_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--hz[0.1 to 200 (5)]:N:"
   "--count[end after N states]:N:"
@@ -963,7 +898,6 @@ _shtab_litegripctl_zero_options=(
   "(- : *)"{-h,--help}"[show this help message and exit]"
   {-c,--channel}"[the daemon\'s channel (default\: \$LITEGRIP_CHANNEL, else can0)]:channel:{compadd -- \$(ls /run/litegripd $XDG_RUNTIME_DIR/litegripd 2>/dev/null | grep -v stop.sock | sed -n s/.sock//p)}"
   "--socket[the daemon\'s socket]:PATH:_files"
-  "--host[the daemon of another machine, reached by ssh\; --socket is a path there]:[USER@]HOST:"
   "--json[print results and errors as JSON]"
   "--mount[which way the jaws close (default\: as in the calibration in use)]:mount:(normal reverse)"
   "--no-save[use what was found, but do not store it]"

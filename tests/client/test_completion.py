@@ -20,7 +20,7 @@ CASES = [
     ("tele", {"teleop"}),
     ("stop --level ", {"hold", "relax", "disable"}),
     ("grasp --fo", {"--force"}),
-    ("--host bob@robot cal", {"calibration"}),
+    ("-c lab.left cal", {"calibration"}),
     ("-c can0 trajectories ", {"list", "get", "put", "delete", "keep", "export"}),
     ("calibration load ", {"normal", "reverse", "a file.json", "folder"}),
     ("calibration load a", {"a file.json"}),

@@ -44,7 +44,7 @@ def test_it_becomes_the_fleets_program(given: str, asked: str) -> None:
 
 @pytest.mark.parametrize(
     "given",
-    ["stop", "lab --level hold", "lab --why x", "lab left", "--host robot", "stop lab --level off"],
+    ["stop", "lab --level hold", "lab --why x", "lab left", "stop lab --level off"],
 )
 @pytest.mark.usefixtures("replaced")
 def test_what_makes_no_sense_is_wrong_usage(capsys: pytest.CaptureFixture[str], given: str) -> None:

@@ -151,7 +151,7 @@ def test_no_command_has_a_placeholder_for_what_is_known() -> None:
 
 
 def test_a_command_is_for_the_gripper_that_was_named() -> None:
-    call = "litegripctl --host bob@robot -c left"
+    call = "litegripctl -c lab.left"
     for line in commands(OF_CLIENT):
         name = line.split()[1]
         is_for_all = name in ("-c", *OF_THIS_MACHINE)

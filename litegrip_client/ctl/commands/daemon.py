@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from litegrip_client.core.session import ACTION_TIMEOUT_S
 from litegrip_client.ctl.parser import NUMBER, LateParser
 from litegrip_client.ctl.render import Data, figure, plain
-from litegrip_client.ctl.run import OK, Commands, Run, installing
+from litegrip_client.ctl.run import OK, Commands, Run, connected, installing
 from litegrip_client.errors import CommandError, LiteGripError, ParameterError
 from litegrip_client.voices import in_shell
 
@@ -200,7 +200,7 @@ def restart(run: Run) -> int:
 def _kept(run: Run, gap_s: float) -> str:
     """Return what became of the jaws: a successor holds only what was held before."""
     try:
-        with run.host.connect() as successor:
+        with connected(run.options) as successor:
             state = successor.call("state.get")
     except LiteGripError as error:
         return f"but it is not known if the jaws are held: {error.message}"

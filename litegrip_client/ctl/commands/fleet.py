@@ -48,8 +48,6 @@ def fleet(run: Run) -> int:
     """Have `litegripd-fleet` list or stop; returns its exit code."""
     options = run.options
     is_stop = options.what == STOP
-    if options.ssh_host is not None:
-        return run.refuse("fleet asks from this machine, not by ssh", "leave --host out")
     if is_stop and options.site is None:
         return run.refuse("fleet stop: which site?", "name it, or '*' for all: fleet stop lab")
     if not is_stop and (options.site or options.level or options.why):

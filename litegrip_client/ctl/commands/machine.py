@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import shlex
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -89,11 +88,6 @@ CHECKS: tuple[Check, ...] = (
 def doctor(run: Run) -> int:
     """Show what was found; the exit code shows if there is an error."""
     options = run.options
-    if options.ssh_host is not None:
-        return run.refuse(
-            "doctor looks at the machine that it runs on, not at another one",
-            f"run it there: ssh {shlex.quote(options.ssh_host)} litegripctl doctor",
-        )
     facts = gather(options.channel, options.socket, channel_chosen=options.channel_chosen)
     findings = [*examine(facts, CHECKS), *fleet_checks.of_fleet(facts)]
     data = as_data(facts.channel if facts.is_channel_known else None, findings)

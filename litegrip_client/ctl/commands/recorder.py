@@ -120,7 +120,7 @@ def dump(run: Run) -> int:
     data = run.connection.call("recorder.dump", params, ACTION_TIMEOUT_S)
     path = data["path"]
     if target is not None:
-        put_file(target, _content(run, path))
+        put_file(target, _content(path))
         path, data = target, {**data, "file": target}
     size = figure(data["bytes"] / 1e6, ".1f", "MB")
     length = figure(data["seconds"], ".0f", "s")
@@ -128,9 +128,9 @@ def dump(run: Run) -> int:
     return OK
 
 
-def _content(run: Run, path: str) -> bytes:
+def _content(path: str) -> bytes:
     try:
-        return run.host.content(path)
+        return Path(path).read_bytes()
     except OSError as error:
         raise CommandError(
             f"the dump is {path} on the daemon's machine, but cannot be read from here: "

@@ -5,13 +5,23 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import chain, islice
 
 from litegrip_client.ctl import render
 from litegrip_client.ctl.parser import LateParser, count, positive
 from litegrip_client.ctl.render import Data, figure, owner, plain
-from litegrip_client.ctl.run import NOT_OK, OK, Commands, Run, confirm, installing, may_ask
-from litegrip_client.discovery import is_taken_as_meant, stop_at
+from litegrip_client.ctl.run import (
+    NOT_OK,
+    OK,
+    Commands,
+    Run,
+    confirm,
+    connected,
+    installing,
+    may_ask,
+)
+from litegrip_client.discovery import is_taken_as_meant, socket_paths, stop_at
 from litegrip_client.errors import CommandError
 from litegrip_client.voices import in_shell
 
@@ -21,7 +31,7 @@ if TYPE_CHECKING:  # see the package: importing typing is slow
     from typing import Any, TypeAlias
 
     from litegrip_client.ctl.live import Scene
-    from litegrip_client.ctl.run import Host, Output
+    from litegrip_client.ctl.run import Output
 
 STOP_WITHIN_S = 2.5
 """A portal reports after 2 s that a stop is not confirmed, and says what to do then."""
@@ -128,16 +138,20 @@ def _jaws(state: Mapping[str, Any]) -> str:
     return f"the jaws hold on{by}"
 
 
-def stop_first(host: Host, output: Output) -> bool:
+_NOT_LISTENING = (FileNotFoundError, ConnectionRefusedError, PermissionError, TimeoutError)
+"""What a stop raises if nobody listens for stops, or not to this user. The other socket then
+says so."""
+
+
+def stop_first(options: Namespace, output: Output) -> bool:
     """Stop by the stop socket; return True if there was one.
 
     A daemon that serves none is stopped as by any other request, and so for too long a reason.
     """
-    options = host.options
     if not is_taken_as_meant(_params(options)):
         return False
-    for path in host.paths():
-        with suppress(*host.not_listening):
+    for path in socket_paths(options.channel, options.socket):
+        with suppress(*_NOT_LISTENING):
             data = stop_at(path, options.level, options.why, STOP_WITHIN_S)
             output.result(data, stopped(data))
             return True
@@ -345,8 +359,6 @@ def watch(run: Run) -> int:
         return _lines(run)
     last: list[Scene] = []
     name = str(run.connection.call("hello")["channel"])
-    if run.options.ssh_host is not None:
-        name = f"{name} of {run.options.ssh_host}"
     try:
         show(_counted(run, last), name, run.output.for_gripper)
     finally:
@@ -373,7 +385,9 @@ def _counted(run: Run, last: list[Scene]) -> Iterator[Scene]:
     """Yield at most `--count` scenes; `last` holds the newest."""
     from litegrip_client.ctl.live import scenes  # noqa: PLC0415 - only the view needs it
 
-    for scene in islice(scenes(run.host, run.connection, run.options.hz), run.options.count):
+    for scene in islice(
+        scenes(partial(connected, run.options), run.connection, run.options.hz), run.options.count
+    ):
         last[:] = [scene]
         yield scene
 

@@ -65,12 +65,8 @@ def teleop_options(parser: LateParser) -> None:
     add = parser.add_subparsers(
         dest="action", required=True, metavar="ACTION", parser_class=LateParser
     ).add_parser
-    # Behind these, --host is the other end of the link: so its machine is named in front.
-    own: dict[str, Any] = {"conflict_handler": "resolve"}
-    add(
-        "master", help="lead: the jaws go slack, and are moved by hand", fill=_master_options, **own
-    )
-    add("slave", help="follow a leader", fill=_slave_options, **own)
+    add("master", help="lead: the jaws go slack, and are moved by hand", fill=_master_options)
+    add("slave", help="follow a leader", fill=_slave_options)
     add("status", help="show how it goes")
     add("stop", help="end it")
 
