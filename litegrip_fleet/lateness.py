@@ -13,12 +13,15 @@ cut must move nothing."""
 SET_POINT_COUNTS_S = 0.2
 
 _BEST_OF = 8
+_ROUNDING_S = 1e-6
 
 
 class RemoteClock:
     """The gateway's clock as a portal reckons it, from the quickest of the last round trips.
 
-    The error is at most half of that round trip.
+    The error is at most half of it, while the clocks keep step. A trip that contradicts the earlier
+    ones ends their use: a machine has slept or was started again, or the clocks have drifted since
+    the last session.
     """
 
     def __init__(self) -> None:
@@ -36,8 +39,12 @@ class RemoteClock:
 
     def note(self, sent_s: float, received_s: float, remote_s: float) -> None:
         """Learn from an answer: sent and received by the own clock, answered by the other's."""
-        offset_s = remote_s - (sent_s + received_s) / 2
-        self._trips.append((received_s - sent_s, offset_s))
+        trip_s, offset_s = received_s - sent_s, remote_s - (sent_s + received_s) / 2
+        if self._trips:
+            best_s, known_s = min(self._trips)
+            if abs(offset_s - known_s) > (trip_s + best_s) / 2 + _ROUNDING_S:
+                self._trips.clear()
+        self._trips.append((trip_s, offset_s))
 
     def at(self, own_s: float) -> float | None:
         """Return the other clock's time at a time of the own; None before the first answer."""
