@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import grp
 import os
 import pwd
@@ -49,6 +50,7 @@ ANSWER_WITHIN_S = 3.0
 _STATES = 8
 _SEEN_WITHIN_S = 1.0
 _SYSTEMCTL_WITHIN_S = 5.0
+_NO_ROUTE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ENETDOWN)
 _WILDCARDS = {"0.0.0.0": "127.0.0.1", "[::]": "::1"}  # noqa: S104 - compared with, not bound to
 
 
@@ -291,8 +293,9 @@ def _wildcard_as_local(endpoint: str) -> str:
 
 
 def _network(config: FleetConfig, now_s: float, *, is_usable: bool) -> Found:
-    """Look at the routers, and by them at the grippers."""
+    """Look at the routers, and by them at the grippers; the portal's sockets need neither."""
     if not is_usable:
+        yield from _grippers(config, None)
         return
     tls = config.network.tls
     with futures.ThreadPoolExecutor() as several:
@@ -406,7 +409,8 @@ def _met(endpoint: str, tls: Tls | None, *, check_name: bool = True) -> Endpoint
     except TimeoutError:
         kind, problem = "timeout", f"no answer within {ENDPOINT_WITHIN_S:g} s"
     except OSError as failure:
-        kind, problem = "other", failure.strerror or str(failure)
+        kind = "no_route" if failure.errno in _NO_ROUTE else "other"
+        problem = failure.strerror or str(failure)
     return EndpointFacts(endpoint, None, kind, problem)
 
 

@@ -145,9 +145,10 @@ def of_identity(config: FleetConfig, name: str) -> Found:
             yield (
                 "identity",
                 error(
-                    f"[portal] user is {user!r}, the certificate is {name!r}'s: the router lets"
-                    " nobody ask by another name",
-                    advice=f"name the certificate of {user} in [network], or set user = {name!r}",
+                    f"[portal] user is {user!r}, the certificate is that of {name!r}: the router"
+                    " lets nobody ask by another name",
+                    advice=f"copy the certificate of {user} here; only if {name!r} is in the"
+                    f" router's [router.users], set user = {name!r} instead",
                 ),
             )
         elif router is not None:
@@ -192,7 +193,9 @@ def _of_gateway(config: FleetConfig, name: str, places: Sequence[Place]) -> Find
 
 # The router ---------------------------------------------------------------------------------------
 
-Kind: TypeAlias = Literal["refused", "timeout", "unknown_host", "certificate", "endpoint", "other"]
+Kind: TypeAlias = Literal[
+    "refused", "timeout", "no_route", "unknown_host", "certificate", "endpoint", "other"
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,6 +212,8 @@ _ADVICE: Mapping[Kind, str] = {
     "refused": "nothing listens there: is the port right, and does the router run? On its machine:"
     " systemctl status litegripd-fleet@router",
     "timeout": "is the host right, does it run, does a firewall drop the port? Try: ping, nc -zv",
+    "no_route": "is this machine's network up (ip address), is the cable in, is the host right, and"
+    " does it run?",
     "unknown_host": "correct the name in [network] connect, or add it to DNS or /etc/hosts",
     "certificate": "connect by a name that is in the router's certificate, and let both ends have"
     " the same ca; another one is made by: etc/zenoh-certificates DIRECTORY HOST",
@@ -362,7 +367,8 @@ def of_remote(place: Place, about: Mapping[str, Any] | None) -> Finding:
     if about is None:
         return error(
             f"{place} is not on the network",
-            advice="on its machine: does the gateway run, and is the gripper in its"
+            advice="is this machine's user in the router's [router.users]? Who is not sees no"
+            " gripper. On the gripper's machine: does the gateway run, and is the gripper in its"
             " [gateway.grippers] and in the router's [router.gateways]? litegripd-fleet check"
             " says so there",
         )
@@ -386,7 +392,10 @@ def of_socket(place: Place, facts: Measured | Unmeasured, version: str) -> Found
         advice = "if it runs, see why: journalctl -u litegripd-fleet@portal"
         yield "portal", error(f"{place}: {facts.problem}", command, advice)
     else:
-        advice = "the portal runs; what is found above says what is in its way"
+        advice = (
+            "the portal runs; if nothing else that is found says what is in its way: sudo"
+            " litegripd-fleet check, here, then on the router's and on the gripper's machine"
+        )
         yield "portal", error(f"{place}: {facts.problem}", advice=advice)
 
 

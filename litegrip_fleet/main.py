@@ -41,6 +41,7 @@ from litegrip_fleet.portal import Portal
 from litegrip_fleet.site import About, Stopped, alive, look, stop_all
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_NETWORK = 0, 1, 2, 3
+_LOOK = "look with: litegripd-fleet check"
 EXIT_CODES = (
     (EXIT_OK, "done, or a signal ended it"),
     (
@@ -258,7 +259,7 @@ def _begun(config: FleetConfig, *, as_server: bool = False) -> Certificate | Non
     try:
         return own(tls, as_server=as_server)
     except (CertificateError, OSError) as error:
-        _log.error("%s %s; look with: litegripd-fleet check", tls.certificate, error)
+        _log.error("%s %s; %s", tls.certificate, error, _LOOK)
         return None
 
 
@@ -326,6 +327,9 @@ def _print_table(found: Sequence[About]) -> None:
         print(form.format(str(one.place), *map(str, words), age, after, facts.get("owner") or "--"))
 
 
+_NOT_SENT = "; no stop was sent: use the switch that cuts the power"
+
+
 def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
     site, part = _site(arguments.site), config.portal
     if part is None:
@@ -334,7 +338,7 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
     request = {"jsonrpc": "2.0", "id": 1, "method": "stop", "params": params}
     line = json.dumps(request).encode() + b"\n"
     known = [place for place in part.grippers if site in ("*", place.site)]
-    with _connected(config) as session:
+    with _connected(config, otherwise=_NOT_SENT) as session:
 
         async def stop() -> Stopped:
             # Stopping comes first: who else is there is asked for meanwhile.
@@ -386,19 +390,44 @@ def _site(text: str) -> str:
 
 
 @contextlib.contextmanager
-def _connected(config: FleetConfig) -> Iterator[zenoh.Session]:
-    """Yield a session; raises `_FailureError` where no router answers in time."""
+def _connected(config: FleetConfig, *, otherwise: str = "") -> Iterator[zenoh.Session]:
+    """Yield a session; raises `_FailureError` where none is possible, or no router answers in time.
+
+    `otherwise` is said then, too.
+    """
+    if (closed := _closed_file(config)) is not None:
+        raise _FailureError(closed + otherwise, EXIT_NETWORK)
+    where = ", ".join(config.network.connect)
     try:
         session = opening(config.network).result(CONNECT_WITHIN_S)
     except futures.TimeoutError:
-        where = ", ".join(config.network.connect)
-        raise _FailureError(
-            f"no router answers at {where} within {CONNECT_WITHIN_S:g} s", EXIT_NETWORK
-        ) from None
+        text = f"no router answers at {where} within {CONNECT_WITHIN_S:g} s; {_LOOK}{otherwise}"
+        raise _FailureError(text, EXIT_NETWORK) from None
+    except NetworkError as error:
+        raise _FailureError(f"{error}{otherwise}", EXIT_NETWORK) from error
     try:
         yield session
     finally:
         close(session)
+
+
+def _closed_file(config: FleetConfig) -> str | None:
+    """Return which file of TLS this user cannot read, and what to do; None where there is none.
+
+    Zenoh does not say it: it tries to connect for ever.
+    """
+    tls = config.network.tls
+    try:
+        for path in () if tls is None else (tls.ca, tls.certificate, tls.key):
+            Path(path).open("rb").close()
+    except PermissionError as error:
+        return (
+            f"{error.filename} may not be read by this user: use sudo, or be in the group of the"
+            " file (litegrip-fleet)"
+        )
+    except OSError as error:
+        return f"{error.filename} cannot be read: {error.strerror}; {_LOOK}"
+    return None
 
 
 def _fail(message: str, code: int) -> int:

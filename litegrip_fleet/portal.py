@@ -212,7 +212,10 @@ class Portal:
                 f"{self.place} is there and does not answer {self.user}: its gateway is held up,"
                 f" or the router does not let {self.user} be {self.role}"
             )
-        return f"{self.place} cannot be reached: its gateway is not connected"
+        return (
+            f"{self.place} cannot be reached: its gateway is not connected, or the router lets"
+            f" {self.user} see nothing"
+        )
 
     def _subscribe(self, session: zenoh.Session) -> None:
         """Subscribe to what the gateway sends to this portal's sessions."""

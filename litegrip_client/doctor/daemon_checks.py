@@ -177,8 +177,8 @@ def _no_daemon(facts: Facts) -> Finding:
         return error(
             failure,
             advice=f"it is a gripper of another machine: the portal has to run here, with"
-            f" {facts.channel} in [portal] of fleet.toml; what is found below says what is in its"
-            " way",
+            f" {facts.channel} in [portal] of fleet.toml; if nothing below says what is in its way:"
+            " sudo litegripd-fleet check, here, then on the router's and on the gripper's machine",
         )
     if facts.hung_pid is not None:
         who = f"pid {facts.hung_pid}" if facts.hung_pid else "a process"

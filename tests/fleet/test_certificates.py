@@ -19,7 +19,7 @@ from litegrip_fleet.certificates import (
     watch,
 )
 from litegrip_fleet.network import Tls
-from tests.process.fleet.fleet_process import make_certificates
+from tests.process.fleet.fleet_process import CERTIFICATES, make_certificates
 
 YEAR_S = 365 * DAY_S
 FROM_S = 1_800_000_000.0
@@ -175,3 +175,14 @@ def test_a_certificate_from_the_future_is_an_error_at_once(
 ) -> None:
     told = watched(certificate(365), 2.5, caplog, FROM_S - 1.5 * DAY_S)
     assert told == [(-1.5, "ERROR"), (-0.5, "ERROR")]
+
+
+@pytest.mark.parametrize("arguments", [[], ["--help"], ["tls"]])
+def test_the_script_says_its_usage_and_makes_nothing(tmp_path: Path, arguments: list[str]) -> None:
+    command = ["sh", str(CERTIFICATES), *arguments]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert (
+        done.stderr == "usage: zenoh-certificates DIRECTORY NAME... user:NAME... gateway:NAME...\n"
+    )
+    assert list(tmp_path.iterdir()) == []

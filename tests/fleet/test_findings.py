@@ -113,7 +113,7 @@ def test_the_clock() -> None:
     ("text", "name", "level", "words"),
     [
         (PORTAL, "op1", "ok", []),
-        (PORTAL, "op2", "error", ["user is 'op1'", "'op2''s", "set user = 'op2'"]),
+        (PORTAL, "op2", "error", ["user is 'op1'", "that of 'op2'", "set user = 'op2'"]),
         (PORTAL + ROUTER, "op1", "error", ["not in [router.users]", 'op1 = "operator"']),
         (PORTAL + ROUTER + 'users = { op1 = "admin" }\n', "op1", "ok", ["admin"]),
         (
@@ -160,6 +160,7 @@ def test_encryption() -> None:
 PROBLEMS: Mapping[Kind, str] = {
     "refused": "is the port right",
     "timeout": "firewall",
+    "no_route": "network up",
     "unknown_host": "/etc/hosts",
     "certificate": "in the router's certificate",
     "endpoint": "tls/HOST:PORT",
@@ -238,7 +239,7 @@ def test_what_is_offered() -> None:
 
 def test_remote_grippers() -> None:
     says(findings.of_remote(LEFT, {"verdict": "ok"}), "ok", "verdict is ok")
-    says(findings.of_remote(LEFT, None), "error", "not on the network")
+    says(findings.of_remote(LEFT, None), "error", "not on the network", "[router.users]")
     says(findings.of_remote(LEFT, {"error": "it is silent"}), "error", "it is silent")
 
 

@@ -98,6 +98,11 @@ def doctor(run: Run) -> int:
 _DATA = Path(__file__).resolve().parents[2] / "data"
 _INTERFACE = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,14}")  # IFNAMSIZ less the final zero
 
+_FLEET_NEXT = (
+    "the fleet needs its part of this machine in /etc/litegripd/fleet.toml (docs/fleet.md), then:"
+    " systemctl enable --now litegripd-fleet@gateway (or @portal, @router);"
+    " a machine without a gripper needs no litegripd@"
+)
 _INSTALL_UNITS = """\
 Install what lets systemd run the daemons of this installation: units, a user
 and a group, a configuration to begin with. Says what it did, and which commands
@@ -156,6 +161,7 @@ def install_units(run: Run) -> int:
         wanted = Wanted(options.can, options.serial, options.fleet)
         done = install.install(root, wanted, install.program_directory())
         following = _after_installation(root, done, options.can)
+        notes += [_FLEET_NEXT] if options.fleet else []
         notes += install.foreign_users(root)
         notes += [f"{path} is used instead of what was installed" for path in install.hiding(root)]
         notes += [

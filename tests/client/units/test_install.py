@@ -407,6 +407,16 @@ def test_what_is_enabled_and_has_ended_is_started_and_not_reloaded(
 
 
 @pytest.mark.usefixtures("usable")
+def test_what_a_fleet_needs_next_is_said(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["install-units", "--root", str(tmp_path), "--fleet", "--json"]) == 0
+    (note,) = json.loads(capsys.readouterr().out)["notes"]
+    assert "/etc/litegripd/fleet.toml" in note
+    assert "systemctl enable --now litegripd-fleet@gateway" in note
+
+
+@pytest.mark.usefixtures("usable")
 def test_drop_ins_with_other_users_are_told_of(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

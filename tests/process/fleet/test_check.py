@@ -185,7 +185,7 @@ def test_a_name_that_no_table_has_is_seen_by_the_router_alone(well: Fleet, tmp_p
     old, new = f"{well.certificates}/op1/", f"{well.certificates}/op2/"
     code, named = check(well, changed(well, tmp_path, old, new))
     assert code == 1
-    assert "user is 'op1', the certificate is 'op2''s" in problems(named)["identity"]
+    assert "user is 'op1', the certificate is that of 'op2'" in problems(named)["identity"]
 
 
 def test_a_router_that_has_an_older_certificate_is_to_be_restarted(
@@ -252,6 +252,35 @@ def test_a_portal_that_does_not_run(lab: Fleet) -> None:
     code, named = check(lab, lab.portal.config_path)
     assert (code, set(problems(named))) == (1, {"portal"})
     assert "enable --now litegripd-fleet@portal" in named["portal"][0]["command"]
+
+
+def test_a_portal_is_looked_at_without_the_key(lab: Fleet, tmp_path: Path) -> None:
+    config = changed(lab, tmp_path, "own.key", "no.key")
+    code, named = check(lab, config)
+    assert (code, set(problems(named))) == (1, {"key"})
+    assert "answers" in named["portal"][0]["text"]
+    lab.portal.kill()
+    code, named = check(lab, config)
+    assert (code, set(problems(named))) == (1, {"key", "portal"})
+
+
+def test_a_user_who_is_shut_out_learns_where_to_look(lab: Fleet) -> None:
+    file = lab.router.config_path
+    text = file.read_text(encoding="utf-8")
+    assert "\nop1 = " in text
+    file.write_text(
+        "\n".join(line for line in text.splitlines() if not line.startswith("op1 = ")),
+        encoding="utf-8",
+    )
+    lab.router.restart()
+    lab.router.until_says("listening at")
+    ends_s = time.monotonic() + DEADLINE_S
+    named: dict[str, list[dict[str, Any]]] = {}
+    while "see nothing" not in problems(named).get("portal", ""):
+        assert time.monotonic() < ends_s, problems(named)
+        _code, named = check(lab, lab.portal.config_path)  # until the portal is connected again
+    assert "[router.users]" in named["gripper"][0]["advice"]
+    assert "the router lets op1 see nothing" in named["portal"][0]["text"]
 
 
 def test_a_router_that_does_not_run(lab: Fleet) -> None:

@@ -39,9 +39,11 @@ def lab(
         yield running
 
 
-def run(lab: Fleet, *arguments: str) -> "subprocess.CompletedProcess[str]":
-    config = str(lab.portal.config_path)
-    command = [sys.executable, "-m", "litegrip_fleet", "--config", config, *arguments]
+def run(
+    lab: Fleet, *arguments: str, config: Path | None = None
+) -> "subprocess.CompletedProcess[str]":
+    file = str(lab.portal.config_path if config is None else config)
+    command = [sys.executable, "-m", "litegrip_fleet", "--config", file, *arguments]
     return subprocess.run(command, capture_output=True, text=True, timeout=DEADLINE_S, check=False)
 
 
@@ -135,3 +137,17 @@ def test_without_a_router_the_commands_say_so(lab: Fleet) -> None:
         done = run(lab, *command)
         assert done.returncode == 3
         assert "no router answers at tls/" in done.stderr
+        assert "litegripd-fleet check" in done.stderr
+        assert ("no stop was sent" in done.stderr) is (command[0] == "stop")
+
+
+def test_a_key_that_cannot_be_read_is_named_and_not_the_router(lab: Fleet, tmp_path: Path) -> None:
+    config = tmp_path / "portal.toml"
+    text = lab.portal.config_path.read_text(encoding="utf-8")
+    config.write_text(text.replace("own.key", "none.key"), encoding="utf-8")
+    for command in (["list"], ["stop", "lab"]):
+        done = run(lab, *command, config=config)
+        assert done.returncode == 3
+        assert "none.key cannot be read: No such file or directory" in done.stderr
+        assert "router" not in done.stderr
+        assert ("no stop was sent" in done.stderr) is (command[0] == "stop")
