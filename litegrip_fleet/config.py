@@ -59,6 +59,10 @@ class PortalConfig:
     ttl_s: float = DEFAULT_TTL_S
     directory: str = PORTAL_DIRECTORY
 
+    def of_site(self, site: str) -> list[Place]:
+        """Return the grippers of a site; "*" is every one."""
+        return [place for place in self.grippers if site in ("*", place.site)]
+
 
 @dataclass(frozen=True, slots=True)
 class RouterConfig:

@@ -50,6 +50,23 @@ async def asked_of(
             return result
 
 
+def how_it_is(
+    hello: Mapping[str, Any],
+    health: Mapping[str, Any],
+    state: Mapping[str, Any],
+    lease: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return what a list of grippers says of one; raises `KeyError` for strange answers."""
+    owner = lease["owner"]
+    return {
+        "version": hello["version"],
+        "verdict": health["verdict"],
+        "mode": state["mode"],
+        "age_s": state["age_s"],
+        "owner": None if owner is None else owner["program"],
+    }
+
+
 async def stop(channel: str, level: str, why: str) -> None:
     """Stop by the daemon's stop socket; raises `LiteGripError` if it does not confirm it."""
 

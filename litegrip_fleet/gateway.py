@@ -17,7 +17,7 @@ import zenoh
 from litegrip_client.discovery import stop_path
 from litegrip_client.errors import LiteGripError
 from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
-from litegrip_fleet.daemon import STOP_WITHIN_S, asked_of, connected, unreachable
+from litegrip_fleet.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
 from litegrip_fleet.dead_man import DeadMansSwitch
 from litegrip_fleet.far_session import FarSession, generation_in
 from litegrip_fleet.keys import Caller, Place, caller_in, stopper_in
@@ -170,12 +170,10 @@ class Gateway:
                 hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
                 health = await asked_of(reader, writer, "health")
                 state = await asked_of(reader, writer, "state.get")
-                owner = (await asked_of(reader, writer, "lease.get"))["owner"]
+                lease = await asked_of(reader, writer, "lease.get")
             finally:
                 writer.close()
-            about |= {"version": hello["version"], "verdict": health["verdict"]}
-            about |= {"mode": state["mode"], "age_s": state["age_s"]}
-            about["owner"] = None if owner is None else owner["program"]
+            about |= how_it_is(hello, health, state, lease)
         except (LiteGripError, OSError, ValueError, KeyError) as error:
             about["error"] = str(error)
         return about

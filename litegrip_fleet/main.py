@@ -21,11 +21,12 @@ import zenoh
 
 from litegrip_client.ctl.commands.machine import findings_text
 from litegrip_client.doctor.findings import as_data
+from litegrip_fleet import by_portal
 from litegrip_fleet.access import rules
 from litegrip_fleet.acl_check import UnreadableError, access_control_in, wider
 from litegrip_fleet.certificates import Certificate, CertificateError, own, watch
 from litegrip_fleet.check import examine
-from litegrip_fleet.config import FILE, FleetConfig, FleetConfigError, load
+from litegrip_fleet.config import FILE, FleetConfig, FleetConfigError, PortalConfig, load
 from litegrip_fleet.dead_man import DeadMansSwitch
 from litegrip_fleet.gateway import Gateway
 from litegrip_fleet.keys import BadNameError, check_name
@@ -41,6 +42,7 @@ from litegrip_fleet.portal import Portal
 from litegrip_fleet.site import About, Stopped, alive, look, stop_all
 
 EXIT_OK, EXIT_FAILED, EXIT_USAGE, EXIT_NETWORK = 0, 1, 2, 3
+_NOT_SENT = "; no stop was sent: use the switch that cuts the power"
 _LOOK = "look with: litegripd-fleet check"
 EXIT_CODES = (
     (EXIT_OK, "done, or a signal ended it"),
@@ -296,8 +298,12 @@ def _acl(config: FleetConfig, arguments: argparse.Namespace) -> int:
 
 
 def _list(config: FleetConfig, arguments: argparse.Namespace) -> int:
-    with _connected(config) as session:
-        found = asyncio.run(look(session, _site(arguments.site)))
+    site = _site(arguments.site)
+    if (portal := _only_by_portal(config)) is not None:
+        found = by_portal.look(portal.directory, portal.of_site(site))
+    else:
+        with _connected(config) as session:
+            found = asyncio.run(look(session, site))
     if arguments.json:
         rows = [{"gripper": str(one.place), "after_s": one.after_s, **one.facts} for one in found]
         print(json.dumps(rows))
@@ -327,23 +333,24 @@ def _print_table(found: Sequence[About]) -> None:
         print(form.format(str(one.place), *map(str, words), age, after, facts.get("owner") or "--"))
 
 
-_NOT_SENT = "; no stop was sent: use the switch that cuts the power"
-
-
 def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
     site, part = _site(arguments.site), config.portal
     if part is None:
         raise FleetConfigError(f"{config.source}: a stop needs the [portal], whose user it is of")
+    if _only_by_portal(config) is not None:
+        level, why = arguments.level, arguments.why
+        return _report(
+            by_portal.stop_all(part.directory, part.of_site(site), level, why), arguments
+        )
     params = {"level": arguments.level} | ({"why": arguments.why} if arguments.why else {})
     request = {"jsonrpc": "2.0", "id": 1, "method": "stop", "params": params}
     line = json.dumps(request).encode() + b"\n"
-    known = [place for place in part.grippers if site in ("*", place.site)]
     with _connected(config, otherwise=_NOT_SENT) as session:
 
         async def stop() -> Stopped:
             # Stopping comes first: who else is there is asked for meanwhile.
             looking = asyncio.create_task(asyncio.to_thread(alive, session, site))
-            stopped = await stop_all(session, site, part.user, known, line)
+            stopped = await stop_all(session, site, part.user, part.of_site(site), line)
             for place in await looking:
                 if place not in stopped.confirmed and place not in stopped.failed:
                     stopped.silent.append(place)
@@ -351,12 +358,17 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
 
         stopped = asyncio.run(stop())
         # Before the session is closed: a network that does not answer holds that up.
-        code = _report_as_json(stopped) if arguments.json else _report(stopped)
+        code = _report(stopped, arguments)
         sys.stdout.flush()
     return code
 
 
-def _report_as_json(stopped: Stopped) -> int:
+def _report(stopped: Stopped, arguments: argparse.Namespace) -> int:
+    (_print_json if arguments.json else _print_lines)(stopped)
+    return EXIT_OK if stopped.ok else EXIT_FAILED
+
+
+def _print_json(stopped: Stopped) -> None:
     print(
         json.dumps(
             {
@@ -367,10 +379,9 @@ def _report_as_json(stopped: Stopped) -> int:
             }
         )
     )
-    return EXIT_OK if stopped.ok else EXIT_FAILED
 
 
-def _report(stopped: Stopped) -> int:
+def _print_lines(stopped: Stopped) -> None:
     for place, after_s in sorted(stopped.confirmed.items()):
         print(f"{place}: stopped ({after_s * 1e3:.0f} ms)")
     for place, problem in sorted(stopped.failed.items()):
@@ -379,10 +390,20 @@ def _report(stopped: Stopped) -> int:
         print(f"{place}: NOT confirmed: silent")
     if not stopped.confirmed and not stopped.failed and not stopped.silent:
         print("no gripper was found")
-    if stopped.ok:
-        return EXIT_OK
-    print("This is no emergency stop: use the switch that cuts the power.", file=sys.stderr)
-    return EXIT_FAILED
+    if not stopped.ok:
+        print("This is no emergency stop: use the switch that cuts the power.", file=sys.stderr)
+
+
+def _only_by_portal(config: FleetConfig) -> PortalConfig | None:
+    """Return the portal, and say so, where this user cannot read the key; None where he can."""
+    closed = _closed_file(config)
+    if closed is not None and config.portal is not None:
+        print(
+            f"litegripd-fleet: {closed}: by the portal's sockets, only its own grippers",
+            file=sys.stderr,
+        )
+        return config.portal
+    return None
 
 
 def _site(text: str) -> str:
@@ -422,7 +443,7 @@ def _closed_file(config: FleetConfig) -> str | None:
             Path(path).open("rb").close()
     except PermissionError as error:
         return (
-            f"{error.filename} may not be read by this user: use sudo, or be in the group of the"
+            f"{error.filename} may not be read by this user, only with sudo or in the group of the"
             " file (litegrip-fleet)"
         )
     except OSError as error:

@@ -141,13 +141,56 @@ def test_without_a_router_the_commands_say_so(lab: Fleet) -> None:
         assert ("no stop was sent" in done.stderr) is (command[0] == "stop")
 
 
-def test_a_key_that_cannot_be_read_is_named_and_not_the_router(lab: Fleet, tmp_path: Path) -> None:
+@pytest.fixture
+def keyless(lab: Fleet, tmp_path: Path) -> Path:
+    """The portal's configuration as one sees it who cannot read its key."""
     config = tmp_path / "portal.toml"
     text = lab.portal.config_path.read_text(encoding="utf-8")
     config.write_text(text.replace("own.key", "none.key"), encoding="utf-8")
-    for command in (["list"], ["stop", "lab"]):
-        done = run(lab, *command, config=config)
-        assert done.returncode == 3
-        assert "none.key cannot be read: No such file or directory" in done.stderr
-        assert "router" not in done.stderr
-        assert ("no stop was sent" in done.stderr) is (command[0] == "stop")
+    return config
+
+
+CLOSED = "none.key cannot be read: No such file or directory"
+
+
+def test_who_cannot_read_the_key_sees_the_portals_grippers(
+    lab: Fleet, keyless: Path, gripper: DaemonProcess, right: DaemonProcess
+) -> None:
+    with gripper.connect() as client:
+        client.result("hello", client="sorter")
+        client.result("lease.acquire")
+        listed = run(lab, "list", "lab", "--json", config=keyless)
+    assert listed.returncode == 0
+    assert CLOSED in listed.stderr
+    left, other = json.loads(listed.stdout)
+    assert (left["gripper"], left["owner"], left["mode"]) == ("lab.left", "sorter", "disabled")
+    assert (other["gripper"], other["owner"]) == ("lab.right", None)
+    right.process.kill()
+    right.process.wait()
+    listed = run(lab, "list", config=keyless)
+    assert listed.returncode == 1
+    assert "no daemon can be reached" in listed.stdout or "has gone" in listed.stdout
+    assert run(lab, "list", "elsewhere", config=keyless).stdout == "no gripper was found\n"
+
+
+def test_who_cannot_read_the_key_stops_the_portals_grippers(
+    lab: Fleet, keyless: Path, gripper: DaemonProcess, right: DaemonProcess
+) -> None:
+    done = run(lab, "stop", "lab", "--why", "a hand", config=keyless)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert CLOSED in done.stderr
+    assert done.stdout.count(": stopped (") == 2
+    for running in (gripper, right):
+        with running.connect() as client:
+            stop = client.result("state.get")["stop"]
+            assert (stop["by"], stop["why"]) == ("op1@lab via gateway", "a hand")
+    lab.gateway.freeze()
+    done = run(lab, "stop", "lab", config=keyless)
+    lab.gateway.thaw()
+    assert done.returncode == 1
+    assert done.stdout.count(" is not confirmed within 2 s") == 2
+    assert "switch that cuts the power" in done.stderr
+    lab.portal.kill()
+    done = run(lab, "stop", "lab", config=keyless)
+    assert done.returncode == 1
+    assert done.stdout.count("NOT confirmed: the portal does not answer: ") == 2

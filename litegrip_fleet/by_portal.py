@@ -1,0 +1,64 @@
+"""The grippers of this machine's portal by its sockets, for users who may not read the key."""
+
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import TypeVar
+
+from litegrip_client.blocking import connect
+from litegrip_client.discovery import stop_at
+from litegrip_client.errors import LiteGripError
+from litegrip_fleet.daemon import how_it_is
+from litegrip_fleet.keys import Place
+from litegrip_fleet.site import About, Stopped
+
+ANSWER_WITHIN_S = 3.0
+"""A portal answers within 2 s, if only that there is no answer."""
+
+_Found = TypeVar("_Found")
+
+
+def look(directory: str, places: Sequence[Place]) -> list[About]:
+    """Ask how all of these grippers are; one that does not answer has an error."""
+
+    def about(place: Place) -> About:
+        begun_s = time.monotonic()
+        try:
+            with connect(str(place), _path(directory, place), ANSWER_WITHIN_S) as connection:
+                hello = connection.call("hello", {"client": "litegripd-fleet"})
+                after_s = time.monotonic() - begun_s
+                health, state = connection.call("health"), connection.call("state.get")
+                facts = how_it_is(hello, health, state, connection.call("lease.get"))
+        except (LiteGripError, KeyError) as error:
+            after_s, facts = time.monotonic() - begun_s, {"error": str(error)}
+        return About(place, after_s, facts)
+
+    return _of_each(sorted(places), about)
+
+
+def stop_all(directory: str, places: Sequence[Place], level: str, why: str | None) -> Stopped:
+    """Stop all of these grippers at once."""
+    begun_s = time.monotonic()
+
+    def stopped(place: Place) -> float | str:
+        try:
+            stop_at(_path(directory, place), level, why, ANSWER_WITHIN_S)
+        except LiteGripError as error:
+            return error.message
+        except OSError as error:
+            return f"the portal does not answer: {error.strerror or error}"
+        return time.monotonic() - begun_s
+
+    found = dict(zip(places, _of_each(places, stopped), strict=True))
+    confirmed = {place: one for place, one in found.items() if isinstance(one, float)}
+    failed = {place: one for place, one in found.items() if isinstance(one, str)}
+    return Stopped(confirmed, failed, silent=[])
+
+
+def _of_each(places: Sequence[Place], ask: Callable[[Place], _Found]) -> list[_Found]:
+    with ThreadPoolExecutor(max(1, len(places))) as several:
+        return list(several.map(ask, places))
+
+
+def _path(directory: str, place: Place) -> str:
+    return f"{directory}/{place}.sock"
