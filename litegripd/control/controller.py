@@ -28,6 +28,7 @@ from litegripd.control.authority import (
     OnAnswer,
     SecondMaster,
     StopLatch,
+    held_refusal,
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.events import JobBook, RegisterReads, Start
@@ -440,9 +441,11 @@ class Controller:
         """Take the lease from its holder; the caller has checked that `owner` may.
 
         All that runs ends, also another client's and a detached one. Only a disabling continues,
-        and the taker's own motion without a lease. Then the jaws do what the taker says (`left`),
-        not what the loser said, unless something continues.
+        and the taker's own motion without a lease. What others have queued never begins. Then the
+        jaws do what the taker says (`left`), not what the loser or one before it said, unless
+        something continues.
         """
+        self._leave_to_holder()
         grant, loss = self.lease.take(owner, options, why, left, self.now_s)
         running = self.jobs.running
         is_anothers = running is not None and running.owner.client != owner.client
@@ -452,6 +455,7 @@ class Controller:
             self.lose(loss, loss.grant.owner.client)
         elif self.jobs.running is None:
             self._settle_into(left)
+        self._drop_queued(held_refusal(grant), lambda job: job.owner.client != owner.client)
         self._granted(grant)
         return grant
 
@@ -462,11 +466,14 @@ class Controller:
     def _granted(self, answer: Grant | Refusal) -> Grant | Refusal:
         """Report a grant; from then on, what a lost client wanted for the jaws does not count."""
         if isinstance(answer, Grant):
-            if self._owed is not None:
-                self._owed = None
-                self.events.append(events.left_to_holder())
+            self._leave_to_holder()
             self.events.append(events.lease_granted(answer))
         return answer
+
+    def _leave_to_holder(self) -> None:
+        if self._owed is not None:
+            self._owed = None
+            self.events.append(events.left_to_holder())
 
     # Lost clients and lost leases
 

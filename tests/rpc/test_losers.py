@@ -212,6 +212,28 @@ def test_whose_motion_runs_loses_it_to_who_takes_the_gripper(leased: bool, detac
 
 
 @pytest.mark.parametrize("leased", [False, True])
+@pytest.mark.parametrize("gives_back", [False, True])
+def test_what_others_have_queued_never_begins_after_a_take_over(
+    gives_back: bool, leased: bool
+) -> None:
+    """Also where the taker gives the gripper back at once, as `litegripctl lease take` does."""
+    scene = Scene(**wish_of(leased))
+    scene.first.send("motion.open", speed_mm_s=10, wait=False)
+    number = scene.first.send("motion.close", if_busy="queue", detach=True)
+    scene.world.run(0.2)
+    scene.second.send("lease.take", why="my turn")
+    if gives_back:
+        scene.second.send("lease.release")
+    opening_mm = scene.world.state.opening_mm
+    scene.world.run(0.5)
+    assert scene.world.state.opening_mm == pytest.approx(opening_mm, abs=1.0)
+    assert scene.world.controller.jobs.running is None
+    assert scene.first.has_answer(number)
+    reason = scene.first.answers[number]["error"]["data"]["reason"]
+    assert reason == ("lease_lost" if leased else "lease_held")
+
+
+@pytest.mark.parametrize("leased", [False, True])
 def test_an_operator_takes_nothing_from_another_user(leased: bool) -> None:
     scene = Scene(uid=1001, **wish_of(leased))
     number = scene.first.send("motion.open", speed_mm_s=10)
