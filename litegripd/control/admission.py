@@ -8,7 +8,7 @@ from litegripd.model.errors import Refusal
 from litegripd.model.gripper import Geometry
 from litegripd.model.motion_config import Conflict
 from litegripd.model.motor import MotorPhase, MotorView
-from litegripd.model.state import Job, JobKind
+from litegripd.model.state import Job, JobKind, JobState
 
 IMPLAUSIBLE_OUTSIDE_RAD = 1.0
 """No jaw can be further outside the calibrated travel. The motor loses its count of turns in a
@@ -60,13 +60,13 @@ def busy_refusal(running: Job | None) -> Refusal | None:
 
 
 def busy_with(running: Job) -> Refusal:
-    """Return a refusal that names the running job and its owner."""
+    """Return a refusal that names the running job, or the next one, and its owner."""
     owner = running.owner
     how = _ENDED_BY.get(running.kind, "wait for it (job.wait), cancel it (job.cancel) or stop")
+    does = "is about to begin" if running.state is JobState.QUEUED else "is running"
     return Refusal(
         _BUSY_BY.get(running.kind, "busy"),
-        f"job {running.number}, {running.kind} by {owner.program} (pid {owner.pid}), is running:"
-        f" {how}",
+        f"job {running.number}, {running.kind} by {owner.program} (pid {owner.pid}), {does}: {how}",
         {
             "job": running.number,
             "kind": running.kind,

@@ -75,15 +75,21 @@ class StopLatch:
         )
 
     def clearing_refusal(self, lease_held: Refusal) -> Refusal:
-        """Return who may clear the stop, for a client that may not: another one has the lease."""
+        """Return who may clear the stop, for a client that may not.
+
+        Another one has the lease, or it has lost the lease itself.
+        """
         owner = lease_held.data.get("owner")
-        holder = f"{owner['program']} (pid {owner['pid']})" if isinstance(owner, dict) else "nobody"
         known = [user for user in self.stopped_by if user is not None]
-        whose = "" if self.latched is None else f", by {_stopper(self.latched)}"
-        users = "".join(f", {user}, who stopped it" for user in known)
+        whose = "" if self.latched is None else f", by {_stopper(self.latched)},"
+        who = [f"{user}, who stopped it, " for user in known]
+        why = f"; {lease_held.message}"
+        if isinstance(owner, dict):
+            who = [f"{owner['program']} (pid {owner['pid']}), who has the lease, ", *who]
+            why = ""
         return Refusal(
             lease_held.reason,
-            f"the stop{whose} may be cleared by {holder}, who has the lease{users}, or an admin",
+            f"the stop{whose} may be cleared by {''.join(who)}or an admin{why}",
             {**lease_held.data, "may_clear_uids": [user.uid for user in known]},
         )
 
@@ -377,13 +383,19 @@ class Lease:
     def resume(self, number: int, owner: Owner, now_s: float) -> Grant | Refusal:
         """Grant a lapsed lease again for its number, if nobody has acquired one since."""
         lapsed = self._lapsed
-        if self.holder is not None or lapsed is None or lapsed.number != number or self._waiting:
+        if lapsed is None or not self.may_resume(number):
             text = (
                 "the lease of this token cannot be resumed: it was given back, or somebody has had"
                 " the lease since; acquire it again (lease.acquire)"
             )
             return Refusal("lease_lost", text)
         return self._grant(owner, lapsed.options, now_s)
+
+    def may_resume(self, number: int) -> bool:
+        """Return True if this lease lapsed, and nobody has one or waits for one since."""
+        lapsed = self._lapsed
+        is_free = self.holder is None and not self._waiting
+        return is_free and lapsed is not None and lapsed.number == number
 
     def renew(self, client: int, now_s: float) -> None:
         """Take note of a request: its sender does not hang."""
@@ -412,13 +424,24 @@ class Lease:
         return loss
 
     def step(self, now_s: float, *, may_grant: bool) -> None:
-        """Answer waiting requests: those whose time is over, and the next if `may_grant`."""
+        """Answer waiting requests: the holder's own, late ones, and the next if `may_grant`."""
+        holder = self.holder
+        if holder is not None:
+            self._answer_holder(holder)
         for entry in [entry for entry in self._waiting if now_s >= entry.until_s]:
             self._waiting.remove(entry)
             entry.on_answer(_waited_in_vain(self.holder))
         if may_grant and self.holder is None and self._waiting:
             entry = self._waiting.popleft()
             entry.on_answer(self._grant(entry.owner, entry.options, now_s))
+
+    def _answer_holder(self, holder: Grant) -> None:
+        """Answer a client that has asked twice, or has taken what it waits for."""
+        client = holder.owner.client
+        own = [entry for entry in self._waiting if entry.owner.client == client]
+        for entry in own:
+            self._waiting.remove(entry)
+            entry.on_answer(holder)
 
     def _grant(self, owner: Owner, options: LeaseOptions, now_s: float) -> Grant:
         self._last += 1

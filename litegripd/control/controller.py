@@ -28,6 +28,7 @@ from litegripd.control.authority import (
     OnAnswer,
     SecondMaster,
     StopLatch,
+    held_refusal,
 )
 from litegripd.control.calibration import CalibrationInUse, content_of, save_task
 from litegripd.control.events import JobBook, RegisterReads, Start
@@ -175,8 +176,13 @@ class Controller:
 
     @property
     def in_the_way(self) -> Job | None:
-        """The running job, unless the next motion replaces it."""
-        return None if self._replaced is not None else self.jobs.running
+        """The running job, or the queued one that is next, unless the next motion replaces it."""
+        jobs = self.jobs
+        if self._replaced is not None:
+            return None
+        if jobs.running is None and jobs.queue and self._starting is None:
+            return jobs.queue[0].job
+        return jobs.running
 
     @property
     def is_ending(self) -> bool:
@@ -406,10 +412,10 @@ class Controller:
     # The lease
 
     def acquire(self, owner: Owner, options: LeaseOptions) -> Grant | Refusal:
-        """Grant the lease if it is free and no other client's motion runs."""
-        before, running = self.lease.holder, self.jobs.running
-        if before is None and running is not None and running.owner.client != owner.client:
-            return busy_with(running)
+        """Grant the lease if it is free and no other client's motion runs, or is next."""
+        before, in_the_way = self.lease.holder, self.in_the_way
+        if before is None and in_the_way is not None and in_the_way.owner.client != owner.client:
+            return busy_with(in_the_way)
         answer = self.lease.acquire(owner, options, self.now_s)
         is_new = isinstance(answer, Grant) and (before is None or answer.number != before.number)
         return self._granted(answer) if is_new else answer
@@ -418,11 +424,7 @@ class Controller:
         self, owner: Owner, options: LeaseOptions, wait_s: float, on_answer: OnAnswer
     ) -> Refusal | None:
         """Let `owner` wait for the lease, first come, first served."""
-
-        def granted(answer: Grant | Refusal) -> None:
-            on_answer(self._granted(answer))
-
-        return self.lease.wait(owner, options, self.now_s + wait_s, granted)
+        return self.lease.wait(owner, options, self.now_s + wait_s, on_answer)
 
     def release(self, owner: Owner) -> Refusal | None:
         """Release the lease; a motion that runs under it continues."""
@@ -440,9 +442,11 @@ class Controller:
         """Take the lease from its holder; the caller has checked that `owner` may.
 
         All that runs ends, also another client's and a detached one. Only a disabling continues,
-        and the taker's own motion without a lease. Then the jaws do what the taker says (`left`),
-        not what the loser said, unless something continues.
+        and the taker's own motion without a lease. What others have queued never begins. Then the
+        jaws do what the taker says (`left`), not what the loser or one before it said, unless
+        something continues.
         """
+        self._leave_to_holder()
         grant, loss = self.lease.take(owner, options, why, left, self.now_s)
         running = self.jobs.running
         is_anothers = running is not None and running.owner.client != owner.client
@@ -452,21 +456,40 @@ class Controller:
             self.lose(loss, loss.grant.owner.client)
         elif self.jobs.running is None:
             self._settle_into(left)
+        self._drop_queued(held_refusal(grant), lambda job: job.owner.client != owner.client)
         self._granted(grant)
         return grant
 
     def resume(self, number: int, owner: Owner) -> Grant | Refusal:
-        """Grant a lapsed lease again after its client reconnected, if nobody has had one since."""
-        return self._granted(self.lease.resume(number, owner, self.now_s))
+        """Grant a lapsed lease again after its client reconnected, if nobody has had one since.
+
+        What still runs under the lapsed lease, runs under this one then; another client's motion
+        must have ended.
+        """
+        in_the_way, running = self.in_the_way, self.jobs.running
+        if (
+            self.lease.may_resume(number)
+            and in_the_way is not None
+            and in_the_way.owner.client != owner.client
+            and in_the_way.grant != number
+        ):
+            return busy_with(in_the_way)
+        answer = self._granted(self.lease.resume(number, owner, self.now_s))
+        if isinstance(answer, Grant) and running is not None and running.grant == number:
+            running.grant = answer.number
+        return answer
 
     def _granted(self, answer: Grant | Refusal) -> Grant | Refusal:
         """Report a grant; from then on, what a lost client wanted for the jaws does not count."""
         if isinstance(answer, Grant):
-            if self._owed is not None:
-                self._owed = None
-                self.events.append(events.left_to_holder())
+            self._leave_to_holder()
             self.events.append(events.lease_granted(answer))
         return answer
+
+    def _leave_to_holder(self) -> None:
+        if self._owed is not None:
+            self._owed = None
+            self.events.append(events.left_to_holder())
 
     # Lost clients and lost leases
 
@@ -482,11 +505,10 @@ class Controller:
         begins, detached or not: the lease's options say how the jaws are left.
         """
         running = self.jobs.running
-        refusal = events.loss_refusal(loss)
-        self._drop_queued(refusal, lambda job: _never_begins(job, loss, client))
+        self._drop_queued(events.loss_refusal(loss), lambda job: _never_begins(job, loss, client))
         ends = running is not None and running.kind != "disable" and _falls(running, loss, client)
-        if ends:
-            self.end(refusal)
+        if running is not None and ends:
+            self.end(events.loss_refusal(loss, is_owner=running.owner.client == client))
         on_lost: OnLost = "hold" if loss is None else loss.on_lost
         cause = None if loss is None else loss.cause
         later = loss is not None and self.jobs.running is not None
@@ -518,6 +540,9 @@ class Controller:
             self.end(events.loss_refusal(None))
         self._start_queued()
         self.lease.step(now_s, may_grant=self.jobs.running is None and not self.jobs.queue)
+        granted = self.lease.holder
+        if granted is not None and granted is not holder:
+            self._granted(granted)
 
     def _settle_into(self, level: StopLevel) -> None:
         """Do what a stop or a lost client leaves behind; a hold is kept, with its force."""

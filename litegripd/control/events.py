@@ -314,11 +314,12 @@ def _named(owner: Owner) -> str:
     return f"{owner.program} (pid {owner.pid}, uid {owner.uid})"
 
 
-def loss_refusal(loss: Loss | None) -> Refusal:
-    """Return why a motion ends together with its client or its lease."""
+def loss_refusal(loss: Loss | None, *, is_owner: bool = True) -> Refusal:
+    """Return why a motion ends together with its client (`is_owner`) or its lease."""
     if loss is None or loss.cause in ("connection", "process"):
         on_lost = "hold" if loss is None else loss.on_lost
-        text = "the client that owned it went away"
+        whose = "that owned it" if is_owner else "under whose lease it ran"
+        text = f"the client {whose} went away"
         return Refusal("client_lost", text, {"on_lost": on_lost})
     text = f"the lease under which it ran is lost: {loss.text}"
     return Refusal("lease_lost", text, loss.data)

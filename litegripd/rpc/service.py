@@ -107,11 +107,12 @@ class Requests:
 
     def _begin(self, method: Method, call: Call) -> Answer:
         """Carry it out at once, in place of the caller's own motion, or after the running one."""
-        if_busy, running = call.params.get("if_busy"), self._controller.jobs.running
-        if if_busy is None or running is None:
+        if_busy, in_the_way = call.params.get("if_busy"), self._controller.in_the_way
+        if if_busy is None or in_the_way is None:
             return self._carried_out(method, call)
         kind = _kind_of(method)
-        if if_busy == "replace" and _is_own(running, call.owner):
+        running = self._controller.jobs.running
+        if if_busy == "replace" and running is not None and _is_own(running, call.owner):
             reason = Refusal("replaced", f"{method.name} of the same client replaced it")
             return self._controller.replace(reason, lambda: self._carried_out(method, call))
         if if_busy == "queue" and kind is not None:

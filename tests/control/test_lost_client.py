@@ -82,6 +82,20 @@ class TestLostHolder:
         other.result("motion.move", opening_mm=20)
         check_left(world, "hold")
 
+    @pytest.mark.parametrize("jaws", LEVELS)
+    def test_one_whose_motion_outlives_it_until_another_takes_the_gripper(
+        self, on_lost: str, jaws: str
+    ) -> None:
+        """The taker says what the jaws do, not the client that is gone."""
+        world, client = self.holder(on_lost)
+        client.send("motion.open", speed_mm_s=10, wait=False)
+        world.run(0.4)
+        client.leave()
+        world.run(0.1)
+        taken = world.client().result("lease.take", why="it is my turn", jaws=jaws)
+        assert taken["jaws"] == jaws
+        check_left(world, jaws)
+
     @pytest.mark.parametrize("waits", [True, False])
     @pytest.mark.parametrize("runs_on", [True, False])
     def test_what_a_lost_one_has_queued_never_runs(

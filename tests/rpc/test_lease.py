@@ -221,7 +221,9 @@ def test_the_token_lets_another_connection_of_the_holder_move() -> None:
     holder.leave()
     world.run(0.01)
     assert other.has_answer(number)
-    assert other.answers[number]["error"]["data"]["reason"] == "client_lost"
+    error = other.answers[number]["error"]
+    assert error["data"]["reason"] == "client_lost"
+    assert error["message"] == "the client under whose lease it ran went away"
 
 
 @pytest.mark.parametrize("token", ["", "1", "0:1", "0", "null", "é", "9" * 40])
@@ -233,6 +235,8 @@ def test_what_is_no_token_of_this_daemon_is_refused(token: str) -> None:
 def test_after_a_reconnect_the_old_token_works_if_nobody_has_had_it_since() -> None:
     world, holder, other, token = pair(on_lost="hold")
     assert other.refusal("lease.resume", lease=token) == "lease_held"  # it is not lost
+    own = holder.call("lease.resume", lease=token)["error"]["message"]
+    assert own == "the lease of this token is not lost: this connection has it"
     holder.leave()
     back = world.client()
     fresh = back.result("lease.resume", lease=token)["lease"]
@@ -244,6 +248,32 @@ def test_after_a_reconnect_the_old_token_works_if_nobody_has_had_it_since() -> N
     other.result("lease.release")
     late = world.client()
     assert late.refusal("lease.resume", lease=fresh) == "lease_lost"
+
+
+def test_a_lease_is_not_resumed_while_anothers_motion_runs() -> None:
+    world, holder, other, token = pair(on_lost="hold")
+    holder.leave()
+    number = other.send("motion.open", speed_mm_s=20)
+    world.run(0.1)
+    back = world.client()
+    error = back.call("lease.resume", lease=token)["error"]["data"]
+    assert (error["reason"], error["owner"]["pid"]) == ("busy", other.session.peer.pid)
+    world.run_until(lambda: other.has_answer(number))
+    assert "result" in other.answers[number]
+    back.result("lease.resume", lease=token)
+
+
+def test_a_lease_is_resumed_again_and_again_while_its_own_motion_runs_on() -> None:
+    world, holder, _, token = pair(on_lost="relax")
+    job = holder.result("motion.open", speed_mm_s=20, wait=False)["job"]
+    for _ in range(3):
+        holder.leave()
+        world.run(0.1)
+        holder = world.client()
+        token = str(holder.result("lease.resume", lease=token)["lease"])
+    assert holder.call("job.wait", job=job)["result"]["state"] == "done"
+    world.run(0.1)
+    assert world.state.mode == "holding"
 
 
 @pytest.mark.parametrize(

@@ -212,6 +212,28 @@ def test_whose_motion_runs_loses_it_to_who_takes_the_gripper(leased: bool, detac
 
 
 @pytest.mark.parametrize("leased", [False, True])
+@pytest.mark.parametrize("gives_back", [False, True])
+def test_what_others_have_queued_never_begins_after_a_take_over(
+    gives_back: bool, leased: bool
+) -> None:
+    """Also where the taker gives the gripper back at once, as `litegripctl lease take` does."""
+    scene = Scene(**wish_of(leased))
+    scene.first.send("motion.open", speed_mm_s=10, wait=False)
+    number = scene.first.send("motion.close", if_busy="queue", detach=True)
+    scene.world.run(0.2)
+    scene.second.send("lease.take", why="my turn")
+    if gives_back:
+        scene.second.send("lease.release")
+    opening_mm = scene.world.state.opening_mm
+    scene.world.run(0.5)
+    assert scene.world.state.opening_mm == pytest.approx(opening_mm, abs=1.0)
+    assert scene.world.controller.jobs.running is None
+    assert scene.first.has_answer(number)
+    reason = scene.first.answers[number]["error"]["data"]["reason"]
+    assert reason == ("lease_lost" if leased else "lease_held")
+
+
+@pytest.mark.parametrize("leased", [False, True])
 def test_an_operator_takes_nothing_from_another_user(leased: bool) -> None:
     scene = Scene(uid=1001, **wish_of(leased))
     number = scene.first.send("motion.open", speed_mm_s=10)
@@ -410,6 +432,20 @@ def test_a_stop_that_was_raised_is_for_who_raised_it_or_stopped_since() -> None:
     assert scene.world.state.stop is None
 
 
+def test_who_has_lost_the_lease_is_not_told_that_nobody_has_it_who_may_clear() -> None:
+    scene = Scene(ttl_s=0.1)
+    by_silence(scene)
+    stopper = scene.world.client(uid=1001)
+    stopper.result("stop")
+    error = scene.error(scene.first, "stop.clear")
+    assert error["data"]["reason"] == "lease_lost"
+    assert "nobody" not in error["message"]
+    assert "uid 1001, who stopped" in error["message"]
+    assert "(lease.acquire)" in error["message"]
+    scene.first.result("lease.acquire")
+    scene.first.result("stop.clear")
+
+
 def test_an_observer_clears_only_what_nobody_else_has_stopped() -> None:
     scene = Scene(uid=1001, role="observer")
     scene.second.result("stop")
@@ -468,6 +504,53 @@ def test_who_has_waited_in_vain_is_told_who_has_it() -> None:
     error = scene.error(scene.second, "lease.acquire", wait_s=0.2)
     assert error["data"]["reason"] == "lease_held"
     assert error["data"]["owner"]["purpose"] == "sorting"
+
+
+def test_who_has_asked_twice_is_answered_twice_and_not_told_to_wait_for_itself() -> None:
+    scene = Scene(purpose="sorting")
+    numbers = [scene.second.send("lease.acquire", wait_s=1) for _ in range(2)]
+    scene.first.result("lease.release")
+    scene.world.run(0.1)
+    assert all(scene.second.has_answer(number) for number in numbers)
+    first, second = (scene.second.answers[number]["result"]["lease"] for number in numbers)
+    assert first == second
+    scene.second.result("lease.release")
+    scene.world.run(2.0)
+    assert scene.world.controller.lease.holder is None
+
+
+def test_who_takes_what_it_waits_for_has_it() -> None:
+    scene = Scene(purpose="sorting")
+    number = scene.second.send("lease.acquire", wait_s=1, on_lost="relax")
+    scene.second.result("lease.take", why="it hangs", on_lost="disable")
+    scene.world.run(0.1)
+    assert scene.second.has_answer(number)
+    assert "result" in scene.second.answers[number]
+    assert scene.second.result("lease.get")["owner"]["on_lost"] == "disable"
+
+
+@pytest.mark.parametrize("if_busy", ["reject", "replace", "queue"])
+def test_who_asks_between_two_motions_does_not_pass_the_one_that_is_next(if_busy: str) -> None:
+    """The answer to the first comes a tick before the second begins."""
+    scene = Scene()
+    number = scene.first.send("motion.move", opening_mm=60)
+    scene.first.send("motion.move", opening_mm=20, if_busy="queue", wait=False)
+    scene.world.run_until(lambda: scene.first.has_answer(number))
+    assert scene.world.controller.jobs.running is None
+    (queued,) = scene.world.controller.jobs.queue
+    last = scene.first.send("motion.move", opening_mm=100, if_busy=if_busy)
+    taker = scene.second.call("lease.acquire")["error"]["data"]
+    assert (taker["reason"], taker["job"]) == ("busy", queued.job.number)
+    scene.world.run_until(lambda: not queued.job.is_running)
+    assert scene.first.has_answer(last) == (if_busy != "queue")
+    assert scene.world.state.opening_mm == pytest.approx(20, abs=1.0)
+    if if_busy == "queue":
+        scene.world.run_until(lambda: scene.first.has_answer(last))
+        assert scene.world.state.opening_mm == pytest.approx(100, abs=1.0)
+    else:
+        error = scene.first.answers[last]["error"]
+        assert error["data"]["job"] == queued.job.number
+        assert "is about to begin" in error["message"]
 
 
 def test_whose_turn_comes_when_the_gripper_is_anothers_does_not_move() -> None:

@@ -210,7 +210,8 @@ class LeaseMethods:
 
     @Method(
         "lease.resume",
-        "Get the lease of this token again after a lost connection, if nobody has had it since.",
+        "Get the lease of this token again after a lost connection, if nobody has had it since and"
+        " no other client's motion runs.",
         _GRANTED,
         Granted,
         (replace(LEASE, required=True),),
@@ -222,15 +223,16 @@ class LeaseMethods:
             return Refusal("lease_lost", "a token is needed")
         holder = self._controller.lease.holder
         if holder is not None and holder.number == grant:
-            text = "the lease of this token is not lost: another connection has it"
+            whose = "this" if holder.owner.client == call.owner.client else "another"
+            text = f"the lease of this token is not lost: {whose} connection has it"
             return Refusal("lease_held", text)
         return self._granted(self._controller.resume(grant, call.owner))
 
     @Method(
         "lease.take",
         "Take the lease from whoever has it: of the same user, or as admin. A motion that runs"
-        " ends, a detached one, too. The loser is told, and moves nothing by its connection until"
-        " it asks for the lease again.",
+        " ends, a detached one, too; what others have queued never begins. The loser is told, and"
+        " moves nothing by its connection until it asks for the lease again.",
         "As of lease.acquire; from whom it was taken (taken_from, as the owner of lease.get, or"
         " null), the motion that has ended by it (ended_job, or null), and what the jaws do (jaws;"
         " null where the taker's own motion, or disabling, goes on).",
@@ -254,7 +256,8 @@ class LeaseMethods:
     def _take(self, call: Call) -> Answer:
         controller, params = self._controller, call.params
         holder, running = controller.lease.holder, controller.jobs.running
-        owners = [entry.owner for entry in (holder, running) if entry is not None]
+        in_the_way = controller.in_the_way
+        owners = [entry.owner for entry in (holder, in_the_way) if entry is not None]
         another = next((owner for owner in owners if owner.user != call.owner.user), None)
         if another is not None and call.session.role != "admin":
             text = (
