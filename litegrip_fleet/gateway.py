@@ -23,6 +23,7 @@ from litegrip_fleet.far_session import FarSession, generation_in
 from litegrip_fleet.keys import Caller, Place, caller_in, stopper_in
 from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
 from litegrip_fleet.network import all_in_order, hand_over, the_newest
+from litegrip_fleet.site import LOOK_WITHIN_S, TWO_GATEWAYS
 
 _log = logging.getLogger(__name__)
 
@@ -77,6 +78,7 @@ class Gateway:
         key = self.place.key
         rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
         hand_over(rpc, asked, f"rpc {self.place}")
+        await asyncio.to_thread(self._warn_of_another)
         hellos = self._session.declare_queryable(self.place.about, all_in_order())
         hand_over(hellos, asked_about, f"hello {self.place}")
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
@@ -94,6 +96,11 @@ class Gateway:
                 connection.close()
             for queryable in (rpc, stops, hellos):
                 queryable.undeclare()
+
+    def _warn_of_another(self) -> None:
+        replies = self._session.liveliness().get(self.place.alive, timeout=LOOK_WITHIN_S)
+        if any(reply.ok is not None for reply in replies):
+            _log.error("%s: %s", self.place, TWO_GATEWAYS)
 
     # The daemon -----------------------------------------------------------------------------------
 

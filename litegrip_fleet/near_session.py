@@ -136,12 +136,12 @@ class NearSession:
 
     def replied(self, reply: Reply, sent_s: float, now_s: float) -> None:
         """Take the gateway's answer to a query that was sent at `sent_s`."""
-        self._heard_s = max(self._heard_s, sent_s)
-        self._clock.note(sent_s, now_s, reply.now_s)
-        self.note_stops(reply.generation)
         if reply.gone is not None:
             self._end(reply.gone)
             return
+        self._heard_s = max(self._heard_s, sent_s)
+        self._clock.note(sent_s, now_s, reply.now_s)
+        self.note_stops(reply.generation)
         self._outbox.confirm(reply.took)
         if reply.sent > self._inbox.taken and self._behind_since_s is None:
             self._behind_since_s = now_s

@@ -36,6 +36,7 @@ from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, u
 from litegrip_fleet.near_session import NearSession
 from litegrip_fleet.network import Answered, ask, hand_over, the_newest
 from litegrip_fleet.requests import MAX_LINE_BYTES, TOO_LONG
+from litegrip_fleet.site import TWO_GATEWAYS
 
 _log = logging.getLogger(__name__)
 
@@ -172,8 +173,7 @@ class Portal:
             await client.read(reader)
         finally:
             del self._clients[session]
-            if client.near is not None:
-                client.send(Ask("close"), b"")
+            client.send(Ask("close"), b"")
 
     async def _open(self, client: "_Client") -> dict[str, Any] | None:
         """Begin a session at the gateway; return why that is not possible, or None."""
@@ -186,7 +186,7 @@ class Portal:
                 continue
             within_s = min(ends_s - sent_s, 1.0)
             answers = await ask(session, client.key, b"", opening, loop, within_s=within_s)
-            reply = _reply_in(answers)
+            reply = self._reply_in(answers)
             now_s = time.monotonic()
             if reply is None:
                 await asyncio.sleep(TICK_S)
@@ -249,7 +249,20 @@ class Portal:
         sent_s = time.monotonic()
         loop = asyncio.get_running_loop()
         future = ask(session, client.key, line, packed(message), loop, within_s=1.0)
-        future.add_done_callback(lambda done: client.replied(_reply_in(done.result()), sent_s))
+        future.add_done_callback(lambda done: client.replied(self._reply_in(done.result()), sent_s))
+
+    def _reply_in(self, answers: list[Answered]) -> Reply | None:
+        """Return the gateway's reply to a query, None without one.
+
+        Two would each carry out what is asked: the session ends.
+        """
+        if len(answers) > 1:
+            gone = error_object(UNREACHABLE, f"{self.place}: {TWO_GATEWAYS}")
+            return Reply(0, 0, 0.0, gone=gone)
+        for answer in answers:
+            with contextlib.suppress(BadMessageError):
+                return unpacked(Reply, answer.attached)
+        return None
 
     # Stops ----------------------------------------------------------------------------------------
 
@@ -431,14 +444,6 @@ class _Client:
         poll = select.poll()
         poll.register(self._socket.fileno(), 0)
         return any(mask & (select.POLLHUP | select.POLLERR) for _fd, mask in poll.poll(0))
-
-
-def _reply_in(answers: list[Answered]) -> Reply | None:
-    """Return the gateway's reply among the answers to a query, None without one."""
-    for answer in answers:
-        with contextlib.suppress(BadMessageError):
-            return unpacked(Reply, answer.attached)
-    return None
 
 
 async def _stop_line(reader: asyncio.StreamReader) -> bytes:

@@ -12,6 +12,7 @@ import zenoh
 from litegrip_fleet.keys import PREFIX, Place, place_in
 from litegrip_fleet.network import ask
 
+TWO_GATEWAYS = "two gateways offer it: each would carry out what is asked; end one of them"
 LOOK_WITHIN_S = 1.0
 STOP_WITHIN_S = 2.0
 _ASK_AGAIN_S = 0.5
@@ -39,9 +40,11 @@ async def look(session: zenoh.Session, site: str = "*") -> list[About]:
     begun_s = time.monotonic()
     there = asyncio.create_task(asyncio.to_thread(alive, session, site))
     key = f"{PREFIX}/{site}/*/hello"
-    found = {}
+    found: dict[Place, About] = {}
     for answer in await ask(session, key, b"", None, loop, within_s=LOOK_WITHIN_S):
         place, facts = place_in(answer.key), _facts_in(answer.payload)
+        if place in found:
+            facts = {"error": TWO_GATEWAYS}
         if place is not None:
             found[place] = About(place, answer.at_s - begun_s, facts)
     for place in await there:

@@ -10,8 +10,14 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, DaemonProcess
-from tests.process.fleet.fleet_process import Fleet, fleet
+from tests.process.daemon_process import (
+    DEADLINE_S,
+    SIMULATED,
+    Client,
+    DaemonProcess,
+    wait_a_moment,
+)
+from tests.process.fleet.fleet_process import Fleet, Part, fleet
 
 
 @pytest.fixture
@@ -194,3 +200,35 @@ def test_who_cannot_read_the_key_stops_the_portals_grippers(
     done = run(lab, "stop", "lab", config=keyless)
     assert done.returncode == 1
     assert done.stdout.count("NOT confirmed: the portal does not answer: ") == 2
+
+
+def test_a_gripper_that_two_gateways_offer_is_nobodys_until_one_ends(
+    lab: Fleet, gripper: DaemonProcess
+) -> None:
+    first = lab.gateway
+    text = first.config_path.read_text(encoding="utf-8")
+    with Client(lab.socket_path("left")) as early, gripper.connect() as local:
+        early.result("motor.enable")
+        lab.parts["second"] = second = Part(
+            lab.folder, "gateway", "second", text, XDG_RUNTIME_DIR=str(lab.short)
+        )
+        second.until_says("lab.left: two gateways offer it")
+        while "error" not in (message := early.read()):
+            assert message
+        assert "lab.left: two gateways offer it" in message["error"]["message"]
+        before = len(local.result("job.list")["jobs"])
+        with Client(lab.socket_path("left")) as late:
+            late.send("motion.open")
+            error = late.read()["error"]
+        assert error["data"]["reason"] == "unreachable"
+        assert "lab.left: two gateways offer it" in error["message"]
+        assert len(local.result("job.list")["jobs"]) == before
+        listed = run(lab, "list", "lab", "--json")
+        assert [row["error"][:12] for row in json.loads(listed.stdout)] == ["two gateways"] * 2
+        assert run(lab, "stop", "lab").returncode == 0
+        assert local.result("state.get")["stop"] is not None
+        while len(local.result("clients.list")["clients"]) > 3:  # each gateway has its own
+            wait_a_moment(second.process)
+        second.end()
+        with Client(lab.socket_path("left")) as late:
+            assert late.result("hello")["channel"] == "lab.left"
