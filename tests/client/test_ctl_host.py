@@ -31,7 +31,9 @@ def begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Begun]:
     programs, log = tmp_path / "bin", tmp_path / "ssh.log"
     programs.mkdir()
     program = programs / "ssh"
-    program.write_text(f"#!{sys.executable}\n{FAKE.read_text(encoding='utf-8')}", encoding="utf-8")
+    program.write_text(
+        f"#!{sys.executable} -IS\n{FAKE.read_text(encoding='utf-8')}", encoding="utf-8"
+    )
     program.chmod(0o755)
     log.touch()
     monkeypatch.setenv("PATH", str(programs), prepend=os.pathsep)
