@@ -1,11 +1,16 @@
 """A fake daemon that answers all that the live view of litegripctl asks for."""
 
+import contextlib
+import itertools
+import threading
+from collections.abc import Iterator
 from typing import Any
 
 from tests.client.fake_daemon import STATE, FakeDaemon, Handler, Request
 from tests.client.helpers import event
 
 OWNER = {"program": "pick.py", "pid": 77, "uid": 1000, "purpose": "picking\x1b[2J"}
+PERIOD_S = 0.02
 HEALTH = {"verdict": "degraded", "reasons": ["late ticks"]}
 
 
@@ -34,3 +39,35 @@ def live(daemon: FakeDaemon, states: int = 5) -> FakeDaemon:
         daemon.handlers[method] = answering(answer)
     daemon.handlers["state.subscribe"] = subscribe
     return daemon
+
+
+@contextlib.contextmanager
+def streaming(daemon: FakeDaemon) -> Iterator[dict[str, Any]]:
+    """Let a daemon answer all that the view asks for, and send a state until this ends.
+
+    Gives that state, to be changed.
+    """
+    state = dict(STATE)
+    ended = threading.Event()
+    senders: list[threading.Thread] = []
+
+    def subscribe(request: Request) -> None:
+        request.reply({"subscription": 1, "state": STATE})
+        senders.append(threading.Thread(target=send, args=(request,)))
+        senders[-1].start()
+
+    def send(request: Request) -> None:
+        sample = {"subscription": 1, "dropped": 0, "monotonic_s": 1.0, "state": state}
+        with contextlib.suppress(OSError):  # the view has gone
+            for seq in itertools.count():
+                request.notify("state.sample", {**sample, "seq": seq})
+                if ended.wait(PERIOD_S):
+                    return
+
+    live(daemon).handlers["state.subscribe"] = subscribe
+    try:
+        yield state
+    finally:
+        ended.set()
+        for sender in senders:
+            sender.join()

@@ -17,7 +17,7 @@ from litegrip_client.ctl.parser import for_gripper
 from litegrip_client.feeds import Event
 from tests.client.ctl_terminal import Terminal
 from tests.client.fake_daemon import HELLO, STATE, FakeDaemon
-from tests.client.live_daemon import HEALTH, OWNER, live
+from tests.client.live_daemon import HEALTH, OWNER, live, streaming
 
 TAKEN, GIVEN_BACK = "\x1b[?1049h", "\x1b[?1049l"
 LAST_LINE = "holding      35.25 mm   +0.2500 rad   +0.500 N·m   33 °C"
@@ -119,14 +119,16 @@ def test_what_is_normal_is_not_red() -> None:
 
 @pytest.mark.parametrize("key", ["q", "Q"])
 def test_q_ends_the_view_and_other_keys_do_not(daemon: FakeDaemon, key: str) -> None:
-    terminal = Terminal("--socket", live(daemon).path, "watch", start_new_session=False)
-    terminal.expect("besides this one")
-    terminal.type("x\n")
-    terminal.expect("besides this one")
-    terminal.type(key)
-    code, out = terminal.end()
+    with streaming(daemon) as state:
+        terminal = Terminal("--socket", daemon.path, "watch")
+        terminal.expect("besides this one")
+        terminal.type("x\n")
+        state["opening_mm"] = 36.5  # keys are read before it is drawn
+        terminal.expect("36.50 mm")
+        terminal.type(key)
+        code, out = terminal.end()
     assert code == 0
-    assert out.endswith(f"{GIVEN_BACK}{LAST_LINE}\n")
+    assert out.endswith(f"{GIVEN_BACK}{LAST_LINE.replace('35.25', '36.50')}\n")
 
 
 def test_on_a_terminal_it_is_a_view_and_leaves_the_last_line(daemon: FakeDaemon) -> None:

@@ -5,6 +5,7 @@ tests that meet none in that way are not run then.
 """
 
 import contextlib
+import fcntl
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -29,9 +30,18 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.fixture(scope="session")
 def certificates(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("certificates")
-    names = ("user:viewer", "user:former", "gateway:forger", *CERTIFICATES)
-    return make_certificates(folder, HOST, *names)
+    """Make the certificates of a run: whichever worker comes first does, keys take long."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "certificates"
+    folder.mkdir(exist_ok=True)
+    whole = folder / "whole"
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not whole.exists():
+            names = ("user:viewer", "user:former", "gateway:forger", *CERTIFICATES)
+            make_certificates(folder, HOST, *names)
+            whole.touch()
+    return folder
 
 
 @pytest.fixture

@@ -45,6 +45,9 @@ MODULE = ("-m", "litegripd.app.main")
 
 DEADLINE_S = 30.0
 
+TICK_S = 0.005
+"""The daemon's period, unless its configuration has another."""
+
 
 class Client:
     """One connection; requests may be sent without reading their answers."""
@@ -127,6 +130,7 @@ class Client:
             if condition(state):
                 return state
             assert time.monotonic() < ends_s, f"did not happen in time: {state}"
+            self.let_a_tick_pass()
 
     def despite_silence(self, method: str, **params: object) -> dict[str, Any]:
         """Call a method until it succeeds, enabling the motor anew where that is needed.
@@ -153,6 +157,11 @@ class Client:
             if condition(health):
                 return health
             assert time.monotonic() < ends_s, f"did not happen in time: {health}"
+            self.let_a_tick_pass()
+
+    def let_a_tick_pass(self) -> None:
+        """Leave the processor to the daemon: it has nothing new to tell before its next tick."""
+        select.select([self.socket], [], [], TICK_S)
 
     def enabled(self) -> "Client":
         """Wait for the motor, enable it, and return this client."""

@@ -53,6 +53,7 @@ def dumped(client: Client) -> Path:
     while "result" not in (answer := client.call("recorder.dump")):
         assert answer["error"]["data"]["reason"] == "too_many_requests", answer
         assert time.monotonic() < ends_s, answer
+        client.let_a_tick_pass()
     return Path(answer["result"]["path"])
 
 

@@ -1,5 +1,7 @@
 """litegripd-fleet check, litegripctl fleet and doctor: on a fleet that is well, on broken ones."""
 
+import contextlib
+import io
 import json
 import os
 import subprocess
@@ -14,14 +16,8 @@ import pytest
 from litegrip_client.ctl.main import main
 from litegrip_client.doctor import gather
 from litegrip_fleet.check import examine
-from tests.process.daemon_process import (
-    DEADLINE_S,
-    SIMULATED,
-    Client,
-    DaemonProcess,
-    daemon,
-    wait_a_moment,
-)
+from litegrip_fleet.main import main as fleet_main
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, daemon
 from tests.process.fleet.fleet_process import (
     HOST,
     SITE,
@@ -60,13 +56,16 @@ def run(lab: Fleet, *command: str) -> "subprocess.CompletedProcess[str]":
 
 def check(lab: Fleet, config: Path) -> tuple[int, dict[str, list[dict[str, Any]]]]:
     """Return the exit code, and the findings by their names."""
-    done = run(lab, "litegrip_fleet", "--config", str(config), "check", "--json")
-    data = json.loads(done.stdout)
-    assert data["ok"] is (done.returncode == 0), done.stderr
+    shown = io.StringIO()
+    with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(shown):
+        patch.setenv("XDG_RUNTIME_DIR", str(lab.short))
+        code = fleet_main(["--config", str(config), "check", "--json"])
+    data = json.loads(shown.getvalue())
+    assert data["ok"] is (code == 0)
     named: dict[str, list[dict[str, Any]]] = {}
     for row in data["findings"]:
         named.setdefault(row["check"], []).append(row)
-    return done.returncode, named
+    return code, named
 
 
 def problems(named: Mapping[str, list[dict[str, Any]]]) -> dict[str, str]:
@@ -299,11 +298,15 @@ def test_a_router_that_is_frozen(lab: Fleet) -> None:
     assert "no answer within" in problems(named)["network"]
 
 
-def test_a_daemon_that_does_not_run(lab: Fleet, gripper: DaemonProcess) -> None:
-    gripper.end()
-    while "has gone" not in lab.gateway.log:
-        wait_a_moment(lab.gateway.process)
-    code, named = check(lab, lab.gateway.config_path)
+def test_a_daemon_that_does_not_run(tmp_path: Path, certificates: Path) -> None:
+    config = tmp_path / "simulated.toml"
+    config.write_text(SIMULATED, encoding="utf-8")
+    with daemon(tmp_path / "left", f"own-{os.getpid()}", "--config", str(config)) as running:
+        running.connect().close()
+        with fleet(tmp_path / "fleet", certificates, {"left": running.socket_path}) as lab:
+            running.end()
+            lab.gateway.until_says("has gone")
+            code, named = check(lab, lab.gateway.config_path)
     assert (code, set(problems(named))) == (1, {"daemon", "offered"})
     assert "no daemon can be reached" in problems(named)["daemon"]
 
@@ -319,9 +322,7 @@ def test_a_daemon_that_does_not_trust_the_gateways_user(tmp_path: Path, certific
     assert "gateways = [" in named["daemon"][0]["advice"]
 
 
-def test_an_insecure_way_is_seen_by_everybody_who_asks(
-    tmp_path: Path, lab: Fleet, gripper: DaemonProcess
-) -> None:
+def test_an_insecure_way_is_seen_by_everybody_who_asks(tmp_path: Path, lab: Fleet) -> None:
     endpoint = f"tcp/{HOST}:{_free_port()}"
     plain = f"[network]\ninsecure = true\nconnect = {[endpoint]}\n"
     sockets = lab.short / "plain"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.process.daemon_process import DEADLINE_S, Client
+from tests.process.daemon_process import DEADLINE_S, Client, wait_a_moment
 from tests.process.fleet.fleet_process import Fleet, fleet
 from tests.process.restarting import (
     Restartable,
@@ -33,6 +33,7 @@ def again(lab: Fleet) -> Client:
         assert not message or message["error"]["data"]["reason"] == "unreachable", message
         assert time.monotonic() < ends_s, message
         client.close()
+        wait_a_moment(lab.portal.process)
 
 
 def held_through_a_restart(lab: Fleet, daemon: Restartable) -> bool:
