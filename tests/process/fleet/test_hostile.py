@@ -263,11 +263,13 @@ def test_a_flood_of_questions_how_it_is_costs_one_connection(
             ask(session, LEFT.about, b"", None, loop, within_s=DEADLINE_S) for _ in range(300)
         ]
         done, waiting = set[asyncio.Future[list[Answered]]](), set(asking)
-        while len(done) < len(asking) - MOST_ASKED_ABOUT:
-            more, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
-            done |= more
-        assert descriptors() <= before + 1
-        gripper.process.send_signal(signal.SIGCONT)
+        try:
+            while len(done) < len(asking) - MOST_ASKED_ABOUT:
+                more, waiting = await asyncio.wait(waiting, return_when=asyncio.FIRST_COMPLETED)
+                done |= more
+            assert descriptors() <= before + 1
+        finally:
+            gripper.process.send_signal(signal.SIGCONT)
         return [answered for future in asking for answered in await future]
 
     def descriptors() -> int:
