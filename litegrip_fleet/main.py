@@ -13,6 +13,7 @@ import sys
 import time
 from collections.abc import Callable, Coroutine, Iterator, Sequence
 from concurrent import futures
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, NoReturn
@@ -35,8 +36,10 @@ from litegrip_fleet.network import (
     Network,
     NetworkError,
     close,
+    log_routers,
     opened,
     opening,
+    session_in,
 )
 from litegrip_fleet.portal import Portal
 from litegrip_fleet.site import About, Stopped, alive, look, stop_all
@@ -146,12 +149,14 @@ def _gateway(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     certificate = _begun(config)
 
     async def on_network(switch: DeadMansSwitch | None) -> None:
-        session = await asyncio.wrap_future(opening(config.network))
+        connecting = opening(config.network)
+        logging_routers = asyncio.create_task(log_routers(connecting, _where(config)))
+        session = await asyncio.wrap_future(connecting)
         gateways = [
             Gateway(session, place, channel, switch) for place, channel in part.places.items()
         ]
         try:
-            await asyncio.gather(*(gateway.run() for gateway in gateways))
+            await asyncio.gather(logging_routers, *(gateway.run() for gateway in gateways))
         finally:
             close(session)
 
@@ -173,12 +178,8 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
     certificate = _begun(config)
 
     async def serve() -> None:
-        connecting = asyncio.wrap_future(opening(config.network))
-
-        def session() -> zenoh.Session | None:
-            is_there = connecting.done() and not connecting.cancelled()
-            return connecting.result() if is_there and connecting.exception() is None else None
-
+        connecting = opening(config.network)
+        session = partial(session_in, connecting)
         portals = [
             Portal(
                 session,
@@ -194,12 +195,20 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
             for place in part.grippers
         ]
         try:
-            await asyncio.gather(connecting, *(portal.run() for portal in portals))
+            await asyncio.gather(
+                asyncio.wrap_future(connecting),
+                log_routers(connecting, _where(config)),
+                *(portal.run() for portal in portals),
+            )
         finally:
             if (connected := session()) is not None:
                 close(connected)
 
     return asyncio.run(_until_a_signal(serve, certificate))
+
+
+def _where(config: FleetConfig) -> str:
+    return ", ".join(config.network.connect)
 
 
 def _router(config: FleetConfig, _arguments: argparse.Namespace) -> int:
@@ -418,7 +427,7 @@ def _connected(config: FleetConfig, *, otherwise: str = "") -> Iterator[zenoh.Se
     """
     if (closed := _closed_file(config)) is not None:
         raise _FailureError(closed + otherwise, EXIT_NETWORK)
-    where = ", ".join(config.network.connect)
+    where = _where(config)
     try:
         session = opening(config.network).result(CONNECT_WITHIN_S)
     except futures.TimeoutError:

@@ -31,6 +31,7 @@ _WAITING = 1024
 
 QUERY_WITHIN_S = 1.0
 CONNECT_WITHIN_S = 3.0
+LOOK_EVERY_S = 0.5
 """So long a command waits for a router."""
 
 
@@ -119,6 +120,31 @@ def opening(network: Network) -> futures.Future[zenoh.Session]:
 
     threading.Thread(target=connect, name="connect", daemon=True).start()
     return future
+
+
+def session_in(connecting: "futures.Future[zenoh.Session]") -> zenoh.Session | None:
+    """Return the session, None while it is being opened, or if that has failed."""
+    is_there = connecting.done() and connecting.exception() is None
+    return connecting.result() if is_there else None
+
+
+async def log_routers(connecting: "futures.Future[zenoh.Session]", where: str) -> None:
+    """Log whether a router can be reached, and each change of that; until cancelled."""
+    loop = asyncio.get_running_loop()
+    begun_s, was_there = loop.time(), None
+    while True:
+        session = session_in(connecting)
+        is_there = session is not None and bool(session.info.routers_zid())
+        if is_there and not was_there:
+            _log.info("connected to a router (%s)", where)
+            was_there = True
+        elif not is_there and was_there:
+            _log.warning("the connection to the router is lost (%s): trying again", where)
+            was_there = False
+        elif was_there is None and loop.time() - begun_s > CONNECT_WITHIN_S:
+            _log.warning("no router answers at %s: trying again", where)
+            was_there = False
+        await asyncio.sleep(LOOK_EVERY_S)
 
 
 def close(session: zenoh.Session) -> None:

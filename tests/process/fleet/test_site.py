@@ -138,13 +138,19 @@ def test_a_daemon_that_does_not_take_the_stop_is_named(lab: Fleet, right: Daemon
 
 
 def test_without_a_router_the_commands_say_so(lab: Fleet) -> None:
+    for part in (lab.gateway, lab.portal):
+        part.until_says("connected to a router (tls/")
     lab.router.kill()
+    for part in (lab.gateway, lab.portal):
+        part.until_says("the connection to the router is lost (tls/")
     for command in (["list"], ["stop", "lab"]):
         done = run(lab, *command)
         assert done.returncode == 3
         assert "no router answers at tls/" in done.stderr
         assert "litegripd-fleet check" in done.stderr
         assert ("no stop was sent" in done.stderr) is (command[0] == "stop")
+    lab.portal.restart()
+    lab.portal.until_says("no router answers at tls/")
 
 
 @pytest.fixture
