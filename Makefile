@@ -44,11 +44,11 @@ demo: $(RUNS)
 # Where the environment forbids bytecode, each program that a test starts would be compiled again.
 unexport PYTHONDONTWRITEBYTECODE
 
-# Tests in virtual time come first, then real processes, three at a time, since they wait a lot; last
+# Tests in virtual time come first, then real processes, four at a time, since they wait a lot; last
 # what has to be alone.
 PYTEST = $(BIN)/python -m pytest --durations 15
 TESTS = $(PYTEST) --numprocesses auto --dist worksteal --ignore tests/process --ignore tests/io && \
-	$(PYTEST) --numprocesses 3 --dist worksteal -m 'not alone' tests/process tests/io && \
+	$(PYTEST) --numprocesses 4 --dist worksteal -m 'not alone' tests/process tests/io && \
 	$(PYTEST) -m alone tests/process tests/io && \
 	$(THROUGH_PORTAL) --numprocesses 2 $(TELLING)
 

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -239,7 +240,9 @@ class _Table:
         self._known.append(key)
         if key not in self._content:
             if default is _MISSING:
-                raise self.error(key, "is missing")
+                close = get_close_matches(key, self._content, 1)
+                meant = f"; is it meant by {close[0]!r}, which is unknown?" if close else ""
+                raise self.error(key, f"is missing{meant}")
             value: _Value = default
             return value
         found = self._content.pop(key)

@@ -104,7 +104,7 @@ _HINTS = {
 }
 
 
-_OTHERWISE = {"not_calibrated": CHOOSE_MOUNT}
+_OTHERWISE = {"not_calibrated": CHOOSE_MOUNT, "unreachable": "see: litegripctl doctor"}
 """Used if the error has no hint of its own; only that hint can offer a template."""
 
 

@@ -54,6 +54,7 @@ def test_all_three_parts(tmp_path: Path) -> None:
         ("[network]\ninsecure = 1\n", "true or false"),
         (f"{NETWORK}[porter]\n", "unknown"),
         (f"{NETWORK}conect = []\n", "unknown"),
+        (f"{NETWORK}[portal]\nusr = 'op1'\n", "user is missing; is it meant by 'usr', which"),
         (f"{NETWORK}[gateway]\n", "site is missing"),
         (f'{NETWORK}[gateway]\nsite = "a/b"\ngrippers = {{}}\n', "1 to 32 letters"),
         (f'{NETWORK}[gateway]\nsite = "lab"\ngrippers = {{}}\n', "is empty"),
