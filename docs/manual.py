@@ -24,7 +24,7 @@ from litegripd.app import sim_main as simulator
 from litegripd.app.config import KEYS, TABLES
 from litegripd.sim.console import help_text
 
-DATE = "2026-11-21"
+DATE = "2026-11-24"
 """Of the last change of what the pages say; set by hand."""
 
 ENVIRONMENT = (
