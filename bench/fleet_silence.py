@@ -17,7 +17,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, daemon, spawn
+from tests.process.daemon_process import DEADLINE_S, SIMULATED, Client, daemon, line_of, spawn
 from tests.process.fleet.fleet_process import HOST, Fleet, fleet, make_certificates
 from tests.process.fleet.test_dead_man import SUPERVISOR, SWITCH, is_stopped
 
@@ -43,8 +43,8 @@ def stopped_after_s(lab: Fleet, local: Client, case: str, wait_s: float) -> floa
     local.until(is_stopped)
     supervisor = spawn(SUPERVISOR, str(lab.socket_path()))
     try:
-        assert supervisor.stdout is not None
-        assert supervisor.stdout.readline()
+        if not line_of(supervisor):
+            raise RuntimeError(f"the supervisor's program has ended: {lab.portal.log}")
         while is_stopped(local.result("state.get")):
             local.call("stop.clear")
             time.sleep(2 * TTL_S)  # a stop follows where he is not seen as present yet

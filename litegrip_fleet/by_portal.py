@@ -8,6 +8,7 @@ from typing import TypeVar
 from litegrip_client.blocking import connect
 from litegrip_client.discovery import stop_at
 from litegrip_client.errors import LiteGripError
+from litegrip_fleet.config import PortalConfig
 from litegrip_fleet.daemon import how_it_is
 from litegrip_fleet.keys import Place
 from litegrip_fleet.site import About, Stopped
@@ -18,13 +19,13 @@ ANSWER_WITHIN_S = 3.0
 _Found = TypeVar("_Found")
 
 
-def look(directory: str, places: Sequence[Place]) -> list[About]:
-    """Ask how all of these grippers are; one that does not answer has an error."""
+def look(portal: PortalConfig, site: str) -> list[About]:
+    """Ask how all grippers of a site are; one that does not answer has an error."""
 
     def about(place: Place) -> About:
         begun_s = time.monotonic()
         try:
-            with connect(str(place), _path(directory, place), ANSWER_WITHIN_S) as connection:
+            with connect(str(place), portal.socket_path(place), ANSWER_WITHIN_S) as connection:
                 hello = connection.call("hello", {"client": "litegripd-fleet"})
                 after_s = time.monotonic() - begun_s
                 health, state = connection.call("health"), connection.call("state.get")
@@ -33,16 +34,16 @@ def look(directory: str, places: Sequence[Place]) -> list[About]:
             after_s, facts = time.monotonic() - begun_s, {"error": str(error)}
         return About(place, after_s, facts)
 
-    return _of_each(sorted(places), about)
+    return _of_each(sorted(portal.of_site(site)), about)
 
 
-def stop_all(directory: str, places: Sequence[Place], level: str, why: str | None) -> Stopped:
-    """Stop all of these grippers at once."""
-    begun_s = time.monotonic()
+def stop_all(portal: PortalConfig, site: str, level: str, why: str | None) -> Stopped:
+    """Stop all grippers of a site at once."""
+    places, begun_s = portal.of_site(site), time.monotonic()
 
     def stopped(place: Place) -> float | str:
         try:
-            stop_at(_path(directory, place), level, why, ANSWER_WITHIN_S)
+            stop_at(portal.socket_path(place), level, why, ANSWER_WITHIN_S)
         except LiteGripError as error:
             return error.message
         except OSError as error:
@@ -58,7 +59,3 @@ def stop_all(directory: str, places: Sequence[Place], level: str, why: str | Non
 def _of_each(places: Sequence[Place], ask: Callable[[Place], _Found]) -> list[_Found]:
     with ThreadPoolExecutor(max(1, len(places))) as several:
         return list(several.map(ask, places))
-
-
-def _path(directory: str, place: Place) -> str:
-    return f"{directory}/{place}.sock"

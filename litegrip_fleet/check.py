@@ -18,6 +18,7 @@ import subprocess
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent import futures
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal
@@ -29,8 +30,9 @@ from litegrip_client.discovery import UNIT_DIRECTORIES, socket_paths
 from litegrip_client.doctor.findings import Finding, error, warning
 from litegrip_client.errors import LiteGripError
 from litegrip_fleet import findings
+from litegrip_fleet.by_portal import ANSWER_WITHIN_S
 from litegrip_fleet.certificates import Certificate, CertificateError, authorities, met, own
-from litegrip_fleet.config import FleetConfig, FleetConfigError, load
+from litegrip_fleet.config import FleetConfig, FleetConfigError, PortalConfig, load
 from litegrip_fleet.findings import (
     DaemonFacts,
     EndpointFacts,
@@ -46,7 +48,6 @@ from litegrip_fleet.network import CONNECT_WITHIN_S, NetworkError, Tls, close, o
 from litegrip_fleet.site import look
 
 ENDPOINT_WITHIN_S = 3.0
-ANSWER_WITHIN_S = 3.0
 _STATES = 8
 _SEEN_WITHIN_S = 1.0
 _SYSTEMCTL_WITHIN_S = 5.0
@@ -328,8 +329,7 @@ def _grippers(config: FleetConfig, session: zenoh.Session | None) -> Found:
         return
     about = {} if session is None else asyncio.run(_about(session, config.portal.grippers))
     with futures.ThreadPoolExecutor() as several:
-        directory = config.portal.directory
-        measured = several.map(lambda place: _measured(directory, place), config.portal.grippers)
+        measured = several.map(partial(_measured, config.portal), config.portal.grippers)
         for place, socket_facts in zip(config.portal.grippers, measured, strict=True):
             if session is not None:
                 yield "gripper", findings.of_remote(place, about.get(place))
@@ -361,9 +361,9 @@ async def _about(
             return found
 
 
-def _measured(directory: str, place: Place) -> Measured | Unmeasured:
+def _measured(portal: PortalConfig, place: Place) -> Measured | Unmeasured:
     """Ask a gripper some times, by the portal's socket, as every program here does."""
-    path = f"{directory}/{place}.sock"
+    path = portal.socket_path(place)
     try:
         with connect(str(place), path, ANSWER_WITHIN_S) as connection:
             hello = connection.call("hello", {"client": "litegripd-fleet check"})

@@ -64,6 +64,10 @@ class PortalConfig:
         """Return the grippers of a site; "*" is every one."""
         return [place for place in self.grippers if site in ("*", place.site)]
 
+    def socket_path(self, place: Place) -> str:
+        """Return the socket for a gripper's requests."""
+        return f"{self.directory}/{place}.sock"
+
 
 @dataclass(frozen=True, slots=True)
 class RouterConfig:

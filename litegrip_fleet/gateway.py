@@ -78,7 +78,6 @@ class Gateway:
         key = self.place.key
         rpc = self._session.declare_queryable(f"{key}/rpc/**", all_in_order())
         hand_over(rpc, asked, f"rpc {self.place}")
-        await asyncio.to_thread(self._warn_of_another)
         hellos = self._session.declare_queryable(self.place.about, all_in_order())
         hand_over(hellos, asked_about, f"hello {self.place}")
         # A flood of them does not hold up other grippers' stops: one that gives way is asked again.
@@ -87,6 +86,7 @@ class Gateway:
         hand_over(stops, lambda query: self._stop(query, loop), f"stop {self.place}")
         look = asyncio.create_task(self._look())
         try:
+            await asyncio.to_thread(self._warn_of_another)
             while True:
                 await self._watch()
                 await asyncio.sleep(RETRY_EVERY_S)

@@ -184,7 +184,7 @@ def _portal(config: FleetConfig, _arguments: argparse.Namespace) -> int:
             Portal(
                 session,
                 place,
-                Path(part.directory) / f"{place}.sock",
+                Path(part.socket_path(place)),
                 user=part.user,
                 role=part.role,
                 ttl_s=part.ttl_s,
@@ -309,7 +309,7 @@ def _acl(config: FleetConfig, arguments: argparse.Namespace) -> int:
 def _list(config: FleetConfig, arguments: argparse.Namespace) -> int:
     site = _site(arguments.site)
     if (portal := _only_by_portal(config)) is not None:
-        found = by_portal.look(portal.directory, portal.of_site(site))
+        found = by_portal.look(portal, site)
     else:
         with _connected(config) as session:
             found = asyncio.run(look(session, site))
@@ -347,10 +347,8 @@ def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
     if part is None:
         raise FleetConfigError(f"{config.source}: a stop needs the [portal], whose user it is of")
     if _only_by_portal(config) is not None:
-        level, why = arguments.level, arguments.why
-        return _report(
-            by_portal.stop_all(part.directory, part.of_site(site), level, why), arguments
-        )
+        stopped = by_portal.stop_all(part, site, arguments.level, arguments.why)
+        return _report(stopped, arguments)
     params = {"level": arguments.level} | ({"why": arguments.why} if arguments.why else {})
     request = {"jsonrpc": "2.0", "id": 1, "method": "stop", "params": params}
     line = json.dumps(request).encode() + b"\n"
@@ -404,15 +402,18 @@ def _print_lines(stopped: Stopped) -> None:
 
 
 def _only_by_portal(config: FleetConfig) -> PortalConfig | None:
-    """Return the portal, and say so, where this user cannot read the key; None where he can."""
+    """Return the portal, and say so, where this user cannot read the key; None where he can.
+
+    Raises `_FailureError` where he cannot, and there is no portal.
+    """
     closed = _closed_file(config)
-    if closed is not None and config.portal is not None:
-        print(
-            f"litegripd-fleet: {closed}: by the portal's sockets, only its own grippers",
-            file=sys.stderr,
-        )
-        return config.portal
-    return None
+    if closed is None:
+        return None
+    if config.portal is None:
+        raise _FailureError(closed, EXIT_NETWORK)
+    text = f"litegripd-fleet: {closed}: by the portal's sockets, only its own grippers"
+    print(text, file=sys.stderr)
+    return config.portal
 
 
 def _site(text: str) -> str:
@@ -425,12 +426,10 @@ def _connected(config: FleetConfig, *, otherwise: str = "") -> Iterator[zenoh.Se
 
     `otherwise` is said then, too.
     """
-    if (closed := _closed_file(config)) is not None:
-        raise _FailureError(closed + otherwise, EXIT_NETWORK)
-    where = _where(config)
     try:
         session = opening(config.network).result(CONNECT_WITHIN_S)
     except futures.TimeoutError:
+        where = _where(config)
         text = f"no router answers at {where} within {CONNECT_WITHIN_S:g} s; {_LOOK}{otherwise}"
         raise _FailureError(text, EXIT_NETWORK) from None
     except NetworkError as error:

@@ -31,8 +31,9 @@ _WAITING = 1024
 
 QUERY_WITHIN_S = 1.0
 CONNECT_WITHIN_S = 3.0
-LOOK_EVERY_S = 0.5
 """So long a command waits for a router."""
+
+LOOK_EVERY_S = 0.5
 
 
 class NetworkError(Exception):

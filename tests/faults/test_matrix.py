@@ -12,7 +12,7 @@ from tests.world import PERIOD_S
 STALE = "stale? see: python -m tests.faults.matrix"
 
 
-def told(fault: Fault, situation: Situation) -> str:
+def documented(fault: Fault, situation: Situation) -> str:
     """Return the row that the page has for a cell, or nothing."""
     sections = PAGE.read_text(encoding="utf-8").split("\n### ")
     section = next((text for text in sections if text.startswith(f"{title(fault)}\n")), "")
@@ -23,12 +23,12 @@ def told(fault: Fault, situation: Situation) -> str:
 @pytest.mark.parametrize("situation", SITUATIONS, ids=lambda situation: situation.name)
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_a_fault_ends_safely_and_as_the_page_says(fault: Fault, situation: Situation) -> None:
-    assert run_row(fault, situation) == told(fault, situation), STALE
+    assert run_row(fault, situation) == documented(fault, situation), STALE
 
 
 def test_the_page_has_each_run_and_nothing_else() -> None:
     """Of these rows and no more; each is compared with a run of its own above."""
-    assert PAGE.read_text(encoding="utf-8") == page(told), STALE
+    assert PAGE.read_text(encoding="utf-8") == page(documented), STALE
 
 
 def test_no_two_faults_have_one_name() -> None:

@@ -370,7 +370,7 @@ def test_a_cut_of_a_bad_network_is_as_any_cut(bad: Lab, watch: Watch, name: str)
     with ready(bad) as client:
         moving(client, watch)
         bad.machines.fault("op1", BAD[name])
-        # If it still passes, it goes on; its end, too, is away from a stop that pushes.
+        # If it still passes, it continues; its end, too, is away from a stop that pushes.
         client.send("motion.move", opening_mm=30, if_busy="replace", speed_mm_s=20, wait=False)
         cut_s = bad.machines.fault("op1", CUT)
         lost = watch.event("lease_lost")

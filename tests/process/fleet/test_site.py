@@ -185,6 +185,15 @@ def test_who_cannot_read_the_key_sees_the_portals_grippers(
     assert run(lab, "list", "elsewhere", config=keyless).stdout == "no gripper was found\n"
 
 
+def test_without_a_portal_a_key_that_cannot_be_read_ends_it(lab: Fleet, tmp_path: Path) -> None:
+    config = tmp_path / "gateway.toml"
+    text = lab.gateway.config_path.read_text(encoding="utf-8")
+    config.write_text(text.replace("own.key", "none.key"), encoding="utf-8")
+    done = run(lab, "list", config=config)
+    assert (done.returncode, done.stdout) == (3, "")
+    assert CLOSED in done.stderr
+
+
 def test_who_cannot_read_the_key_stops_the_portals_grippers(
     lab: Fleet, keyless: Path, gripper: DaemonProcess, right: DaemonProcess
 ) -> None:
