@@ -223,7 +223,6 @@ def _without_name() -> socket.socket:
 
 
 def _claim_name(interface: str, channel: str) -> str:
-    """Return the abstract name of a channel; different paths to one device give the same."""
     name = f"\0litegripd/{_claim_text(interface, channel)}"
     if len(name.encode()) <= _MAX_NAME_BYTES:
         return name
@@ -231,8 +230,12 @@ def _claim_name(interface: str, channel: str) -> str:
 
 
 def _claim_text(interface: str, channel: str) -> str:
-    where = os.path.realpath(channel) if channel.startswith("/") else channel
-    return f"{interface}/{where}"
+    """Return what a claim is of: the channel by the name that the configuration gives it.
+
+    The device behind a path is locked by the pump that has it open: /dev/ttyACM0 is another adapter
+    once two are plugged in again in another order.
+    """
+    return f"{interface}/{channel}"
 
 
 def listen(path: Path, group: str | None) -> socket.socket:

@@ -169,14 +169,20 @@ def test_a_closed_claim_frees_the_channel(tmp_path: Path) -> None:
         ChannelClaim("virtual", name(tmp_path)).close()
 
 
-def test_two_paths_to_one_device_are_one_channel(tmp_path: Path) -> None:
-    device, link = tmp_path / "ttyACM0", tmp_path / "by-id"
+def test_adapters_that_have_changed_their_device_files_keep_nobody_from_his_own(
+    tmp_path: Path,
+) -> None:
+    """Two are unplugged, and plugged in again in another order; then one daemon starts again."""
+    device, left, right = tmp_path / "ttyACM0", tmp_path / "left-id", tmp_path / "right-id"
     device.touch()
-    link.symlink_to(device)
-    claim = ChannelClaim("slcan", str(device))
+    left.symlink_to(device)
+    claim = ChannelClaim("slcan", str(left))
     try:
+        left.unlink()
+        right.symlink_to(device)
+        ChannelClaim("slcan", str(right)).close()
         with pytest.raises(InUseError, match=f"pid {os.getpid()}"):
-            ChannelClaim("slcan", str(link))
+            ChannelClaim("slcan", str(left))
     finally:
         claim.close()
 

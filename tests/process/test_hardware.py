@@ -33,10 +33,7 @@ def test_a_channel_that_does_not_exist_is_told_and_refused(tmp_path: Path) -> No
 
 def test_a_bus_that_is_down_from_the_start_is_in_the_log_once(tmp_path: Path) -> None:
     """By a device that is no serial port, which is "down" whatever the kernel has of CAN."""
-    config = tmp_path / "slcan.toml"
-    config.write_text(SLCAN.format(channel="/dev/null"), encoding="utf-8")
-    arguments = (f"down{os.getpid()}", "--config", str(config))
-    with daemon(tmp_path, *arguments) as running, running.connect() as client:
+    with slcan_daemon(tmp_path, "/dev/null") as running, running.connect() as client:
         pid, seen = client.result("hello")["pid"], set[int]()
 
         def is_tried_again(_health: dict[str, Any]) -> bool:
@@ -99,12 +96,19 @@ def adapter() -> Iterator[SimulatorProcess]:
         yield process
 
 
+def slcan_daemon(
+    folder: Path, channel: Path | str
+) -> contextlib.AbstractContextManager[DaemonProcess]:
+    """Return a daemon with an SLCAN adapter, to be run."""
+    folder.mkdir(exist_ok=True)
+    config = folder / "slcan.toml"
+    config.write_text(SLCAN.format(channel=channel), encoding="utf-8")
+    return daemon(folder, f"{folder.name}{os.getpid()}", "--config", str(config))
+
+
 @pytest.fixture
 def client(tmp_path: Path, adapter: SimulatorProcess) -> Iterator[Client]:
-    config = tmp_path / "slcan.toml"
-    config.write_text(SLCAN.format(channel=adapter.first_line), encoding="utf-8")
-    arguments = (f"sl{os.getpid()}", "--config", str(config))
-    with daemon(tmp_path, *arguments) as running, running.connect() as connected:
+    with slcan_daemon(tmp_path, adapter.first_line) as running, running.connect() as connected:
         yield connected
 
 
@@ -181,14 +185,30 @@ def test_a_killed_pump_is_a_bus_that_is_down_and_up_again(client: Client) -> Non
     assert client.result("health")["control"]["tick_errors"] == 0
 
 
+def test_a_second_path_to_an_adapter_is_no_second_owner(
+    adapter: SimulatorProcess, tmp_path: Path
+) -> None:
+    """Who comes second leaves the adapter alone, says why, and opens it once it is free."""
+    link = tmp_path / "link"
+    link.symlink_to(adapter.first_line)
+    with contextlib.ExitStack() as stack:
+        with slcan_daemon(tmp_path / "first", adapter.first_line) as one, one.connect() as first:
+            first.enabled()
+            two = stack.enter_context(slcan_daemon(tmp_path / "second", link))
+            second = stack.enter_context(two.connect())
+            busy = f"{link} is busy: another daemon has it"
+            health = second.until_health(lambda health: busy in str(health["bus"]["error"]))
+            assert health["bus"]["state"] == "down"
+            assert second.refusal("motor.enable") in ("bus_down", "motor_silent")
+            assert first.despite_silence("motion.open", speed_mm_s=100)["ok"]
+        second.until(lambda state: bool(state["bus"] == "up"))
+
+
 def test_an_adapter_that_is_unplugged_while_holding_and_plugged_in_again(tmp_path: Path) -> None:
     link = tmp_path / "adapter"
-    config = tmp_path / "slcan.toml"
-    config.write_text(SLCAN.format(channel=link), encoding="utf-8")
-    arguments = (f"unplug{os.getpid()}", "--config", str(config))
     with (
         simulator("--pty", "--link", str(link)) as adapter,
-        daemon(tmp_path, *arguments) as running,
+        slcan_daemon(tmp_path, link) as running,
         running.connect() as client,
     ):
         client.enabled().despite_silence("motion.close", speed_mm_s=100)

@@ -4,6 +4,8 @@ Three threads, for each of which waiting is allowed: one reads the adapter, one 
 the first reads the daemon's socket and ends the process, blocked threads and all, with it.
 """
 
+import errno
+import fcntl
 import json
 import os
 import socket
@@ -89,6 +91,26 @@ def _send(bus: can.BusABC, peer: socket.socket, frame: CanFrame) -> bool:
     return True
 
 
+def _lock_device(channel: str) -> None:
+    """Lock the adapter's device until this process ends; raises `OSError` if another has it.
+
+    So no two daemons command one motor, whatever paths lead to its adapter. This comes before
+    python-can opens the device, which already resets it.
+    """
+    if not channel.startswith("/"):
+        return
+    device = channel.partition("@")[0]  # python-can takes a baud rate after it
+    try:
+        descriptor = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return  # python-can will fail as well, and says why in the words of its driver
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        text = f"{device} is busy: another daemon has it, and one motor has one owner"
+        raise OSError(errno.EBUSY, text) from None
+
+
 def main() -> None:
     """Open the adapter given as JSON in the first argument and pump until the daemon is gone."""
     interface, channel, bitrate, options = json.loads(sys.argv[1])
@@ -97,6 +119,7 @@ def main() -> None:
     use_all_cpus()
     peer = inherited_socket()
     try:
+        _lock_device(channel)
         bus = open_bus(BusSettings(interface, channel, bitrate, options))
     except Exception as error:  # noqa: BLE001 - an interface may raise anything; it is reported to the daemon
         _fail(peer, error, "cannot be opened")
