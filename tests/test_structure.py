@@ -22,8 +22,8 @@ MOST_FILES = {
 }
 """What a reader opens to follow each walk; of the tick's, four are the simulator's."""
 
-MOST_MODULES = 151
-"""Of the daemon and its client: 149, and two of the client for a fleet. The page and the fleet are
+MOST_MODULES = 150
+"""Of the daemon and its client, with what the client has for a fleet. The page and the fleet are
 programs of their own."""
 
 

@@ -19,7 +19,13 @@ NO_METRICS = {"control.cpus", "helper.pid", "spawner.pid", "bus.error", "teleop.
 
 
 def litegripctl(running: DaemonProcess, *arguments: str) -> tuple[int, str]:
-    command = [sys.executable, "-m", "litegrip_client.ctl", "--socket", str(running.socket_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "litegrip_client.ctl.main",
+        "--socket",
+        str(running.socket_path),
+    ]
     done = subprocess.run(
         [*command, *arguments], capture_output=True, text=True, timeout=DEADLINE_S, check=False
     )

@@ -16,7 +16,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 
 
 def ctl(*arguments: str) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, "-m", "litegrip_client.ctl", *arguments]
+    command = [sys.executable, "-m", "litegrip_client.ctl.main", *arguments]
     return subprocess.run(
         command, check=False, capture_output=True, text=True, timeout=2 * DEADLINE_S
     )

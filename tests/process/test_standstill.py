@@ -40,7 +40,13 @@ def stand_still(running: DaemonProcess) -> None:
 
 
 def ctl(running: DaemonProcess, *arguments: str) -> Any:
-    command = [sys.executable, "-m", "litegrip_client.ctl", "--socket", str(running.socket_path)]
+    command = [
+        sys.executable,
+        "-m",
+        "litegrip_client.ctl.main",
+        "--socket",
+        str(running.socket_path),
+    ]
     done = subprocess.run(
         [*command, "--json", *arguments], capture_output=True, timeout=DEADLINE_S, check=False
     )

@@ -285,7 +285,9 @@ def test_the_command_line_reports_a_stop_that_is_not_confirmed_in_the_portals_wo
     bad: Lab,
 ) -> None:
     bad.machines.fault("op1", CUT)
-    done = bad.run("op1", sys.executable, "-m", "litegrip_client.ctl", "-c", "lab.left", "stop")
+    done = bad.run(
+        "op1", sys.executable, "-m", "litegrip_client.ctl.main", "-c", "lab.left", "stop"
+    )
     assert done.returncode != 0
     assert "lab.left is not confirmed within 2 s" in done.stderr
     assert "use the switch that cuts the power" in done.stderr

@@ -201,17 +201,21 @@ def test_a_router_that_has_an_older_certificate_is_to_be_restarted(
 
 def test_litegripctl_lists_and_stops_a_site(well: Fleet) -> None:
     config = ["--config", str(well.portal.config_path)]
-    listed = run(well, "litegrip_client.ctl", "fleet", *config)
+    listed = run(well, "litegrip_client.ctl.main", "fleet", *config)
     assert listed.returncode == 0, listed.stderr
     assert listed.stdout.splitlines()[1].startswith("lab.left")
-    rows = json.loads(run(well, "litegrip_client.ctl", "fleet", SITE, "--json", *config).stdout)
+    rows = json.loads(
+        run(well, "litegrip_client.ctl.main", "fleet", SITE, "--json", *config).stdout
+    )
     assert [row["gripper"] for row in rows] == ["lab.left"]
-    stopped = run(well, "litegrip_client.ctl", "fleet", "stop", SITE, "--why", "lunch", *config)
+    stopped = run(
+        well, "litegrip_client.ctl.main", "fleet", "stop", SITE, "--why", "lunch", *config
+    )
     assert stopped.returncode == 0, stopped.stderr
     assert stopped.stdout.startswith("lab.left: stopped")
     with Client(well.socket_path()) as client:
         assert client.result("state.get")["stop"]["why"] == "lunch"
-    again = run(well, "litegrip_client.ctl", "fleet", "stop", SITE, "--json", *config)
+    again = run(well, "litegrip_client.ctl.main", "fleet", "stop", SITE, "--json", *config)
     assert json.loads(again.stdout)["confirmed"].keys() == {"lab.left"}
 
 
@@ -358,7 +362,7 @@ def _insecurity_is_seen(lab: Fleet, path: Path) -> None:
             "insecure": True,
             "certificate_expires_s": None,
         }
-    ctl = ("litegrip_client.ctl", "--socket", str(path))
+    ctl = ("litegrip_client.ctl.main", "--socket", str(path))
     assert "litegripd_portal_insecure{" in run(lab, *ctl, "metrics").stdout
     assert "remote.insecure" in run(lab, *ctl, "health").stdout
     assert "WARNING  protection    insecure = true" in run(lab, *ctl, "doctor").stdout

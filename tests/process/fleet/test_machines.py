@@ -63,7 +63,15 @@ def test_a_program_finds_a_gripper_by_its_name_and_moves_it(two: Lab, operator: 
 
 @pytest.mark.parametrize("operator", OPERATORS)
 def test_the_command_line_finds_a_gripper_by_its_name(two: Lab, operator: str) -> None:
-    command = (sys.executable, "-m", "litegrip_client.ctl", "-c", "lab.left", "state", "--json")
+    command = (
+        sys.executable,
+        "-m",
+        "litegrip_client.ctl.main",
+        "-c",
+        "lab.left",
+        "state",
+        "--json",
+    )
     done = two.run(operator, *command)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["mode"] == "disabled"
