@@ -23,9 +23,8 @@ AS_USER = """
 import contextlib, importlib, json, logging, os, pkgutil, socket, sys
 import litegrip_client
 for module in pkgutil.walk_packages(litegrip_client.__path__, "litegrip_client."):
-    if not module.name.endswith("__main__"):
-        with contextlib.suppress(ImportError):  # what draws needs libraries
-            importlib.import_module(module.name)  # another user may not read them
+    with contextlib.suppress(ImportError):  # what draws needs libraries
+        importlib.import_module(module.name)  # another user may not read them
 from litegrip_client import LiteGrip, LeaseError
 from litegrip_client.ctl.main import main
 uid, code, path, channel = int(sys.argv[1]), *sys.argv[2:5]
