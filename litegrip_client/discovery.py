@@ -221,7 +221,9 @@ def _why(path: str, error: OSError) -> str:
     return known.get(error.errno or 0, error.strerror or str(error))
 
 
-_LEVELS = ("hold", "relax", "disable")
+STOP_LEVELS = ("hold", "relax", "disable")
+WHY_CHARACTERS = 80
+"""So many of a stop's reason are shown by the daemon."""
 _MAX_ANSWER_BYTES = 65_536
 _MAX_REQUEST_BYTES = 1024
 
@@ -237,7 +239,7 @@ def stop_path(path: str) -> str:
 def is_taken_as_meant(params: Mapping[str, Any]) -> bool:
     """Return True if the stop socket understands these parameters; it takes others for a hold."""
     why = params.get("why")
-    if params.get("level") not in _LEVELS or not (why is None or isinstance(why, str)):
+    if params.get("level") not in STOP_LEVELS or not (why is None or isinstance(why, str)):
         return False
     return len(request_line(1, "stop", params)) <= _MAX_REQUEST_BYTES
 

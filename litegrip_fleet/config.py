@@ -7,7 +7,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any, TypeVar
 
-from litegrip_client.discovery import PORTAL_DIRECTORY, check_channel
+from litegrip_client.discovery import PORTAL_DIRECTORY, STOP_LEVELS, check_channel
 from litegrip_client.errors import ParameterError
 from litegrip_fleet.access import ROLES
 from litegrip_fleet.far_session import DEFAULT_TTL_S
@@ -20,7 +20,6 @@ if sys.version_info >= (3, 11):
 else:
     import tomli as tomllib
 
-STOP_LEVELS = ("hold", "relax", "disable")
 MOST_WATCHED = 8
 
 FILE = "/etc/litegripd/fleet.toml"

@@ -14,7 +14,7 @@ from typing import Any
 
 import zenoh
 
-from litegrip_client.discovery import stop_path
+from litegrip_client.discovery import STOP_LEVELS, WHY_CHARACTERS, stop_path
 from litegrip_client.errors import LiteGripError
 from litegrip_fleet.answers import UNREACHABLE, error_line, error_object
 from litegrip_fleet.daemon import STOP_WITHIN_S, asked_of, connected, how_it_is, unreachable
@@ -37,6 +37,9 @@ MOST_UNREAD_BYTES = 1024 * 1024
 
 MOST_ASKED_ABOUT = 64
 """How many may wait for what a gripper says about itself."""
+
+_ID_CHARACTERS = 64
+"""Of a stop; one with a longer id is answered without it."""
 
 _ALIVE = b'{"jsonrpc":"2.0","id":"gateway","method":"state.get"}\n'
 _ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
@@ -311,7 +314,7 @@ class Gateway:
             if user is None:
                 return
             line = b"" if payload is None else payload.to_bytes()
-            answer = self._stopped(_in_the_name_of(f"{user}@{self.place.site}", line))
+            answer = self._stopped(in_the_name_of(f"{user}@{self.place.site}", line))
             loop.call_soon_threadsafe(self._note, answer)
             _log.warning("%s: stopped by %s", self.place, user)
             # By our own key: a stop of a whole site was asked by one with a wildcard.
@@ -453,13 +456,37 @@ async def _voided(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) ->
     return frozenset(row["name"] for row in document["methods"] if row.get("x-stop-voids"))
 
 
-def _in_the_name_of(user: str, line: bytes) -> bytes:
-    """Return a stop that says for whom; one that is unusually written goes as it is."""
+def in_the_name_of(user: str, line: bytes) -> bytes:
+    """Return the stop that a line asks for, in any form, as one that says for whom.
+
+    It is written new: a daemon reads 1024 bytes of a stop, and takes one that is longer for a hold
+    by the gateway's own user; and only the gateway says for whom.
+    """
+    text = line.decode(errors="replace").strip()
+    identity, level, why = _asked_stop(text)
+    params = {"level": level, "on_behalf": user}
+    if isinstance(why, str):
+        params["why"] = why.strip()[:WHY_CHARACTERS]
+    request: dict[str, Any] = {"jsonrpc": "2.0", "method": "stop", "params": params}
+    if isinstance(identity, int | str) and len(str(identity)) <= _ID_CHARACTERS:
+        request["id"] = identity
+    return json.dumps(request, ensure_ascii=False).encode(errors="replace") + b"\n"
+
+
+def _asked_stop(text: str) -> tuple[object, str, object]:
+    """Return id, level and reason, as lenient as the daemon: what else it says is a hold."""
+    if text.lower() in STOP_LEVELS:
+        return None, text.lower(), None
     try:
-        request = json.loads(line)
+        value = json.loads(text)
     except (ValueError, RecursionError):
-        request = None
-    if not isinstance(request, dict) or not isinstance(request.get("params", {}), dict):
-        return line.rstrip(b"\n") + b"\n"
-    params = {**request.get("params", {}), "on_behalf": user}
-    return json.dumps({**request, "params": params}).encode() + b"\n"
+        value = None
+    identity = value.get("id") if isinstance(value, dict) else None
+    for one in value if isinstance(value, list) else [value]:
+        if isinstance(one, dict) and one.get("method") == "stop":
+            params = one.get("params")
+            named = params if isinstance(params, dict) else {}
+            levels = params if isinstance(params, list) else [named.get("level")]
+            level = next((level for level in levels if level in STOP_LEVELS), "hold")
+            return identity, level, named.get("why")
+    return identity, "hold", text

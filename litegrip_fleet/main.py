@@ -21,7 +21,9 @@ from typing import Any, NoReturn
 import zenoh
 
 from litegrip_client.ctl.commands.machine import findings_text
+from litegrip_client.discovery import STOP_LEVELS, WHY_CHARACTERS
 from litegrip_client.doctor.findings import as_data
+from litegrip_client.exchange import request_line
 from litegrip_fleet import by_portal
 from litegrip_fleet.access import rules
 from litegrip_fleet.acl_check import UnreadableError, access_control_in, wider
@@ -133,9 +135,13 @@ def make_parser() -> argparse.ArgumentParser:
     listing.add_argument("--json", action="store_true", help="print one JSON array")
     stop = commands.add_parser("stop", help="stop all grippers of a site")
     stop.add_argument("site", metavar="SITE")
-    stop.add_argument("--level", choices=("hold", "relax", "disable"), default="hold")
+    stop.add_argument("--level", choices=STOP_LEVELS, default="hold")
     stop.add_argument("--json", action="store_true", help="print one JSON object")
-    stop.add_argument("--why", help="for the log and for those who find the grippers stopped")
+    stop.add_argument(
+        "--why",
+        help="for the log and for those who find the grippers stopped:"
+        f" {WHY_CHARACTERS} characters of it",
+    )
     return parser
 
 
@@ -343,15 +349,14 @@ def _print_table(found: Sequence[About]) -> None:
 
 
 def _stop(config: FleetConfig, arguments: argparse.Namespace) -> int:
-    site, part = _site(arguments.site), config.portal
+    site, part, why = _site(arguments.site), config.portal, (arguments.why or "")[:WHY_CHARACTERS]
     if part is None:
         raise FleetConfigError(f"{config.source}: a stop needs the [portal], whose user it is of")
     if _only_by_portal(config) is not None:
-        stopped = by_portal.stop_all(part, site, arguments.level, arguments.why)
+        stopped = by_portal.stop_all(part, site, arguments.level, why or None)
         return _report(stopped, arguments)
-    params = {"level": arguments.level} | ({"why": arguments.why} if arguments.why else {})
-    request = {"jsonrpc": "2.0", "id": 1, "method": "stop", "params": params}
-    line = json.dumps(request).encode() + b"\n"
+    params = {"level": arguments.level} | ({"why": why} if why else {})
+    line = request_line(1, "stop", params)
     with _connected(config, otherwise=_NOT_SENT) as session:
 
         async def stop() -> Stopped:

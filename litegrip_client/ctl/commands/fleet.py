@@ -12,7 +12,7 @@ import sys
 
 from litegrip_client.ctl.parser import LateParser
 from litegrip_client.ctl.run import WRONG_USAGE, Commands, Run, installing
-from litegrip_client.discovery import FLEET_PROGRAM, program_of
+from litegrip_client.discovery import FLEET_PROGRAM, STOP_LEVELS, program_of
 from litegrip_client.errors import CommandError, ConnectError, ProtocolError
 
 STOP = "stop"
@@ -37,9 +37,7 @@ def fleet_options(parser: LateParser) -> None:
     parser.description, parser.epilog = _FLEET, _FLEET_EXAMPLES
     parser.add_argument("what", nargs="?", metavar="SITE|stop", help="default: all sites")
     parser.add_argument("site", nargs="?", metavar="SITE", help="the site to stop; '*' for all")
-    parser.add_argument(
-        "--level", choices=("hold", "relax", "disable"), help="of a stop (default: hold)"
-    )
+    parser.add_argument("--level", choices=STOP_LEVELS, help="of a stop (default: hold)")
     parser.add_argument("--why", help="of a stop, for the log and for those who find it stopped")
     parser.add_argument("--config", metavar="FILE", help="another configuration of the fleet")
 

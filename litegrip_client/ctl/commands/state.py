@@ -21,7 +21,7 @@ from litegrip_client.ctl.run import (
     installing,
     may_ask,
 )
-from litegrip_client.discovery import is_taken_as_meant, socket_paths, stop_at
+from litegrip_client.discovery import STOP_LEVELS, is_taken_as_meant, socket_paths, stop_at
 from litegrip_client.errors import CommandError
 from litegrip_client.voices import in_shell
 
@@ -162,7 +162,7 @@ def stop_options(parser: LateParser) -> None:
     """Add the arguments of `stop`."""
     parser.add_argument(
         "--level",
-        choices=("hold", "relax", "disable"),
+        choices=STOP_LEVELS,
         default="hold",
         help="hold the position (default), let go, or disable the motor",
     )

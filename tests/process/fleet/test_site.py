@@ -101,7 +101,8 @@ def test_when_a_daemon_is_gone_its_remote_clients_are_let_go(
 def test_a_site_is_stopped_at_once(
     lab: Fleet, gripper: DaemonProcess, right: DaemonProcess
 ) -> None:
-    done = run(lab, "stop", "lab", "--why", "a hand")
+    why = "手が挟まった" * 40
+    done = run(lab, "stop", "lab", "--level", "disable", "--why", why)
     assert done.returncode == 0, done.stdout + done.stderr
     assert [line.split(" (")[0] for line in done.stdout.splitlines()] == [
         "lab.left: stopped",
@@ -110,7 +111,8 @@ def test_a_site_is_stopped_at_once(
     for running in (gripper, right):
         with running.connect() as client:
             stop = client.result("state.get")["stop"]
-            assert (stop["by"], stop["why"]) == ("op1@lab via gateway", "a hand")
+            assert (stop["by"], stop["why"]) == ("op1@lab via gateway", why[:80])
+            assert stop["level"] == "disable"
 
 
 def test_who_is_silent_is_named_and_the_stop_fails(
