@@ -22,6 +22,7 @@ from litegrip_client.errors import (
     TrajectoryNotActiveError,
     TrajectoryRecordingError,
 )
+from litegrip_client.protocol.trajectory import MAX_SAMPLES
 from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
@@ -226,6 +227,12 @@ class Recording:
         self._samples = round(number("duration_s", duration_s) * self._rate_hz)
         if self._samples < 1:
             text = f"{duration_s!r} s at {rate_hz!r} Hz make no sample: record for longer"
+            raise ParameterError(text, reason="invalid_params", data={"parameter": "duration_s"})
+        if self._samples > MAX_SAMPLES:
+            text = (
+                f"{duration_s!r} s at {rate_hz!r} Hz make {self._samples} samples, at most"
+                f" {MAX_SAMPLES} are kept: record for at most {MAX_SAMPLES / self._rate_hz:g} s"
+            )
             raise ParameterError(text, reason="invalid_params", data={"parameter": "duration_s"})
         self._start = {
             "rate_hz": self._rate_hz,

@@ -53,6 +53,17 @@ def test_a_time_without_a_sample_is_refused_before_anything_is_slack(
     assert there.asked("record_start") == []
 
 
+@pytest.mark.parametrize(("duration_s", "rate_hz"), [(3601.0, 100.0), (1800.1, 200.0), (1e9, 10.0)])
+def test_a_time_with_too_many_samples_is_refused_in_seconds(
+    there: FakeTrajectories, gripper: LiteGrip, duration_s: float, rate_hz: float
+) -> None:
+    longest_s = f"record for at most {360_000 / rate_hz:g} s"
+    with pytest.raises(CommandError, match=longest_s) as caught:
+        gripper.record(duration_s, rate_hz)
+    assert caught.value.data["parameter"] == "duration_s"
+    assert there.asked("record_start") == []
+
+
 @pytest.mark.parametrize(("missed", "is_fine"), [(0, True), (10, True), (11, False), (100, False)])
 def test_a_recording_may_have_few_holes(
     there: FakeTrajectories, gripper: LiteGrip, missed: int, is_fine: bool
