@@ -193,8 +193,9 @@ def _no_daemon(
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
         group = _group_of(denied[0])
-        hint = (
-            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again); {hint}"
+        hint = (  # a daemon is there: another one for this channel could not be started
+            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
+            " 'litegripctl doctor' says what else is missing"
         )
     return ConnectError(
         f"no daemon can be reached{of_channel} ({tried})",

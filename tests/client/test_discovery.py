@@ -121,6 +121,7 @@ def test_without_the_right_the_error_names_the_group(monkeypatch: pytest.MonkeyP
     with pytest.raises(ConnectError, match="permission denied") as caught:
         connect("can0", "/somewhere")
     assert GROUP_HINT in str(caught.value)
+    assert "start" not in caught.value.data["hint"]  # a daemon is there, of another user
 
 
 def test_the_group_is_that_of_the_socket(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
