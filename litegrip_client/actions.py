@@ -342,7 +342,8 @@ class GripperActions:
     def set_force(self, force_n: float, duration: float = 0.3) -> bool:
         """Squeeze with `force_n`, 0.5 to 30 N, ramped; return after `duration` seconds.
 
-        The force stays until the next motion. True if the jaws still hold then.
+        `duration` is 0 to 86 400 (a day). The force stays until the next motion. True if the jaws
+        still hold then.
 
         It changes the force of a grasp, also while another thread or task of this program waits
         for that grasp. Without a grasp the jaws begin to squeeze at their present position.

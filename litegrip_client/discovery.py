@@ -159,10 +159,12 @@ async def reach(
             return await attempt(candidate)
         except OSError as error:  # noqa: PERF203 - two turns at most
             failures.append((candidate, error))
-    raise _no_daemon(channel, failures)
+    raise _no_daemon(channel, failures, is_by_variable=path is None)
 
 
-def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectError:
+def _no_daemon(
+    channel: str, failures: list[tuple[str, OSError]], *, is_by_variable: bool
+) -> ConnectError:
     """Return the error with all attempts; a single one was by a given path, not by the channel."""
     of_channel = f" for channel {channel}" if len(failures) > 1 else ""
     tried = "; ".join(f"{path}: {_why(path, error)}" for path, error in failures)
@@ -177,6 +179,8 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
             f"start its daemon: 'litegripd CHANNEL --socket {path}', without hardware with"
             " --simulate"
         )
+        if is_by_variable:
+            hint = f"{SOCKET_VARIABLE} names that socket, whatever the channel: unset it, or {hint}"
     elif "." in channel and not is_enabled(channel):
         hint = (
             "a gripper of another machine needs a portal on this one:"
@@ -189,8 +193,9 @@ def _no_daemon(channel: str, failures: list[tuple[str, OSError]]) -> ConnectErro
     denied = [path for path, error in failures if error.errno in (errno.EACCES, errno.EPERM)]
     if denied:
         group = _group_of(denied[0])
-        hint = (
-            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again); {hint}"
+        hint = (  # a daemon is there: another one for this channel could not be started
+            f"join the group {group} ('sudo usermod -aG {group} $USER', then log in again);"
+            " 'litegripctl doctor' says what else is missing"
         )
     return ConnectError(
         f"no daemon can be reached{of_channel} ({tried})",

@@ -86,7 +86,12 @@ ARGUMENTS: Mapping[str, Mapping[str, tuple[str, str]]] = {
         "width_mm": ("width_mm", "--width"),
         "tolerance_mm": ("tolerance_mm", "--tolerance"),
     },
-    "motion.move": {**_SPEED, **_TARGETS, "duration_s": ("duration", "--duration")},
+    "motion.move": {
+        **_SPEED,
+        **_TARGETS,
+        "duration_s": ("duration", "--duration"),
+        "at_least_s": ("duration", "--duration"),
+    },
     "motion.set_force": {"force_n": ("force_n", "N")},
     "job.cancel": {"job": ("job", "JOB")},
     "stop": {"level": ("level", "--level"), "why": ("why", "--why")},

@@ -94,7 +94,13 @@ def load(file: str = FILE) -> FleetConfig:
     try:
         content = tomllib.loads(Path(file).read_text(encoding="utf-8"))
     except OSError as error:
-        raise FleetConfigError(f"{file}: {error.strerror}") from error
+        hint = ""
+        if isinstance(error, FileNotFoundError) and file == FILE:
+            hint = (
+                ": this machine has no part of a fleet; 'litegripctl install-units --fleet', as"
+                " root, writes one to begin with"
+            )
+        raise FleetConfigError(f"{file}: {error.strerror}{hint}") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise FleetConfigError(f"{file}: {error}") from error
     try:

@@ -92,7 +92,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             return _check(arguments)
         return int(_COMMANDS[arguments.command](load(arguments.config), arguments))
     except (FleetConfigError, BadNameError, UnreadableError) as error:
-        return _fail(str(error), EXIT_USAGE)
+        not_sent = _NOT_SENT if arguments.command == "stop" else ""
+        return _fail(f"{error}{not_sent}", EXIT_USAGE)
     except _FailureError as failure:
         return _fail(str(failure), failure.code)
     except NetworkError as error:

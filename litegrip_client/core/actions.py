@@ -38,6 +38,9 @@ if TYPE_CHECKING:  # see the package: what is seldom needed takes its time to im
     ProgressCallback: TypeAlias = Callable[[MoveProgress], None]
     """Called where the call was made, at most 20 times a second."""
 
+_LONGEST_WAIT_S = 86_400.0
+"""A day, as the longest `hold_s` of a grasp."""
+
 _FRAME_VALID_S = 0.2
 
 
@@ -298,14 +301,15 @@ class GripperActions:
     async def set_force(self, force_n: float, duration: float = 0.3) -> bool:
         """Squeeze with `force_n`, 0.5 to 30 N, ramped; return after `duration` seconds.
 
-        The force stays until the next motion. True if the jaws still hold then.
+        `duration` is 0 to 86 400 (a day). The force stays until the next motion. True if the jaws
+        still hold then.
 
         It changes the force of a grasp, also while another thread or task of this program waits
         for that grasp. Without a grasp the jaws begin to squeeze at their present position.
         """
         wait_s = number("duration", duration)
-        if wait_s < 0.0:
-            text = f"duration is {wait_s:g}, it must be 0 s or longer"
+        if not 0.0 <= wait_s <= _LONGEST_WAIT_S:
+            text = f"duration is {wait_s:g}, it must be 0 to {_LONGEST_WAIT_S:g} s"
             raise ParameterError(text, reason="invalid_params", data={"parameter": "duration"})
         params = self._configured({"force_n": number("force_n", force_n)})
         state = state_of(await self._command("motion.set_force", params))

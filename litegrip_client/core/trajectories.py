@@ -22,6 +22,7 @@ from litegrip_client.errors import (
     TrajectoryNotActiveError,
     TrajectoryRecordingError,
 )
+from litegrip_client.protocol.trajectory import MAX_SAMPLES
 from litegrip_client.warn import warn
 
 TYPE_CHECKING = False
@@ -242,7 +243,10 @@ class Recording:
         else ends the waiting ends the recording first, so that the jaws hold, and is then raised.
         """
         wire = self._wire
-        status = await begin(wire, self._start)
+        try:
+            status = await begin(wire, self._start)
+        except ParameterError as error:
+            raise self._in_seconds(error) from None
         try:
             while status["active"] and status["kind"] == "record":
                 self._on_status(status)
@@ -258,6 +262,18 @@ class Recording:
             if getattr(error, "reason", None) not in _STAYS and not wire.connection.closed:
                 await wire.finish(self._cancel())
             raise
+
+    def _in_seconds(self, error: ParameterError) -> ParameterError:
+        """Return the refusal of too many samples in what was asked for: a time."""
+        if error.data.get("parameter") != "max_samples":
+            return error
+        longest_s = MAX_SAMPLES / self._rate_hz
+        text = (
+            f"{self._samples / self._rate_hz:g} s at {self._rate_hz:g} Hz make {self._samples}"
+            f" samples: record for at most {longest_s:g} s, {MAX_SAMPLES} samples"
+        )
+        data = {**error.data, "parameter": "duration_s"}
+        return ParameterError(text, reason=error.reason, code=error.code, data=data)
 
     def _check(self, status: dict[str, Any]) -> None:
         """Refuse a recording with holes before it is kept; the daemon refuses a broken one."""

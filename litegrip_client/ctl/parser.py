@@ -259,7 +259,11 @@ def target(text: str) -> tuple[str, float]:
             "or 50% (of the travel, 0% is closed)"
         )
     value = float(found[1])
-    return _UNITS[found[2]], value / 100.0 if found[2] == "%" else value
+    if found[2] != "%":
+        return _UNITS[found[2]], value
+    if not 0.0 <= value <= 100.0:
+        raise ArgumentTypeError(f"{text.strip()!r} is outside of the travel: say 0% to 100%")
+    return _UNITS[found[2]], value / 100.0
 
 
 def number(text: str) -> float:

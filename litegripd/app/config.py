@@ -6,6 +6,7 @@ unknown. Users and groups of `[access]` are looked up once, at the start.
 """
 
 import dataclasses
+import difflib
 import grp
 import math
 import os
@@ -426,6 +427,9 @@ _KEYS = {(key.table, key.name): key for key in KEYS}
 _OURS = ("ignore_config",)
 """Arguments of python-can that the daemon sets itself."""
 
+_MISSPELT = 0.85
+"""How alike a key and one of ours are at least; data_bitrate and channel_id are less alike."""
+
 _NAMED = {
     str: "a string",
     int: "an integer",
@@ -510,17 +514,20 @@ def _access(where: str, table: Mapping[str, Any]) -> Access:
 def _check(where: str, table: str, key: str, value: Any) -> None:
     """Reject an unknown key, a wrong type or an impossible value.
 
-    Any other key of [bus] is passed to python-can, which checks it.
+    Any other key of [bus] is passed to python-can, unless it looks like a misspelt own one: an
+    interface may ignore what it does not know, and then another bus would be opened.
     """
     known = _KEYS.get((table, key))
     name = f"{where}: [{table}] {key}"
+    own = [one.name for one in KEYS if one.table == table]
     if known is None:
         if table == "bus" and key not in _OURS:
             if not isinstance(value, bool | int | float | str):
                 raise ConfigError(f"{name} is {value!r}, it must be a string, number or boolean")
+            if meant := difflib.get_close_matches(key, own, 1, _MISSPELT):
+                raise ConfigError(f"{name} is unknown; did you mean {meant[0]}?")
             return
-        allowed = [one.name for one in KEYS if one.table == table]
-        raise ConfigError(f"{name} is unknown; allowed: {_listed(allowed)}")
+        raise ConfigError(f"{name} is unknown; allowed: {_listed(own)}")
     if not _has_type(value, known.kind):
         raise ConfigError(f"{name} is {value!r}, it must be {_NAMED[known.kind]}")
     if known.kind in (int, float) and not known.low <= value <= known.high:

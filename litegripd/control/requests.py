@@ -151,7 +151,9 @@ class MotionRequests:
         controller, geometry = self._controller, self._ready()
         if isinstance(geometry, Refusal):
             return geometry
-        conflict = slow_conflict(config, request.speed_mm_s, geometry, "grasp_speed_mm_s")
+        is_default = request.speed_mm_s == config.grasp_speed_mm_s
+        field = "grasp_speed_mm_s" if is_default else "speed_mm_s"
+        conflict = slow_conflict(config, request.speed_mm_s, geometry, field)
         if conflict is None and request.hold_by == "gains":
             conflict = damping_conflict(config.hold_kp, config.hold_kd, "hold_")
         held = self._held()

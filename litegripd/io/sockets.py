@@ -104,7 +104,8 @@ def runtime_directory() -> Path:
         return own / "litegripd"
     raise InUseError(
         f"neither /run/litegripd nor {own} can be written by uid {os.getuid()}:"
-        " give the socket's path with --socket"
+        " give the socket's path with --socket, or set XDG_RUNTIME_DIR to a directory of yours,"
+        " for the daemon and its clients"
     )
 
 

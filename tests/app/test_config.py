@@ -131,6 +131,8 @@ MISTAKES = {
     '[teleop]\nzenoh_config = "/no/such/file"\n': ("[teleop] zenoh_config", "of a file"),
     "[bus]\ninterface = 7\n": ("[bus] interface", "a string"),
     "[bus]\nchannel = 0\n": ("[bus] channel", "a string"),
+    '[bus]\nchanel = "can1"\n': ("[bus] chanel is unknown", "did you mean channel?"),
+    "[bus]\nbitrte = 500000\n": ("[bus] bitrte is unknown", "did you mean bitrate?"),
     "[bus]\nbitrate = 1e6\n": ("[bus] bitrate", "an integer"),
     "[bus]\nbitrate = 8000000\n": ("[bus] bitrate", "10000 to 1e+06"),
     '[motor]\ntype = "DM4350"\n': ("[motor] type", "DM4310, DM4340"),
@@ -228,6 +230,11 @@ def test_simulate_takes_the_configured_type_of_motor(tmp_path: Path) -> None:
     path = written(tmp_path, '[motor]\ntype = "DM4340"\n')
     config = override(load("can0", path), socket=None, interface=None, simulate=True)
     assert config.bus.options == {"mount": "normal", "motor_type": "DM4340"}
+
+
+@pytest.mark.parametrize("key", ["data_bitrate", "channel_id", "tty_baudrate", "fd", "btr0"])
+def test_a_key_of_the_interface_is_no_misspelt_one(tmp_path: Path, key: str) -> None:
+    assert load("can0", written(tmp_path, f"[bus]\n{key} = 1\n")).bus.options == {key: 1}
 
 
 @pytest.mark.parametrize(

@@ -45,7 +45,7 @@ LET_GO = "let go with: litegripctl release"
         (
             ["grasp", "--speed", "30", "--gains"],
             "motion.grasp",
-            {"until": "verdict", "hold_by": "gains", "config": {"grasp_speed_mm_s": 30.0}},
+            {"until": "verdict", "hold_by": "gains", "speed_mm_s": 30.0},
         ),
         (["grasp", "--hold", "5"], "motion.grasp", {"until": "held", "hold_s": 5.0}),
         (["move", "45mm"], "motion.move", {"opening_mm": 45.0}),
@@ -208,6 +208,14 @@ def test_a_target_needs_a_number_and_its_unit(
     error = capsys.readouterr().err
     assert f"{text!r} is no target: say 45mm (opening), -0.3rad" in error
     assert "50% (of the travel" in error
+
+
+@pytest.mark.parametrize("text", ["-1%", "100.5%", "150%"])
+def test_a_share_of_the_travel_is_refused_in_the_unit_that_was_typed(
+    text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["move", text]) == 2
+    assert f"{text!r} is outside of the travel: say 0% to 100%" in capsys.readouterr().err
 
 
 def test_release_needs_a_calibration(daemon: FakeDaemon, ctl: Ctl) -> None:

@@ -83,14 +83,16 @@ def test_without_a_daemon_the_error_tells_what_was_tried_and_what_to_do(
 
 
 def test_a_socket_that_is_named_is_of_no_known_unit(monkeypatch: pytest.MonkeyPatch) -> None:
-    for path in ("/no/such.sock", None):
-        monkeypatch.setenv("LITEGRIPD_SOCKET", "/no/such.sock")
+    start = (
+        "start its daemon: 'litegripd CHANNEL --socket /no/such.sock', without hardware with"
+        " --simulate"
+    )
+    unset = "LITEGRIPD_SOCKET names that socket, whatever the channel: unset it, or "
+    monkeypatch.setenv("LITEGRIPD_SOCKET", "/no/such.sock")
+    for path, hint in (("/no/such.sock", start), (None, f"{unset}{start}")):
         with pytest.raises(ConnectError) as caught:
             connect("can0", path)
-        assert caught.value.data["hint"] == (
-            "start its daemon: 'litegripd CHANNEL --socket /no/such.sock', without hardware with"
-            " --simulate"
-        )
+        assert caught.value.data["hint"] == hint
 
 
 def test_a_daemon_that_systemd_should_run_is_looked_at_before_it_is_started_again(
@@ -119,6 +121,7 @@ def test_without_the_right_the_error_names_the_group(monkeypatch: pytest.MonkeyP
     with pytest.raises(ConnectError, match="permission denied") as caught:
         connect("can0", "/somewhere")
     assert GROUP_HINT in str(caught.value)
+    assert "start" not in caught.value.data["hint"]  # a daemon is there, of another user
 
 
 def test_the_group_is_that_of_the_socket(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

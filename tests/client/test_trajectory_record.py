@@ -9,6 +9,7 @@ from litegrip_client import (
     CommandError,
     ConnectError,
     LiteGrip,
+    ParameterError,
     ProtocolError,
     Trajectory,
     aio,
@@ -40,6 +41,13 @@ def test_record_with_gripper_is_the_same(daemon: FakeDaemon, there: FakeTrajecto
     assert there.asked("record_start") == [start]
 
 
+TOO_MUCH = {
+    "max_samples": "1801 s at 200 Hz make 360200 samples: "
+    "record for at most 1800 s, 360000 samples",
+    "rate_hz": "rate_hz is too much",
+}
+
+
 @pytest.mark.parametrize(
     ("duration_s", "rate_hz"), [(0.0, 100.0), (-1.0, 100.0), (0.001, 100.0), (1.0, 0.0)]
 )
@@ -51,6 +59,18 @@ def test_a_time_without_a_sample_is_refused_before_anything_is_slack(
     with pytest.raises(CommandError, match="must be a number"):
         gripper.record("long")  # type: ignore[arg-type]
     assert there.asked("record_start") == []
+
+
+@pytest.mark.parametrize(("parameter", "told"), TOO_MUCH.items())
+def test_a_time_with_too_many_samples_is_refused_in_seconds(
+    daemon: FakeDaemon, there: FakeTrajectories, gripper: LiteGrip, parameter: str, told: str
+) -> None:
+    daemon.handlers["trajectory.record_start"] = lambda request: request.fail(
+        "invalid_params", -32602, f"{parameter} is too much", parameter=parameter
+    )
+    with pytest.raises(ParameterError) as caught:
+        gripper.record(1801.0, 200.0)
+    assert caught.value.message == told
 
 
 @pytest.mark.parametrize(("missed", "is_fine"), [(0, True), (10, True), (11, False), (100, False)])

@@ -104,6 +104,11 @@ def test_the_arguments_of_python_are_those_of_the_method(method: str) -> None:
     assert {python for python, _shell in ARGUMENTS[method].values()} <= names
 
 
+def test_a_time_that_goto_takes_is_not_named_as_on_the_wire() -> None:
+    told = in_python("at_least_s is -1, it must be 0 to 3600", "motion.move", "at_least_s")
+    assert told == "duration is -1, it must be 0 to 3600"
+
+
 def refusals() -> Iterator[Refusal]:
     stops = StopLatch()
     stops.raise_to("hold", OWNER, "lunch", 1.0)

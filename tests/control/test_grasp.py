@@ -282,6 +282,22 @@ def test_what_cannot_be_grasped_so_is_refused_and_nothing_moves(
     assert world.gripper.opening_mm == pytest.approx(before_mm, abs=0.1)
 
 
+@pytest.mark.parametrize(
+    ("params", "field"),
+    [
+        ({"speed_mm_s": 1.0}, "speed_mm_s"),
+        ({"config": {"grasp_speed_mm_s": 1.0}}, "grasp_speed_mm_s"),
+    ],
+)
+def test_a_speed_that_is_too_low_is_refused_by_the_name_that_was_sent(
+    params: dict[str, Any], field: str
+) -> None:
+    _, client = world_with(50.0)
+    error = client.call("motion.grasp", **params)["error"]
+    assert error["data"]["field"] == field
+    assert error["message"].startswith(f"{field} is 1, at least ")
+
+
 def test_progress_tells_the_approach_and_then_the_hold() -> None:
     _, client = world_with(50.0)
     client.result("motion.grasp", force_n=10, hold_s=1.0, progress=True)

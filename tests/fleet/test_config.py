@@ -7,6 +7,7 @@ import pytest
 from litegrip_fleet.access import rules
 from litegrip_fleet.config import FleetConfigError, load
 from litegrip_fleet.keys import BadNameError, Place, caller_in, place_in, stopper_in
+from litegrip_fleet.main import main
 
 TLS = 'ca = "/a"\ncertificate = "/b"\nkey = "/c"\n'
 NETWORK = f"[network]\n{TLS}"
@@ -103,6 +104,26 @@ def test_a_gateway_has_a_dead_mans_switch_if_it_says_for_whom(tmp_path: Path) ->
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FleetConfigError, match="No such file"):
         load(str(tmp_path / "none.toml"))
+
+
+def test_a_machine_without_a_fleet_is_told_how_to_begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = str(tmp_path / "fleet.toml")
+    monkeypatch.setattr("litegrip_fleet.config.FILE", file)
+    with pytest.raises(FleetConfigError, match="litegripctl install-units --fleet"):
+        load(file)
+
+
+@pytest.mark.parametrize("text", [None, "x", NETWORK])
+def test_a_stop_without_a_usable_configuration_says_that_none_was_sent(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None
+) -> None:
+    file = tmp_path / "none.toml" if text is None else config(tmp_path, text)
+    assert main(["--config", str(file), "stop", "lab"]) == 2
+    assert "no stop was sent: use the switch" in capsys.readouterr().err
+    assert main(["--config", str(tmp_path / "none.toml"), "list"]) == 2
+    assert "no stop was sent" not in capsys.readouterr().err
 
 
 def test_keys_say_who_asks_and_nothing_else_passes() -> None:

@@ -222,5 +222,5 @@ def test_the_users_own_directory_is_the_second_choice(
     usable.add("/run")
     assert runtime_directory() == Path("/run/litegripd")
     usable.clear()
-    with pytest.raises(InUseError, match="--socket"):
+    with pytest.raises(InUseError, match="--socket, or set XDG_RUNTIME_DIR"):
         runtime_directory()

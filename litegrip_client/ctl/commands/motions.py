@@ -213,6 +213,7 @@ def grasp(run: Run) -> int:
     options = run.options
     params = _given(
         force_n=options.force,
+        speed_mm_s=options.speed,
         width_mm=options.width,
         tolerance_mm=options.tolerance,
         hold_s=options.hold,
@@ -220,8 +221,6 @@ def grasp(run: Run) -> int:
     params["until"] = "verdict" if options.hold is None else "held"
     if options.gains:
         params["hold_by"] = "gains"
-    if options.speed is not None:
-        params["config"] = {"grasp_speed_mm_s": options.speed}
     if options.no_wait:
         return start(run, "motion.grasp", params)
     return finish(run, "motion.grasp", params, _grasp_text)
