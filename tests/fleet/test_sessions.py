@@ -3,7 +3,7 @@
 import json
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from litegrip_fleet.far_session import AGAIN_BYTES, PIECE_BYTES, ROOM_BYTES, FarSession
 from litegrip_fleet.lateness import MOTION_COUNTS_S, RemoteClock
 from litegrip_fleet.messages import Ask, Push, Reply, packed, unpacked
-from litegrip_fleet.near_session import AGAIN_AFTER_S, NearSession
+from litegrip_fleet.near_session import AGAIN_AFTER_S, BEHIND_S, NearSession
 from litegrip_fleet.requests import MAX_LINE_BYTES
 from tests.properties import examples
 
@@ -438,6 +438,45 @@ def test_what_is_lost_is_asked_for_while_much_else_is_said() -> None:
     assert scene.to_client == [lost]
 
 
+def test_what_is_behind_is_asked_for_at_intervals_until_it_is_there() -> None:
+    scene, times_s = Scene(ttl_s=5.0), []
+    assert scene.far is not None
+    take = scene.far.asked
+
+    def asked(ask: Ask, line: bytes, now_s: float) -> None:
+        if ask.again:
+            times_s.append(scene.now_s)
+        take(replace(ask, again=ask.again and len(times_s) > 3), line, now_s)
+
+    scene.far.asked = asked  # type: ignore[method-assign]
+    scene.weather.cut = True
+    lost = scene.daemon_says(id=1, result={})
+    scene.weather.cut = False
+    scene.run(3.0)
+    assert scene.to_client == [lost]
+    waits_s = [after - before for before, after in pairwise(times_s)]
+    assert len(waits_s) == 3
+    assert all(BEHIND_S <= wait_s <= BEHIND_S + 2 * TICK_S for wait_s in waits_s)
+
+
+def test_what_comes_twice_is_not_asked_for_again() -> None:
+    scene = Scene(Weather(twice=1.0), ttl_s=5.0)
+    again = []
+    assert scene.far is not None
+    take = scene.far.asked
+
+    def asked(ask: Ask, line: bytes, now_s: float) -> None:
+        again.append(ask.again)
+        take(ask, line, now_s)
+
+    scene.far.asked = asked  # type: ignore[method-assign]
+    lines = [scene.daemon_says(id=number, result={}) for number in range(3)]
+    scene.run(3.0)
+    assert scene.to_client == lines
+    assert again
+    assert not any(again)
+
+
 def test_little_is_sent_again_at_once() -> None:
     scene = Scene()
     scene.weather.cut = True
@@ -521,6 +560,9 @@ def test_the_daemons_end_comes_behind_all_that_it_has_said() -> None:
     scene.run(4.0)
     assert scene.to_client == [line]
     assert scene.near.ended
+    before = scene.carried
+    scene.run(1.0)
+    assert scene.carried == before  # the end is the end: no life is shown
 
 
 def test_the_end_of_the_clients_lines_comes_behind_them() -> None:
