@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.state import JobState
+from litegripd.control.authority import MOST_WAITING, Lease, LeaseOptions
+from litegripd.model.state import JobState, Owner
 from litegripd.rpc.sessions import Role
 from tests.world import Client, World
 
@@ -99,7 +100,8 @@ def test_waiting_is_first_come_first_served() -> None:
     assert first.call("lease.get")["result"]["waiting"] == 2
     third = world.client()
     holder.result("lease.release")
-    assert third.refusal("lease.acquire") == "lease_held"  # it may not pass those who wait
+    error = third.call("lease.acquire")["error"]["data"]
+    assert (error["reason"], error["waiting"]) == ("lease_held", 2)  # it may not pass them
     world.run(0.02)
     assert first.has_answer(numbers[0])
     assert not second.has_answer(numbers[1])
@@ -250,6 +252,25 @@ def test_after_a_reconnect_the_old_token_works_if_nobody_has_had_it_since() -> N
     assert late.refusal("lease.resume", lease=fresh) == "lease_lost"
 
 
+@pytest.mark.parametrize("guess", ["", "0", "1", "x" * 43])
+def test_a_lost_lease_is_resumed_by_its_token_alone(guess: str) -> None:
+    world, holder, other, token = pair()
+    holder.leave()
+    assert other.refusal("lease.resume", lease=guess) == "lease_lost"
+    assert world.controller.lease.holder is None
+    other.result("lease.resume", lease=token)
+
+
+def test_so_many_may_wait() -> None:
+    lease, refusals = Lease(), []
+    for client in range(MOST_WAITING + 1):
+        owner = Owner(client, 100 + client, 1000, "p")
+        refusals.append(lease.wait(owner, LeaseOptions(), 10.0, lambda _answer: None))
+    assert refusals[:-1] == [None] * MOST_WAITING
+    assert refusals[-1] is not None
+    assert refusals[-1].reason == "too_many_requests"
+
+
 def test_a_lease_is_not_resumed_while_anothers_motion_runs() -> None:
     world, holder, other, token = pair(on_lost="hold")
     holder.leave()
@@ -294,6 +315,8 @@ def test_roles_say_who_may_do_what(role: Role, allowed: list[str], refused: list
     for method in refused:
         error = client.call(method, **params.get(method, {}))["error"]
         assert error["data"]["reason"] == "not_permitted"
+        assert error["data"]["role"] == role
+        assert error["data"]["needs"] in ("operator", "admin")
         assert role in error["message"]
 
 
