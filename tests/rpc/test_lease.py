@@ -385,6 +385,10 @@ def test_a_queued_motion_may_never_run(how: str) -> None:
         other.leave()
     world.run(0.1)
     assert job.state is JobState.CANCELLED
+    ends = []
+    while taken := world.service.take_events():
+        ends += [event.data for event in taken if event.kind == "job_ended"]
+    assert (job.number, "cancelled") in [(end["job"], end["state"]) for end in ends]
     if how != "leave":
         assert other.has_answer(number)
     world.run_until(lambda: world.controller.jobs.running is None)

@@ -304,6 +304,22 @@ def test_the_log_names_who_acted_under_the_lease_of_another() -> None:
     assert f"lease 1 given back by {who}, {of}" in log
 
 
+def test_a_release_that_is_refused_changes_nothing() -> None:
+    scene = Scene(purpose="sorting")
+    helper = scene.world.client()
+    number = helper.send("motion.open", speed_mm_s=10, lease=scene.token)
+    scene.world.run(0.2)
+    while scene.world.service.take_events():
+        pass
+    assert scene.second.refusal("lease.release") == "lease_held"
+    log = [event.message for event in scene.world.service.take_events()]
+    assert not [text for text in log if "given back" in text]
+    scene.first.leave()  # the motion runs under its lease
+    scene.world.run(0.1)
+    assert helper.has_answer(number)
+    assert helper.answers[number]["error"]["data"]["reason"] == "client_lost"
+
+
 # A race
 
 
