@@ -252,6 +252,40 @@ def test_after_a_reconnect_the_old_token_works_if_nobody_has_had_it_since() -> N
     assert late.refusal("lease.resume", lease=fresh) == "lease_lost"
 
 
+def test_before_the_first_lease_no_token_is_one() -> None:
+    client = World().enabled()
+    assert client.refusal("motion.open", lease="of an earlier daemon") == "lease_lost"
+
+
+def test_only_a_holder_renews() -> None:
+    _, holder, other, _ = pair()
+    assert not other.result("lease.get")["mine"]
+    assert other.refusal("lease.renew") == "lease_held"
+    holder.result("lease.release")
+    assert holder.refusal("lease.renew") == "lease_lost"
+
+
+def test_who_waits_gets_the_lease_with_options_of_its_own() -> None:
+    world, holder, other, _ = pair(purpose="sorting", ttl_s=5.0, on_lost="disable")
+    number = other.send("lease.acquire", wait_s=30)
+    holder.result("lease.release")
+    world.run_until(lambda: other.has_answer(number))
+    owner = other.result("lease.get")["owner"]
+    assert (owner["purpose"], owner["ttl_s"], owner["on_lost"]) == (None, None, "hold")
+
+
+def test_a_motion_is_replaced_by_who_shows_the_token_that_it_runs_under() -> None:
+    world, holder, other, token = pair()
+    first = holder.send("motion.open", speed_mm_s=10, lease=token)
+    world.run(0.2)
+    assert other.refusal("motion.close", if_busy="replace") == "lease_held"
+    second = other.send("motion.close", if_busy="replace", lease=token)
+    world.run_until(lambda: other.has_answer(second))
+    assert holder.has_answer(first)
+    assert holder.answers[first]["error"]["data"]["reason"] == "replaced"
+    assert other.answers[second]["result"]["outcome"] == "pressed_home"
+
+
 @pytest.mark.parametrize("guess", ["", "0", "1", "x" * 43])
 def test_a_lost_lease_is_resumed_by_its_token_alone(guess: str) -> None:
     world, holder, other, token = pair()
@@ -331,7 +365,8 @@ def test_the_same_key_is_the_same_job() -> None:
     world.run_until(lambda: back.has_answer(second))
     assert back.answers[second]["result"]["job"] == client.answers[first]["result"]["job"]
     assert back.result("motion.open", key="run-7")["job"] == 2  # also when it is over
-    assert back.refusal("motion.close", key="run-7") == "invalid_params"
+    error = back.call("motion.close", key="run-7")["error"]["data"]
+    assert (error["reason"], error["parameter"], error["job"]) == ("invalid_params", "key", 2)
     assert back.result("motion.close", key="run-8")["job"] == 3
 
 
