@@ -4,7 +4,6 @@ import re
 from collections.abc import Callable, Collection
 from typing import Any
 
-from litegrip_fleet.keys import Caller
 from litegrip_fleet.messages import Ask, Push, Reply
 from litegrip_fleet.requests import (
     LONGEST_TTL_S,
@@ -49,7 +48,6 @@ class FarSession:
 
     def __init__(
         self,
-        caller: Caller,
         opening: Ask,
         now_s: float,
         *,
@@ -57,7 +55,6 @@ class FarSession:
         to_daemon: Callable[[bytes | None], None],
         push: Callable[[Push, bytes], None],
     ) -> None:
-        self.caller = caller
         self.generation: int | None = None
         self.renews = True
         """False while the client has asked for a lease with a time to live of its own: then only

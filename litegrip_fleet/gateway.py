@@ -255,7 +255,6 @@ class Gateway:
             params["client"] = ask.program
         hello = await asked_of(reader, writer, "hello", params)
         connection.far = FarSession(
-            caller,
             ask,
             time.monotonic(),
             voided=self._voided,

@@ -152,8 +152,7 @@ class NearSession:
             return
         self.note_stops(push.generation)
         if push.number is None:
-            if not self._pieces:  # never inside of a line
-                self._to_client(piece)
+            self._to_client(piece)
             return
         if not self._inbox.take(push.number):
             if push.number > self._inbox.taken and self._behind_since_s is None:
@@ -208,7 +207,7 @@ class NearSession:
         """Return an answer; one that says where the gripper is, says where it is met here."""
         answer = json.loads(line)
         identity = answer.get("id")
-        if "method" in answer or identity not in self._introductions:
+        if identity not in self._introductions:
             return line
         method = self._introductions.pop(identity)
         if "result" in answer and method == "health":

@@ -417,8 +417,7 @@ class Controller:
         if before is None and in_the_way is not None and in_the_way.owner.client != owner.client:
             return busy_with(in_the_way)
         answer = self.lease.acquire(owner, options, self.now_s)
-        is_new = isinstance(answer, Grant) and (before is None or answer.number != before.number)
-        return self._granted(answer) if is_new else answer
+        return self._granted(answer) if before is None else answer
 
     def await_lease(
         self, owner: Owner, options: LeaseOptions, wait_s: float, on_answer: OnAnswer
@@ -539,7 +538,7 @@ class Controller:
         ):
             self.end(events.loss_refusal(None))
         self._start_queued()
-        self.lease.step(now_s, may_grant=self.jobs.running is None and not self.jobs.queue)
+        self.lease.step(now_s, may_grant=self.jobs.running is None)
         granted = self.lease.holder
         if granted is not None and granted is not holder:
             self._granted(granted)

@@ -310,7 +310,7 @@ class Plausibility:
 
     def believe(self, feedback: Feedback | None) -> None:
         """Take `feedback` as it is; with None, take whatever comes next."""
-        self._before, self._last = (None if feedback is None else self._last), feedback
+        self._before, self._last = self._last, feedback
         self._doubted = None
         self.in_a_row = 0
 

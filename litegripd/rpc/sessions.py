@@ -85,7 +85,7 @@ class Session:
         self.identity = identity
         self.peer = peer
         self.opened_s = opened_s
-        self.role: Role = "admin"
+        self.role: Role = "observer"
         self.is_gateway = False
         self.remote: str | None = None
         self.counters = Counters()

@@ -53,6 +53,20 @@ def test_a_motor_that_fell_silent_after_it_had_confirmed_is_off(
     assert ended(world, caplog) == (True, logging.INFO, "ended; the motor is off (silent)")
 
 
+def test_who_waits_for_a_motion_is_told_that_the_daemon_ends() -> None:
+    world = World()
+    client = world.enabled()
+    running = client.send("motion.open")
+    queued = client.send("motion.close", if_busy="queue")
+    world.run(0.2)
+    Ending(world.machine).begin(world.now_s)
+    world.run(0.1)
+    for number in (running, queued):
+        assert client.has_answer(number)
+        assert client.answers[number]["error"]["data"]["reason"] == "shutting_down"
+    assert world.controller.jobs.running is None
+
+
 @pytest.mark.parametrize("phase", [MotorPhase.DISABLING, MotorPhase.UNKNOWN])
 def test_a_motor_that_was_found_enabled_and_does_not_let_go_is_told_of(
     phase: MotorPhase, caplog: pytest.LogCaptureFixture

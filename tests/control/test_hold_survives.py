@@ -39,6 +39,23 @@ def test_an_object_is_held_through_a_silence_that_the_motor_survives(silence_s: 
     assert client.result("motion.open")["ok"]
 
 
+def test_a_force_that_rises_goes_on_after_a_silence_from_where_it_was() -> None:
+    world, client = gripping(5.0)
+    rate_nm_s = world.controller.config.force_rate_n_s / 10.0
+    client.result("motion.set_force", force_n=25.0)
+    world.run(0.2)
+    world.lose_from_motor = lambda _frame: True
+    since_s = world.now_s
+    world.run(0.06)
+    before_nm = abs(world.commands_since(since_s)[-1][1].torque_nm)
+    world.lose_from_motor = lambda _frame: False
+    since_s = world.now_s
+    world.run(0.02)
+    assert world.in_phase(MotorPhase.ENABLED)
+    after_nm = abs(world.commands_since(since_s)[-1][1].torque_nm)
+    assert before_nm < after_nm < before_nm + rate_nm_s * (0.02 + 2 * PERIOD_S)
+
+
 def test_an_object_that_vanishes_in_a_silence_is_noticed_after_it() -> None:
     world, _ = gripping()
     watcher = world.client()

@@ -54,6 +54,7 @@ class TestLostHolder:
         client.send("motion.open", wait=False)
         world.run(0.4)
         client.leave()
+        world.client().leave()  # one that has nothing to lose changes nothing
         world.run(0.4)
         assert world.state.mode == "moving"
         world.run_until(lambda: world.controller.jobs.running is None)
@@ -191,3 +192,14 @@ def test_who_never_had_the_lease_leaves_the_jaws_holding() -> None:
     client = world.enabled()
     client.leave()
     check_left(world, "hold")
+
+
+def test_one_that_has_nothing_to_lose_is_not_reported() -> None:
+    world = World()
+    world.enabled()
+    other = world.client()
+    while world.service.take_events():
+        pass
+    other.leave()
+    world.run(0.1)
+    assert not [event for event in world.service.take_events() if event.kind == "client_lost"]

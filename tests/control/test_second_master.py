@@ -3,7 +3,7 @@
 from typing import Any
 
 from litegripd.control.authority import QUIET_AFTER_S, REPORT_EVERY_S, SecondMaster
-from litegripd.model.motor import CanFrame, MotorPhase
+from litegripd.model.motor import CanFrame, MotorPhase, RegisterWrite
 from tests.world import CAN_ID, Client, World
 
 FOREIGN = CanFrame(CAN_ID, bytes.fromhex("79DA7FF3336667FF"))
@@ -85,6 +85,28 @@ def test_a_stream_of_frames_is_told_now_and_then_with_the_count() -> None:
         100 * REPORT_EVERY_S,
         200 * REPORT_EVERY_S,
     ]
+
+
+def test_a_write_is_told_at_once_and_forgotten_when_it_is_quiet() -> None:
+    master, save = SecondMaster(), RegisterWrite(None, None)
+    begin = master.step(1.0, 1)
+    write = master.step(1.1, 2, RegisterWrite("PMAX", 6.0))
+    saving = master.step(1.2, 3, save)
+    assert master.step(1.3, 4, save) is None  # no other one
+    quiet = master.step(1.4 + QUIET_AFTER_S, 4, save)
+    again = master.step(9.0, 5, save)
+    assert begin is not None
+    assert write is not None
+    assert saving is not None
+    assert quiet is not None
+    assert again is not None
+    assert "commands the motor on" in begin.message
+    assert "writes the motor's register PMAX to 6 on" in write.message
+    assert write.data == {"frames": 2, "register": "PMAX", "value": 6.0, "active": True}
+    assert "saves the motor's registers on" in saving.message
+    assert quiet.data == {"frames": 4, "active": False}
+    assert "commands the motor on" in again.message
+    assert again.data == {"frames": 5, "active": True}
 
 
 def test_an_answer_whose_id_was_damaged_is_no_command() -> None:

@@ -230,3 +230,20 @@ def test_a_stop_makes_void_what_was_sent_before_it_however_often_it_is_repeated(
     client.result("stop.clear")
     assert client.refusal("motion.open", stop_generation=known) == "sent_before_stop"
     assert client.refusal("motion.open", sent_s=between_s) == "sent_before_stop"
+
+
+def test_what_was_queued_never_begins_though_the_stop_is_cleared_in_the_same_tick() -> None:
+    world = World()
+    client, other = world.enabled(), world.client()
+    client.send("motion.open", wait=False)
+    number = client.send("motion.close", if_busy="queue")
+    world.run(0.2)
+    other.send("stop")
+    other.send("stop.clear")
+    assert world.controller.stop_latch.latched is None
+    opening_mm = world.state.opening_mm
+    world.run(0.5)
+    assert world.controller.jobs.running is None
+    assert world.state.opening_mm == pytest.approx(opening_mm, abs=1.0)
+    assert client.has_answer(number)
+    assert client.answers[number]["error"]["data"]["reason"] == "stopped"

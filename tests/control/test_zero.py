@@ -7,6 +7,7 @@ import pytest
 
 from litegripd.model.calibration import read_content
 from litegripd.model.motion_config import MotionConfig
+from litegripd.model.motor import ZeroView
 from litegripd.motor import codec
 from litegripd.sim.plant import SimulatorParameters, limits_of_mount
 from tests.control.limits import LimitWatch
@@ -194,3 +195,22 @@ def test_progress_tells_the_phases() -> None:
     assert seen[:4] == ["probe_open", "probe_closed", "confirm_open", "confirm_closed"]
     assert set(seen[4:]) <= {"back_off", "saving"}
     assert all(report["total_steps"] == 0 for report in reports)
+
+
+def test_a_motion_ends_when_nobody_knows_any_more_where_the_zero_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    world = World()
+    client, motor = world.enabled(), world.machine.motor
+    number = client.send("motion.open")
+    world.run(0.2)
+    view = motor.view
+    zero = ZeroView("pending", is_uncertain=True)
+    monkeypatch.setattr(motor, "view", lambda: view()._replace(zero=zero))
+    world.run(0.05)
+    assert client.has_answer(number)
+    assert client.answers[number]["error"]["data"]["reason"] == "not_calibrated"
+    held_rad = world.gripper.position_rad
+    world.run(0.5)
+    assert world.gripper.position_rad == pytest.approx(held_rad, abs=0.02)
+    assert client.refusal("motion.close") == "not_calibrated"

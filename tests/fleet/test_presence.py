@@ -87,6 +87,8 @@ def test_a_stop_that_is_cleared_meanwhile_comes_again_each_time() -> None:
         gripper.look(number * LOOK_S)
         assert gripper.is_stopped
         assert gripper.stops == number
+        gripper.look(number * LOOK_S)
+        assert gripper.stops == number  # nobody has cleared it since
         gripper.clear()
 
 
@@ -96,6 +98,25 @@ def test_what_is_cleared_while_a_stop_is_under_way_is_stopped_again() -> None:
     dead_man.lifted()  # heard of before the answer to the stop
     dead_man.done(confirmed=True)
     assert dead_man.is_due(0.0)
+
+
+def test_what_is_cleared_while_the_daemon_does_not_answer_is_stopped_when_it_does() -> None:
+    _, gripper = present("supervisor")
+    gripper.look(2.0)
+    gripper.answers = False
+    gripper.clear()
+    gripper.look(2.1)
+    assert not gripper.is_stopped
+    gripper.answers = True
+    gripper.look(2.2)
+    assert gripper.is_stopped
+
+
+def test_who_was_silent_is_named_when_he_is_back() -> None:
+    presence, _ = present("supervisor", "nurse")
+    presence.shown("supervisor", 1.0, TTL_S, 1.0)
+    presence.shown("nurse", 1.5, TTL_S, 1.5)
+    assert presence.why(1.5) == "nurse was silent, and has to be present"
 
 
 def test_a_stop_that_is_not_confirmed_stays_due_even_when_the_user_is_back() -> None:

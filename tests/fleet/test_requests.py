@@ -50,6 +50,11 @@ def test_the_clients_own_count_of_stops_stays_and_its_clock_does_not() -> None:
     assert params == {"sent_s": NOW_S - 0.01, "stop_generation": 2}
 
 
+def test_a_portal_that_knows_of_no_stops_says_nothing_about_them() -> None:
+    params = params_of(through(request("motion.open"), generation=None))
+    assert params == {"sent_s": NOW_S - 0.01}
+
+
 def test_what_moves_nothing_passes_as_it_is() -> None:
     for line in (request("state.get"), request("state.get", sent_s=1.0), b'{"id":1}\n', b"x\n"):
         assert through(line, age_s=60.0) == line
@@ -74,6 +79,8 @@ def test_late_is_void(method: str, age_s: float | None, counts: bool) -> None:
         answer = json.loads(refused(request(method), age_s))
         assert (answer["id"], answer["error"]["data"]["reason"]) == (1, "too_late")
         assert "too late" in answer["error"]["message"]
+        is_unknown = age_s is None or age_s < 0.0
+        assert ("its age is unknown" in answer["error"]["message"]) == is_unknown
 
 
 def test_a_late_set_point_without_an_id_is_told_as_the_daemon_does() -> None:

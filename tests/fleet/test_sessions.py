@@ -3,18 +3,18 @@
 import json
 import random
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.far_session import PIECE_BYTES, ROOM_BYTES, FarSession
-from litegrip_fleet.keys import Caller
+from litegrip_fleet.far_session import AGAIN_BYTES, PIECE_BYTES, ROOM_BYTES, FarSession
 from litegrip_fleet.lateness import MOTION_COUNTS_S, RemoteClock
 from litegrip_fleet.messages import Ask, Push, Reply, packed, unpacked
-from litegrip_fleet.near_session import NearSession
+from litegrip_fleet.near_session import AGAIN_AFTER_S, BEHIND_S, NearSession
 from litegrip_fleet.requests import MAX_LINE_BYTES
 from tests.properties import examples
 
@@ -51,6 +51,7 @@ class Scene:
         self.client_lives = True
         self.portal_runs = True
         self.gateway_runs = True
+        self.far_ahead_s = FAR_CLOCK_AHEAD_S
         self.closed_s: float | None = None
         self._random = random.Random(self.seed)
         self._in_flight: list[tuple[float, int, Callable[[], None]]] = []
@@ -68,7 +69,6 @@ class Scene:
             to_client=self.to_client.append,
         )
         self.far: FarSession | None = FarSession(
-            Caller("op1", "s-1", "operator"),
             Ask("open", ttl_s=self.ttl_s),
             self.far_now_s,
             voided=VOIDED,
@@ -83,7 +83,7 @@ class Scene:
 
     @property
     def far_now_s(self) -> float:
-        return self.now_s + FAR_CLOCK_AHEAD_S
+        return self.now_s + self.far_ahead_s
 
     def _arrived(self, line: bytes | None) -> None:
         self.to_daemon.append(line)
@@ -234,8 +234,10 @@ def test_a_cut_that_is_longer_than_the_time_to_live_ends_both_ends(cut_s: float)
     assert scene.told[-1]["id"] is None
     assert scene.told[-1]["error"]["data"]["reason"] == "unreachable"
     scene.weather.cut = False
+    before = scene.carried
     scene.run(2.0)
     assert scene.asked == []
+    assert scene.carried == before  # it has ended: no life is shown
 
 
 def test_a_cut_that_is_shorter_ends_nothing() -> None:
@@ -261,6 +263,7 @@ def test_a_session_without_traffic_lives_through_bad_weather() -> None:
 
 def test_a_quiet_session_shows_life_four_times_in_its_time_to_live() -> None:
     scene = Scene(Weather(delay_s=0.005))
+    scene.say("state.get", 1)  # once taken, it is not sent again
     scene.run(1.0)
     before = scene.carried
     scene.run(10.0)
@@ -277,6 +280,7 @@ def test_a_frozen_client_loses_its_session_and_is_told_when_it_goes_on() -> None
     assert scene.closed_s - begun_s <= TTL_S + 2 * TICK_S
     assert not scene.near.ended  # nobody there to be told
     scene.client_lives = True
+    scene.weather.twice = 1.0
     scene.run(1.0)
     assert [told["error"]["message"] for told in scene.told] == ["gone"]
 
@@ -356,6 +360,16 @@ def test_a_long_line_travels_in_pieces_and_arrives_whole() -> None:
     assert scene.to_client == [long, after]
 
 
+@pytest.mark.parametrize("pieces", [1, 2])
+def test_a_line_that_fills_its_pieces_arrives_without_the_next_one(pieces: int) -> None:
+    scene = Scene()
+    frame = len(scene.daemon_says(id=1, result={"text": ""}))
+    whole = scene.daemon_says(id=2, result={"text": "x" * (pieces * PIECE_BYTES - frame)})
+    scene.run(0.1)
+    assert len(whole) == pieces * PIECE_BYTES
+    assert scene.to_client[1:] == [whole]
+
+
 def test_a_line_that_is_refused_holds_up_none_behind_it() -> None:
     scene = Scene()
     for letters in (MAX_LINE_BYTES - 2, MAX_LINE_BYTES):  # between quotes: the first fits
@@ -394,6 +408,150 @@ def test_the_daemon_is_not_read_while_the_portal_is_behind() -> None:
     assert [told["id"] for told in scene.told] == list(range(2 * ROOM_BYTES // 10_000))
 
 
+def test_much_that_arrives_is_confirmed_before_the_next_sign_of_life_is_due() -> None:
+    scene = Scene(ttl_s=5.0)
+    for number in range(2 * ROOM_BYTES // PIECE_BYTES):
+        scene.daemon_says(id=number, result={"text": "x" * PIECE_BYTES})
+    assert not scene.has_room
+    scene.run(TICK_S)
+    assert scene.has_room
+
+
+def test_what_is_lost_is_asked_for_as_soon_as_something_behind_it_arrives() -> None:
+    scene = Scene(ttl_s=5.0)
+    scene.weather.cut = True
+    lost = scene.daemon_says(id=1, result={})
+    scene.weather.cut = False
+    behind = scene.daemon_says(id=2, result={})
+    scene.run(0.25)  # a sign of life is due after 1.25 s
+    assert scene.to_client == [lost, behind]
+
+
+def test_what_is_lost_is_asked_for_while_much_else_is_said() -> None:
+    scene = Scene(ttl_s=5.0)
+    scene.weather.cut = True
+    lost = scene.daemon_says(id=1, result={})
+    scene.weather.cut = False
+    for number in range(20):
+        scene.say("state.get", number)
+        scene.run(0.02)
+    assert scene.to_client == [lost]
+
+
+def test_what_is_behind_is_asked_for_at_intervals_until_it_is_there() -> None:
+    scene, times_s = Scene(ttl_s=5.0), []
+    assert scene.far is not None
+    take = scene.far.asked
+
+    def asked(ask: Ask, line: bytes, now_s: float) -> None:
+        if ask.again:
+            times_s.append(scene.now_s)
+        take(replace(ask, again=ask.again and len(times_s) > 3), line, now_s)
+
+    scene.far.asked = asked  # type: ignore[method-assign]
+    scene.weather.cut = True
+    lost = scene.daemon_says(id=1, result={})
+    scene.weather.cut = False
+    scene.run(3.0)
+    assert scene.to_client == [lost]
+    waits_s = [after - before for before, after in pairwise(times_s)]
+    assert len(waits_s) == 3
+    assert all(BEHIND_S <= wait_s <= BEHIND_S + 2 * TICK_S for wait_s in waits_s)
+
+
+def test_what_comes_twice_is_not_asked_for_again() -> None:
+    scene = Scene(Weather(twice=1.0), ttl_s=5.0)
+    again = []
+    assert scene.far is not None
+    take = scene.far.asked
+
+    def asked(ask: Ask, line: bytes, now_s: float) -> None:
+        again.append(ask.again)
+        take(ask, line, now_s)
+
+    scene.far.asked = asked  # type: ignore[method-assign]
+    lines = [scene.daemon_says(id=number, result={}) for number in range(3)]
+    scene.run(3.0)
+    assert scene.to_client == lines
+    assert again
+    assert not any(again)
+
+
+def test_little_is_sent_again_at_once() -> None:
+    scene = Scene()
+    scene.weather.cut = True
+    for number in range(2 * ROOM_BYTES // 10_000):
+        scene.daemon_says(id=number, result={"text": "x" * 10_000})
+    before = scene.carried
+    assert scene.far is not None
+    scene.far.asked(Ask("live", again=True), b"", scene.far_now_s)
+    assert 0 < (scene.carried - before) * 10_000 <= AGAIN_BYTES + 10_000
+
+
+def test_a_line_that_is_not_taken_is_sent_again_but_not_in_every_tick() -> None:
+    scene = Scene(ttl_s=5.0)
+    times_s = []
+    assert scene.far is not None
+    take = scene.far.asked
+
+    def asked(ask: Ask, line: bytes, now_s: float) -> None:
+        if ask.op == "line":
+            times_s.append(scene.now_s)
+            return  # a gateway that does not get round to it
+        take(ask, line, now_s)
+
+    scene.far.asked = asked  # type: ignore[method-assign]
+    scene.say("state.get", 1)
+    scene.run(2.0)
+    waits_s = [after - before for before, after in pairwise(times_s)]
+    assert len(waits_s) >= 3
+    assert all(AGAIN_AFTER_S <= wait_s <= AGAIN_AFTER_S + 2 * TICK_S for wait_s in waits_s)
+
+
+def test_after_the_end_the_client_gets_nothing_more() -> None:
+    scene = Scene(Weather(delay_s=1.5))
+    scene.daemon_says(id=1, result={})
+    scene.run(3.0)
+    assert [told["error"]["data"]["reason"] for told in scene.told] == ["unreachable"]
+
+
+@pytest.mark.parametrize(("asked_s", "given_s"), [(None, 1.0), (0.01, 0.3), (3600.0, 5.0)])
+def test_no_portal_lets_a_session_live_as_long_as_it_likes(
+    asked_s: float | None, given_s: float
+) -> None:
+    far = FarSession(
+        Ask("open", ttl_s=asked_s),
+        100.0,
+        voided=VOIDED,
+        to_daemon=lambda _line: None,
+        push=lambda _push, _piece: None,
+    )
+    assert not far.is_lost(100.0 + given_s - 0.01)
+    assert far.is_lost(100.0 + given_s + 0.01)
+
+
+def test_a_gateway_whose_clock_has_jumped_is_believed_from_its_next_answer_on() -> None:
+    scene = Scene(ttl_s=2.0)
+    scene.run(1.0)
+    scene.far_ahead_s += 0.8
+    scene.run(0.5)
+    scene.say("motion.open", 1)
+    scene.run(0.1)
+    assert [request["id"] for request in scene.asked] == [1]
+    assert scene.asked[0]["params"]["sent_s"] == pytest.approx(scene.far_now_s - 0.1, abs=0.01)
+
+
+def test_an_answer_that_was_long_under_way_says_little_about_the_gateways_clock() -> None:
+    scene = Scene(ttl_s=5.0)
+    answer = Reply(0, 0, scene.far_now_s)
+    scene.near.replied(answer, scene.now_s, scene.now_s + 0.002)
+    scene.now_s += 1.4
+    scene.near.replied(answer, scene.now_s - 1.4, scene.now_s)
+    scene.say("motion.open", 1)
+    scene.run(0.1)
+    assert [request["id"] for request in scene.asked] == [1]
+
+
 def test_the_daemons_end_comes_behind_all_that_it_has_said() -> None:
     scene = Scene(Weather(loss=0.5, delay_s=0.01), ttl_s=5.0, seed=3)
     line = scene.daemon_says(id=1, result={})
@@ -402,6 +560,9 @@ def test_the_daemons_end_comes_behind_all_that_it_has_said() -> None:
     scene.run(4.0)
     assert scene.to_client == [line]
     assert scene.near.ended
+    before = scene.carried
+    scene.run(1.0)
+    assert scene.carried == before  # the end is the end: no life is shown
 
 
 def test_the_end_of_the_clients_lines_comes_behind_them() -> None:
@@ -416,12 +577,13 @@ def test_the_end_of_the_clients_lines_comes_behind_them() -> None:
 def test_only_a_client_itself_renews_a_lease_with_a_time_to_live_of_its_own() -> None:
     scene = Scene()
     assert scene.far is not None
-    renews = []
+    renews = [scene.far.renews]
     for method, params in (
         ("lease.acquire", {"ttl_s": 3.0}),
         ("state.get", {}),
         ("lease.release", {}),
         ("lease.acquire", {"ttl_s": 0.01}),  # refused: nothing has changed
+        ("lease.acquire", {"ttl_s": "long"}),  # the daemon refuses it
         ("lease.acquire", {"purpose": "x"}),
         ("lease.take", {"why": "x", "ttl_s": 1}),
         ("lease.take", {"why": "x"}),
@@ -429,7 +591,7 @@ def test_only_a_client_itself_renews_a_lease_with_a_time_to_live_of_its_own() ->
         scene.say(method, 1, **params)
         scene.run(0.1)
         renews.append(scene.far.renews)
-    assert renews == [False, False, False, False, True, False, True]
+    assert renews == [True, False, False, False, False, False, True, False, True]
 
 
 def test_hello_says_by_which_way_it_came() -> None:
@@ -451,6 +613,29 @@ def test_hello_says_by_which_way_it_came() -> None:
         "user": "op1@lab",
         "channel": "can0",
     }
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"jsonrpc":"2.0","id":3,"method":"state.get","params":{"client":"hello"}}\n',
+        b'{"jsonrpc":"2.0","id":[3],"method":"hello"}\n',
+        b'{"jsonrpc":"2.0","id":null,"method":"hello"}\n',
+        b'{"jsonrpc":"2.0","method":"hello"}\n',
+        b'[{"jsonrpc":"2.0","id":3,"method":"hello"}]\n',
+        b'{"jsonrpc":"2.0","id":3,"method":["hello"]}\n',
+        b'"hello"\n',
+    ],
+)
+def test_an_answer_to_anything_else_arrives_as_it_is(line: bytes) -> None:
+    scene = Scene()
+    scene.near.asked(line, scene.now_s, scene.now_s)
+    scene.say("hello", 4)
+    answers = [scene.daemon_says(id=number, result={}) for number in (3, None)]
+    event = scene.daemon_says(method="event", params={})
+    scene.run(0.1)
+    assert scene.to_daemon[0] == line
+    assert scene.to_client == [*answers, event]
 
 
 def test_health_says_how_the_way_is_protected() -> None:
@@ -483,3 +668,9 @@ def test_a_request_carries_the_stops_that_the_portal_knew_of() -> None:
     scene.say("motion.close", 2)
     scene.run(0.1)
     assert scene.asked[1]["params"]["stop_generation"] == 5
+    scene.far.generation = 3  # a count that comes late: there are not fewer stops now
+    scene.daemon_says(method="event", params={})
+    scene.run(0.1)
+    scene.say("motion.open", 3)
+    scene.run(0.1)
+    assert scene.asked[2]["params"]["stop_generation"] == 5

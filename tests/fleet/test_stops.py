@@ -33,6 +33,7 @@ LINES = [
     line_of(request(level="relax")),
     line_of(request(level="disable", why="smoke")),
     line_of(request(level="disable", why="smoke", on_behalf="op2@lab")),
+    line_of(request(level="disable", why="\ud800")),
     line_of(request(level=["disable"], why=3)),
     line_of({"id": 5, "method": "stop"}),
     line_of({"id": "a", "method": "stop", "params": ["disable"]}),
@@ -79,7 +80,10 @@ def test_a_long_reason_makes_no_stop_weaker(why: str) -> None:
     assert stop.why == (why[:80] if why.isprintable() else None)
 
 
-def test_a_long_id_is_not_answered_with() -> None:
-    asked = {**request(level="disable"), "id": "i" * 2000}
-    stop = stop_in(in_the_name_of(OP1, line_of(asked)))
+@pytest.mark.parametrize("identity", ["i" * 2000, 10**2000, ["i" * 2000], {"i": 2000 * "d"}, 1.5])
+def test_a_long_id_is_not_answered_with(identity: object) -> None:
+    asked = {**request(level="disable"), "id": identity}
+    written = in_the_name_of(OP1, line_of(asked))
+    assert len(written) <= MAX_STOP_LINE_BYTES
+    stop = stop_in(written)
     assert (stop.level, stop.identity) == ("disable", None)

@@ -88,11 +88,20 @@ def test_a_doubled_frame_proves_no_more_than_it_did_once() -> None:
     assert judge.accepts(reported(9, 1.005))
 
 
+def test_a_doubled_frame_is_none_of_those_that_differ() -> None:
+    judge = StatusJudge()
+    for status, at_s in ((9, 1.0), (9, 1.0), (8, 1.005)):
+        assert not judge.accepts(reported(status, at_s))
+    assert judge.accepts(reported(10, 1.01))
+
+
 def test_a_right_answer_between_two_wrong_ones_ends_the_doubt() -> None:
     judge = StatusJudge()
     for tick in range(0, 20, 2):
         assert not judge.accepts(reported(9, tick * 0.005))
         assert judge.accepts(reported(1, (tick + 1) * 0.005))
+    for tick in range(CERTAIN_AFTER - 1):  # as many that differ as at first
+        assert not judge.accepts(reported(8 + tick, 1.0 + tick * 0.005))
 
 
 def test_answers_that_differ_are_believed_in_the_end() -> None:

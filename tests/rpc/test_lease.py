@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from litegripd.model.state import JobState
+from litegripd.control.authority import MOST_WAITING, Lease, LeaseOptions
+from litegripd.model.state import JobState, Owner
 from litegripd.rpc.sessions import Role
 from tests.world import Client, World
 
@@ -99,7 +100,8 @@ def test_waiting_is_first_come_first_served() -> None:
     assert first.call("lease.get")["result"]["waiting"] == 2
     third = world.client()
     holder.result("lease.release")
-    assert third.refusal("lease.acquire") == "lease_held"  # it may not pass those who wait
+    error = third.call("lease.acquire")["error"]["data"]
+    assert (error["reason"], error["waiting"]) == ("lease_held", 2)  # it may not pass them
     world.run(0.02)
     assert first.has_answer(numbers[0])
     assert not second.has_answer(numbers[1])
@@ -250,6 +252,59 @@ def test_after_a_reconnect_the_old_token_works_if_nobody_has_had_it_since() -> N
     assert late.refusal("lease.resume", lease=fresh) == "lease_lost"
 
 
+def test_before_the_first_lease_no_token_is_one() -> None:
+    client = World().enabled()
+    assert client.refusal("motion.open", lease="of an earlier daemon") == "lease_lost"
+
+
+def test_only_a_holder_renews() -> None:
+    _, holder, other, _ = pair()
+    assert not other.result("lease.get")["mine"]
+    assert other.refusal("lease.renew") == "lease_held"
+    holder.result("lease.release")
+    assert holder.refusal("lease.renew") == "lease_lost"
+
+
+def test_who_waits_gets_the_lease_with_options_of_its_own() -> None:
+    world, holder, other, _ = pair(purpose="sorting", ttl_s=5.0, on_lost="disable")
+    number = other.send("lease.acquire", wait_s=30)
+    holder.result("lease.release")
+    world.run_until(lambda: other.has_answer(number))
+    owner = other.result("lease.get")["owner"]
+    assert (owner["purpose"], owner["ttl_s"], owner["on_lost"]) == (None, None, "hold")
+
+
+def test_a_motion_is_replaced_by_who_shows_the_token_that_it_runs_under() -> None:
+    world, holder, other, token = pair()
+    first = holder.send("motion.open", speed_mm_s=10, lease=token)
+    world.run(0.2)
+    assert other.refusal("motion.close", if_busy="replace") == "lease_held"
+    second = other.send("motion.close", if_busy="replace", lease=token)
+    world.run_until(lambda: other.has_answer(second))
+    assert holder.has_answer(first)
+    assert holder.answers[first]["error"]["data"]["reason"] == "replaced"
+    assert other.answers[second]["result"]["outcome"] == "pressed_home"
+
+
+@pytest.mark.parametrize("guess", ["", "0", "1", "x" * 43])
+def test_a_lost_lease_is_resumed_by_its_token_alone(guess: str) -> None:
+    world, holder, other, token = pair()
+    holder.leave()
+    assert other.refusal("lease.resume", lease=guess) == "lease_lost"
+    assert world.controller.lease.holder is None
+    other.result("lease.resume", lease=token)
+
+
+def test_so_many_may_wait() -> None:
+    lease, refusals = Lease(), []
+    for client in range(MOST_WAITING + 1):
+        owner = Owner(client, 100 + client, 1000, "p")
+        refusals.append(lease.wait(owner, LeaseOptions(), 10.0, lambda _answer: None))
+    assert refusals[:-1] == [None] * MOST_WAITING
+    assert refusals[-1] is not None
+    assert refusals[-1].reason == "too_many_requests"
+
+
 def test_a_lease_is_not_resumed_while_anothers_motion_runs() -> None:
     world, holder, other, token = pair(on_lost="hold")
     holder.leave()
@@ -294,6 +349,8 @@ def test_roles_say_who_may_do_what(role: Role, allowed: list[str], refused: list
     for method in refused:
         error = client.call(method, **params.get(method, {}))["error"]
         assert error["data"]["reason"] == "not_permitted"
+        assert error["data"]["role"] == role
+        assert error["data"]["needs"] in ("operator", "admin")
         assert role in error["message"]
 
 
@@ -308,7 +365,8 @@ def test_the_same_key_is_the_same_job() -> None:
     world.run_until(lambda: back.has_answer(second))
     assert back.answers[second]["result"]["job"] == client.answers[first]["result"]["job"]
     assert back.result("motion.open", key="run-7")["job"] == 2  # also when it is over
-    assert back.refusal("motion.close", key="run-7") == "invalid_params"
+    error = back.call("motion.close", key="run-7")["error"]["data"]
+    assert (error["reason"], error["parameter"], error["job"]) == ("invalid_params", "key", 2)
     assert back.result("motion.close", key="run-8")["job"] == 3
 
 
@@ -362,6 +420,10 @@ def test_a_queued_motion_may_never_run(how: str) -> None:
         other.leave()
     world.run(0.1)
     assert job.state is JobState.CANCELLED
+    ends = []
+    while taken := world.service.take_events():
+        ends += [event.data for event in taken if event.kind == "job_ended"]
+    assert (job.number, "cancelled") in [(end["job"], end["state"]) for end in ends]
     if how != "leave":
         assert other.has_answer(number)
     world.run_until(lambda: world.controller.jobs.running is None)

@@ -304,6 +304,22 @@ def test_the_log_names_who_acted_under_the_lease_of_another() -> None:
     assert f"lease 1 given back by {who}, {of}" in log
 
 
+def test_a_release_that_is_refused_changes_nothing() -> None:
+    scene = Scene(purpose="sorting")
+    helper = scene.world.client()
+    number = helper.send("motion.open", speed_mm_s=10, lease=scene.token)
+    scene.world.run(0.2)
+    while scene.world.service.take_events():
+        pass
+    assert scene.second.refusal("lease.release") == "lease_held"
+    log = [event.message for event in scene.world.service.take_events()]
+    assert not [text for text in log if "given back" in text]
+    scene.first.leave()  # the motion runs under its lease
+    scene.world.run(0.1)
+    assert helper.has_answer(number)
+    assert helper.answers[number]["error"]["data"]["reason"] == "client_lost"
+
+
 # A race
 
 
@@ -408,14 +424,17 @@ def test_the_holder_and_an_admin_clear_what_another_has_stopped(who: str) -> Non
 
 def test_anybody_else_is_told_who_may_clear() -> None:
     scene = Scene(uid=1001, purpose="sorting")
-    scene.second.result("stop")
+    for _ in range(2):
+        scene.second.result("stop")
     third = scene.world.client(uid=1002, role="operator")
     error = scene.error(third, "stop.clear")
     assert error["data"]["reason"] == "lease_held"
     assert error["data"]["may_clear_uids"] == [1001]
-    holder = scene.first.session.peer
+    holder, stopper = scene.first.session.peer, scene.second.session.peer
+    assert error["data"]["owner"]["pid"] == holder.pid
+    assert f"the stop, by {stopper.program} (pid {stopper.pid}), may" in error["message"]
     assert f"{holder.program} (pid {holder.pid}), who has the lease" in error["message"]
-    assert "uid 1001, who stopped" in error["message"]
+    assert error["message"].count("uid 1001, who stopped") == 1
     assert "admin" in error["message"]
     assert scene.world.state.stop is not None
 
@@ -448,7 +467,8 @@ def test_who_has_lost_the_lease_is_not_told_that_nobody_has_it_who_may_clear() -
 
 def test_an_observer_clears_only_what_nobody_else_has_stopped() -> None:
     scene = Scene(uid=1001, role="observer")
-    scene.second.result("stop")
+    for _ in range(2):
+        scene.second.result("stop")
     scene.second.result("stop.clear")
     assert scene.world.state.stop is None
     assert scene.error(scene.second, "stop.clear")["data"]["reason"] == "not_permitted"
