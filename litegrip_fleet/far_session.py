@@ -21,6 +21,9 @@ PIECE_BYTES = 32_768
 ROOM_BYTES = 262_144
 """While more is unconfirmed, the daemon is not read: it drops samples then, as for any client."""
 
+MOST_UNCONFIRMED_BYTES = 1024 * 1024
+"""While more is, no line is taken: a refusal of each would be kept here, too."""
+
 AGAIN_BYTES = 65_536
 """At most this is sent again at once."""
 
@@ -90,7 +93,8 @@ class FarSession:
         self._outbox.confirm(ask.got)
         if ask.again:
             self._push_again()
-        if ask.op == "line" and self._inbox.take(ask.number):
+        is_heard = self._outbox.size_bytes < MOST_UNCONFIRMED_BYTES
+        if ask.op == "line" and is_heard and self._inbox.take(ask.number):
             self._take(ask, line, now_s)
         if ask.op == "eof" and self._inbox.take(ask.number):
             self._to_daemon(None)

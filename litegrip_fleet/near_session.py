@@ -193,10 +193,10 @@ class NearSession:
 
     def _note_introduction(self, line: bytes) -> None:
         """Remember a request whose answer says where the gripper is."""
-        if not any(method.encode() in line for method in INTRODUCTIONS):
+        if b"\\" not in line and not any(method.encode() in line for method in INTRODUCTIONS):
             return
         try:
-            request = strict_json.decode(line.decode())
+            request = strict_json.decode(line.lstrip().decode())
         except (ValueError, RecursionError):
             return
         if isinstance(request, dict) and request.get("method") in INTRODUCTIONS:

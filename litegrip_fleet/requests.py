@@ -21,6 +21,9 @@ SHORTEST_TTL_S, LONGEST_TTL_S = 0.3, 5.0
 MAX_LINE_BYTES = 16_384
 """As the daemon's; without the newline."""
 
+MAX_ID_CHARACTERS = 128
+"""As the daemon's."""
+
 TOO_LONG = error_object(
     LINE_TOO_LONG,
     f"a line is longer than {MAX_LINE_BYTES} bytes: send large contents in pieces",
@@ -55,9 +58,15 @@ def passed(
     are late. A lease without a time to live, or with one that no network should have, does not
     pass. What is no request is the daemon's to refuse: it reads lines as this does. One that is too
     long, or would become too long here, is refused alone; at the daemon it would end the session.
+    A message is one line: of two, none would be looked at, and so it would be with halves.
     """
     if _is_too_long(line):
         raise RefusedError(error_line(None, TOO_LONG))
+    line = line.removesuffix(b"\n")
+    if b"\n" in line:
+        error = error_object(INVALID_PARAMS, "a message of a portal is one line, this one is more")
+        raise RefusedError(error_line(None, error))
+    line += b"\n"
     request = _parsed(line)
     if request is None:
         return line
@@ -88,7 +97,8 @@ def lease_ttl_s(line: bytes) -> float | None:
 
     None for any other line.
     """
-    request = _parsed(line) if b'"lease.' in line else None
+    may_be_one = b'"lease.' in line or b"\\" in line
+    request = _parsed(line) if may_be_one else None
     if request is None or request["method"] not in _LEASES:
         return None
     ttl_s = request.get("params", {}).get("ttl_s", 0.0)
@@ -100,9 +110,9 @@ def _is_too_long(line: bytes) -> bool:
 
 
 def _parsed(line: bytes) -> Mapping[str, Any] | None:
-    """Return a line's request; None for what is none."""
+    """Return a line's request; None for what is none. Blanks before it are none to the daemon."""
     try:
-        value = strict_json.decode(line.decode())
+        value = strict_json.decode(line.lstrip().decode())
     except (ValueError, RecursionError):
         return None
     if not isinstance(value, dict) or not isinstance(value.get("method"), str):
@@ -133,14 +143,20 @@ def _checked_ttl(request: Mapping[str, Any], ttl_s: object) -> object:
     if not isinstance(ttl_s, int | float) or SHORTEST_TTL_S <= ttl_s <= LONGEST_TTL_S:
         return ttl_s
     text = (
-        f"{request['method']}: ttl_s is {ttl_s:g}, over the network it must be {SHORTEST_TTL_S:g}"
-        f" to {LONGEST_TTL_S:g}"
+        f"{request['method']}: ttl_s is {ttl_s!r:.20}, over the network it must be"
+        f" {SHORTEST_TTL_S:g} to {LONGEST_TTL_S:g}"
     )
     raise RefusedError(_answer(request, error_object(INVALID_PARAMS, text, parameter="ttl_s")))
 
 
 def _answer(request: Mapping[str, Any], error: Mapping[str, Any]) -> bytes:
-    """Return the line that reports a refusal: an answer, or a set-point's notification."""
+    """Return the line that reports a refusal: an answer, or a set-point's notification.
+
+    What the daemon would not take as an id is not answered with.
+    """
     if "id" in request:
-        return error_line(request["id"], error)
+        identity = request["id"]
+        is_one = isinstance(identity, str | int) and not isinstance(identity, bool)
+        is_short = is_one and len(str(identity)) <= MAX_ID_CHARACTERS
+        return error_line(identity if is_short else None, error)
     return refused_line(error) if request["method"] == _SET_POINT else b""

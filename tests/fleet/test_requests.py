@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from litegrip_fleet.answers import error_object
-from litegrip_fleet.requests import MAX_LINE_BYTES, RefusedError, passed
+from litegrip_fleet.requests import MAX_LINE_BYTES, RefusedError, lease_ttl_s, passed
 from litegripd.model.errors import ERRORS
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES as DAEMONS_MAX_LINE_BYTES
 from litegripd.rpc.jsonrpc import BadRequest, is_set_point, parse
@@ -143,3 +143,54 @@ def test_a_line_of_the_longest_length_passes_and_none_becomes_longer() -> None:
     frame = len(request("motion.open", text=""))
     grown = json.loads(refused(request("motion.open", text="x" * (MAX_LINE_BYTES + 1 - frame))))
     assert (grown["id"], grown["error"]["data"]["reason"]) == (1, "line_too_long")
+
+
+@pytest.mark.parametrize("blank", [b" ", b"\t", b"\r", b"\x0b", b"\x0c", b" \x0c\x0b"])
+def test_blanks_that_a_daemon_skips_hide_no_motion(blank: bytes) -> None:
+    answer = json.loads(refused(blank + request("motion.open"), age_s=60.0))
+    assert (answer["id"], answer["error"]["data"]["reason"]) == (1, "too_late")
+    assert params_of(through(blank + request("lease.acquire")))["ttl_s"] == 1.0
+
+
+def test_a_message_of_two_lines_is_refused_and_a_half_one_is_not_completed_by_the_next() -> None:
+    late = request("motion.open")
+    for lines in (late + late, b"\n" + late, b"x\n" + late, late + b"\n"):
+        answer = json.loads(refused(lines))
+        assert (answer["id"], answer["error"]["data"]["reason"]) == (None, "invalid_params")
+    half = late[: len(late) // 2]
+    assert through(half, age_s=60.0) == half + b"\n"
+
+
+def test_an_escaped_method_is_that_method() -> None:
+    line = request("lease.acquire", ttl_s=2.0).replace(b"lease.", b"\\u006cease.")
+    assert params_of(through(line))["ttl_s"] == 2.0
+    assert lease_ttl_s(line) == 2.0
+
+
+def test_a_time_to_live_that_no_float_can_hold_is_refused() -> None:
+    line = request("lease.acquire", ttl_s=10**400)
+    assert json.loads(refused(line))["error"]["data"]["reason"] == "invalid_params"
+
+
+@pytest.mark.parametrize(
+    ("identity", "answered"),
+    [
+        ("7", 7),
+        ('"a"', "a"),
+        ('"%s"' % ("x" * 128), "x" * 128),
+        ('"%s"' % ("x" * 129), None),
+        ("1e999", None),
+        ("1.5", None),
+        ("true", None),
+        ("null", None),
+        ("9" * 200, None),
+        ('{"stop_generation":9}', None),
+    ],
+)
+def test_a_refusal_has_the_id_that_the_daemon_would_answer_with(
+    identity: str, answered: object
+) -> None:
+    line = b'{"jsonrpc":"2.0","id":%b,"method":"motion.open"}\n' % identity.encode()
+    asked = parse(line.rstrip(b"\n"))
+    assert asked.identity == answered
+    assert json.loads(refused(line, age_s=60.0), parse_constant=pytest.fail)["id"] == answered

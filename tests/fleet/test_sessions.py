@@ -10,7 +10,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from litegrip_fleet.far_session import PIECE_BYTES, ROOM_BYTES, FarSession
+from litegrip_fleet.far_session import (
+    MOST_UNCONFIRMED_BYTES,
+    PIECE_BYTES,
+    ROOM_BYTES,
+    FarSession,
+)
 from litegrip_fleet.keys import Caller
 from litegrip_fleet.lateness import MOTION_COUNTS_S, RemoteClock
 from litegrip_fleet.messages import Ask, Push, Reply, packed, unpacked
@@ -413,6 +418,23 @@ def test_the_end_of_the_clients_lines_comes_behind_them() -> None:
     assert scene.to_daemon[-1] is None
 
 
+def test_a_portal_that_confirms_nothing_fills_no_memory_with_refusals() -> None:
+    scene = Scene()
+    scene.weather.cut = True
+    late = b'{"jsonrpc":"2.0","id":"%b","method":"motion.open"}\n' % (b"x" * 128)
+    kept_bytes = []
+    assert scene.far is not None
+    for number in range(1, 10_001):
+        scene.far.asked(Ask("line", number, at_s=0.0), late, scene.far_now_s)
+        kept_bytes.append(scene.far._outbox.size_bytes)  # noqa: SLF001 - what it costs
+    assert max(kept_bytes) < MOST_UNCONFIRMED_BYTES + 1000
+    scene.far.asked(Ask("live", got=10_000), b"", scene.far_now_s)
+    took = scene.far.reply(scene.far_now_s).took
+    assert took < 10_000
+    scene.far.asked(Ask("line", took + 1), b'{"id":1}\n', scene.far_now_s)
+    assert scene.to_daemon == [b'{"id":1}\n']
+
+
 def test_only_a_client_itself_renews_a_lease_with_a_time_to_live_of_its_own() -> None:
     scene = Scene()
     assert scene.far is not None
@@ -451,6 +473,23 @@ def test_hello_says_by_which_way_it_came() -> None:
         "user": "op1@lab",
         "channel": "can0",
     }
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"jsonrpc":"2.0","id":3,"method":"\\u0068ello"}\n',
+        b'\x0c{"jsonrpc":"2.0","id":3,"method":"hello"}\n',
+    ],
+)
+def test_hello_in_any_spelling_names_the_sockets_of_this_machine(line: bytes) -> None:
+    scene = Scene()
+    scene.near.asked(line, scene.now_s, scene.now_s)
+    scene.run(0.1)
+    scene.daemon_says(id=3, result={"channel": "can0", "stop_socket": "/run/can0.stop.sock"})
+    scene.run(0.1)
+    assert scene.told[0]["result"]["channel"] == "lab.left"
+    assert scene.told[0]["result"]["stop_socket"] == "/run/lab.left.stop.sock"
 
 
 def test_health_says_how_the_way_is_protected() -> None:
