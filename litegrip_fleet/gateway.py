@@ -7,6 +7,7 @@ and `on_lost` stay where they are. A session that does not show life loses it.
 import asyncio
 import json
 import logging
+import secrets
 import socket
 import time
 from importlib.metadata import version
@@ -39,10 +40,13 @@ MOST_ASKED_ABOUT = 64
 """How many may wait for what a gripper says about itself."""
 
 _ID_CHARACTERS = 64
-"""Of a stop; one with a longer id is answered without it."""
+"""Of a stop; one whose id is longer, or cannot be printed, is answered without it."""
 
-_ALIVE = b'{"jsonrpc":"2.0","id":"gateway","method":"state.get"}\n'
-_ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"gateway",'
+_ALIVE_ID = secrets.token_hex(16).encode()
+"""No client can have it: what it is answered is not passed on."""
+
+_ALIVE = b'{"jsonrpc":"2.0","id":"%b","method":"state.get"}\n' % _ALIVE_ID
+_ALIVE_ANSWER = b'{"jsonrpc":"2.0","id":"%b",' % _ALIVE_ID
 
 
 class Gateway:
@@ -118,9 +122,10 @@ class Gateway:
             return
         token = None
         try:
-            self._hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
-            self._generation = self._hello["stop_generation"]
+            hello = await asked_of(reader, writer, "hello", {"client": "gateway"})
+            self._generation = hello["stop_generation"]
             self._voided = await _voided(reader, writer)
+            self._hello = hello  # from now on there are sessions, and each knows what is voided
             await asked_of(reader, writer, "events.subscribe", {"kinds": ["stop"]})
             token = self._session.liveliness().declare_token(self.place.alive)
             _log.info("%s: %s can be reached", self.place, self._channel)
@@ -206,6 +211,8 @@ class Gateway:
         connection = self._connections.get(key)
         if connection is not None and not connection.ready:
             query.drop()  # it is being opened: the portal asks again
+        elif connection is None and ask.op == "open" and not self._hello:
+            query.drop()  # the daemon has not been asked yet: the portal asks again
         elif connection is None and ask.op == "open":
             connection = _Connection(self._session, self.place, caller, self._forget(key))
             self._connections[key] = connection
@@ -234,8 +241,8 @@ class Gateway:
         except Exception:
             connection.close()
             raise
-        reply = connection.far.reply(time.monotonic(), about)
-        _answer(query, reply)
+        connection.about = about
+        _answer(query, connection.far.reply(time.monotonic(), about))
         # What was said last may have to be said again: the portal ends it, or its time is up.
         await connection.pass_on(self._note_for(connection.far))
 
@@ -290,7 +297,9 @@ class Gateway:
         if ask.op == "live" and far.renews:
             connection.show_life()
         connection.wake()
-        _answer(query, far.reply(time.monotonic()))
+        # A portal that asks for a session once more has not got the answer.
+        about = connection.about if ask.op == "open" else None
+        _answer(query, far.reply(time.monotonic(), about))
         if ask.op == "close":
             connection.close()
 
@@ -316,7 +325,8 @@ class Gateway:
             line = b"" if payload is None else payload.to_bytes()
             answer = self._stopped(in_the_name_of(f"{user}@{self.place.site}", line))
             loop.call_soon_threadsafe(self._note, answer)
-            _log.warning("%s: stopped by %s", self.place, user)
+            became = "stopped" if b'"result":' in answer else "NOT stopped for sure, though asked"
+            _log.warning("%s: %s by %s", self.place, became, user)
             # By our own key: a stop of a whole site was asked by one with a wildcard.
             query.reply(self.place.stop(user), answer)
 
@@ -346,6 +356,7 @@ class _Connection:
     ) -> None:
         self.caller = caller
         self.ready = False
+        self.about: dict[str, Any] | None = None
         self.task: asyncio.Task[None] | None = None
         self._on_closed = on_closed
         self._writer: asyncio.StreamWriter | None = None
@@ -465,12 +476,16 @@ def in_the_name_of(user: str, line: bytes) -> bytes:
     text = line.decode(errors="replace").strip()
     identity, level, why = _asked_stop(text)
     params = {"level": level, "on_behalf": user}
-    if isinstance(why, str):
+    if isinstance(why, str) and why.strip().isprintable():  # anything else is escaped, and long
         params["why"] = why.strip()[:WHY_CHARACTERS]
     request: dict[str, Any] = {"jsonrpc": "2.0", "method": "stop", "params": params}
-    if isinstance(identity, int | str) and len(str(identity)) <= _ID_CHARACTERS:
+    if isinstance(identity, int | str) and _is_short(str(identity)):
         request["id"] = identity
     return json.dumps(request, ensure_ascii=False).encode(errors="replace") + b"\n"
+
+
+def _is_short(identity: str) -> bool:
+    return identity.isprintable() and len(identity) <= _ID_CHARACTERS
 
 
 def _asked_stop(text: str) -> tuple[object, str, object]:
