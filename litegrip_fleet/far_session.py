@@ -67,6 +67,7 @@ class FarSession:
         what it sends itself shows that it lives, and not its portal."""
 
         self.ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
+        self._process = opening.process or caller.session
         self._voided = voided
         self._to_daemon = to_daemon
         self._push = push
@@ -125,6 +126,7 @@ class FarSession:
                 generation=ask.generation,
                 ttl_s=self.ttl_s,
                 voided=self._voided,
+                process=self._process,
             )
         except RefusedError as refused:
             if refused.answer:

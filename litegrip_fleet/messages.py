@@ -27,7 +27,8 @@ class Ask:
     `number` is the line's, or their end's, from 1; `got` the last push that arrived in order;
     `again` asks for what follows it once more. `at_s` is when the line or the sign of life was
     sent, by the portal's reckoning of the gateway's CLOCK_MONOTONIC, `generation` the count of
-    stops that the portal knew of then. `ttl_s` and `program` come with `open`.
+    stops that the portal knew of then. `ttl_s`, `program` and `process` come with `open`: the
+    client's name, and a word that no other process of any machine has.
     """
 
     op: Op
@@ -38,6 +39,7 @@ class Ask:
     generation: int | None = None
     ttl_s: float | None = None
     program: str | None = None
+    process: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

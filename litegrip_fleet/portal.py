@@ -15,6 +15,7 @@ import socket
 import stat
 import time
 from collections.abc import Callable, Coroutine, Sequence
+from hashlib import sha256
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -53,6 +54,9 @@ _MAX_STOP_BYTES = 1024
 _READ_BYTES = 65_536
 _MODE = 0o660
 _STAT_BYTES = 1024
+_BEGUN = 19
+"""Behind the program's name in /proc/PID/stat: when the process began."""
+
 _STOPPED_STATES, _ENDED_STATES = "Tt", "ZX"
 
 _Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
@@ -178,7 +182,9 @@ class Portal:
     async def _open(self, client: "_Client") -> dict[str, Any] | None:
         """Begin a session at the gateway; return why that is not possible, or None."""
         loop, ends_s = asyncio.get_running_loop(), time.monotonic() + OPEN_WITHIN_S
-        opening = packed(Ask("open", ttl_s=self.ttl_s, program=client.program))
+        opening = packed(
+            Ask("open", ttl_s=self.ttl_s, program=client.program, process=client.process)
+        )
         while (sent_s := time.monotonic()) < ends_s:
             session = self._session()
             if session is None or self._subscriber is None:
@@ -329,6 +335,7 @@ class _Client:
         self._socket: socket.socket = writer.get_extra_info("socket")
         self._pid = peer_pid(self._socket)
         self.program = _program(self._pid)
+        self.process = _process(self._pid)
         self._half_closed = False
         self._gone = asyncio.Event()
 
@@ -485,6 +492,16 @@ def _program(pid: int) -> str | None:
     except OSError:
         return None
     return name[:64] if name.isprintable() and name else None
+
+
+def _process(pid: int) -> str:
+    """Return a word for a process that is the same for each of its connections, and no other's."""
+    try:
+        boot = Path("/proc/sys/kernel/random/boot_id").read_text("ascii")
+        begun = Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")[2].split()
+        return sha256(f"{boot} {pid} {begun[_BEGUN]}".encode()).hexdigest()[:16]
+    except OSError:  # of another namespace, or gone: it is known by its connection alone
+        return secrets.token_hex(8)
 
 
 def _state_of(pid: int) -> str | None:

@@ -50,23 +50,20 @@ def passed(
     generation: int | None,
     ttl_s: float,
     voided: Collection[str],
+    process: str,
 ) -> bytes:
     """Return a line as the daemon is to get it; raises `RefusedError`.
 
     `at_s` is when it was sent by the clock of this machine, `generation` the count of stops that
     the sender knew of. `voided` are the methods that a stop makes void: they are refused when they
-    are late. A lease without a time to live, or with one that no network should have, does not
-    pass. What is no request is the daemon's to refuse: it reads lines as this does. One that is too
-    long, or would become too long here, is refused alone; at the daemon it would end the session.
-    A message is one line: of two, none would be looked at, and so it would be with halves.
+    are late. A motion's `key` is made one of its `process`: for the daemon, all clients are one
+    process, the gateway. A lease without a time to live, or with one that no network should have,
+    does not pass. What is no request is the daemon's to refuse: it reads lines as this does. One
+    that is too long, or would become too long here, is refused alone; at the daemon it would end
+    the session. A message is one line: of two, none would be looked at, and so it would be with
+    halves.
     """
-    if _is_too_long(line):
-        raise RefusedError(error_line(None, TOO_LONG))
-    line = line.removesuffix(b"\n")
-    if b"\n" in line:
-        error = error_object(INVALID_PARAMS, "a message of a portal is one line, this one is more")
-        raise RefusedError(error_line(None, error))
-    line += b"\n"
+    line = _one_line(line)
     request = _parsed(line)
     if request is None:
         return line
@@ -77,6 +74,8 @@ def passed(
             params["sent_s"] = min(at_s, now_s)
         if generation is not None:
             params.setdefault("stop_generation", generation)
+        if isinstance(params.get("key"), str):
+            params["key"] = f"{process} {params['key']}"
     if method in _LEASES:
         params["ttl_s"] = _checked_ttl(request, params.get("ttl_s", ttl_s))
     if params == request.get("params", {}):
@@ -103,6 +102,17 @@ def lease_ttl_s(line: bytes) -> float | None:
         return None
     ttl_s = request.get("params", {}).get("ttl_s", 0.0)
     return float(ttl_s) if isinstance(ttl_s, int | float) else None
+
+
+def _one_line(line: bytes) -> bytes:
+    """Return the line of a message, with its newline; raises `RefusedError`."""
+    if _is_too_long(line):
+        raise RefusedError(error_line(None, TOO_LONG))
+    line = line.removesuffix(b"\n")
+    if b"\n" in line:
+        error = error_object(INVALID_PARAMS, "a message of a portal is one line, this one is more")
+        raise RefusedError(error_line(None, error))
+    return line + b"\n"
 
 
 def _is_too_long(line: bytes) -> bool:

@@ -16,10 +16,22 @@ VOIDED = frozenset({"motion.open", "stream.set"})
 
 
 def through(
-    line: bytes, age_s: float | None = 0.01, generation: int | None = 3, ttl_s: float = 1.0
+    line: bytes,
+    age_s: float | None = 0.01,
+    generation: int | None = 3,
+    ttl_s: float = 1.0,
+    process: str = "p1",
 ) -> bytes:
     at_s = None if age_s is None else NOW_S - age_s
-    return passed(line, NOW_S, at_s=at_s, generation=generation, ttl_s=ttl_s, voided=VOIDED)
+    return passed(
+        line,
+        NOW_S,
+        at_s=at_s,
+        generation=generation,
+        ttl_s=ttl_s,
+        voided=VOIDED,
+        process=process,
+    )
 
 
 def request(method: str, identity: int | None = 1, **params: Any) -> bytes:
@@ -48,6 +60,14 @@ def test_a_motion_says_when_it_was_sent_and_of_which_stops_it_knew() -> None:
 def test_the_clients_own_count_of_stops_stays_and_its_clock_does_not() -> None:
     params = params_of(through(request("motion.open", stop_generation=2, sent_s=5.0)))
     assert params == {"sent_s": NOW_S - 0.01, "stop_generation": 2}
+
+
+def test_the_name_of_a_motion_is_that_of_a_process_as_on_one_machine() -> None:
+    line = request("motion.open", key="grip")
+    first, second = params_of(through(line, process="p1")), params_of(through(line, process="p2"))
+    assert first["key"] != second["key"]
+    assert first == params_of(through(line, process="p1"))
+    assert params_of(through(request("motion.open", key=7)))["key"] == 7  # the daemon's to refuse
 
 
 def test_what_moves_nothing_passes_as_it_is() -> None:

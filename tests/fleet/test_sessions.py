@@ -426,7 +426,7 @@ def test_a_portal_that_confirms_nothing_fills_no_memory_with_refusals() -> None:
     assert scene.far is not None
     for number in range(1, 10_001):
         scene.far.asked(Ask("line", number, at_s=0.0), late, scene.far_now_s)
-        kept_bytes.append(scene.far._outbox.size_bytes)  # noqa: SLF001 - what it costs
+        kept_bytes.append(scene.far._outbox.size_bytes)
     assert max(kept_bytes) < MOST_UNCONFIRMED_BYTES + 1000
     scene.far.asked(Ask("live", got=10_000), b"", scene.far_now_s)
     took = scene.far.reply(scene.far_now_s).took
