@@ -50,7 +50,7 @@ STOP_WITHIN_S = 2.0
 _ASK_AGAIN_S = 0.4
 _CONGESTED_BYTES = 65_536
 MOST_UNREAD_BYTES = 4 * 1024 * 1024
-_MAX_STOP_BYTES = 1024
+_BACKLOG = 100
 _READ_BYTES = 65_536
 _MODE = 0o660
 _STAT_BYTES = 1024
@@ -58,8 +58,6 @@ _BEGUN = 19
 """Behind the program's name in /proc/PID/stat: when the process began."""
 
 _STOPPED_STATES, _ENDED_STATES = "Tt", "ZX"
-
-_Serve = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Coroutine[Any, Any, None]]
 
 
 class Portal:
@@ -105,44 +103,34 @@ class Portal:
 
     async def run(self) -> None:
         """Serve until cancelled."""
-        requests = await self._listening(str(self.path), self._serve)
-        stops = await self._listening(self.stop_path, self._serve_stops)
+        listener = _listener(str(self.path))
+        requests = await asyncio.start_unix_server(self._accepted, sock=listener, limit=_READ_BYTES)
+        stops = _listener(self.stop_path)
+        self._begin(self._accept_stops(stops))
         try:
             while True:
                 await asyncio.sleep(TICK_S)
                 self._tick()
         finally:
             requests.close()
-            stops.close()
             for task in list(self._serving):
                 task.cancel()
             await asyncio.gather(*self._serving, return_exceptions=True)
+            stops.close()
             for path in (str(self.path), self.stop_path):
                 Path(path).unlink(missing_ok=True)
 
-    async def _listening(self, path: str, serve: _Serve) -> asyncio.Server:
-        """Serve at a path that no living process has; raises `OSError`."""
+    def _begin(self, serving: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(serving)
+        self._serving.add(task)
+        task.add_done_callback(self._serving.discard)
 
-        def accepted(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-            task = asyncio.create_task(self._served(serve, reader, writer))
-            self._serving.add(task)
-            task.add_done_callback(self._serving.discard)
+    def _accepted(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._begin(self._served(reader, writer))
 
-        listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    async def _served(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         try:
-            _make_way(path)
-            listener.bind(path)
-            Path(path).chmod(_MODE)
-        except OSError as error:
-            listener.close()
-            raise OSError(f"the socket {path} cannot be made: {error.strerror or error}") from error
-        return await asyncio.start_unix_server(accepted, sock=listener, limit=_READ_BYTES)
-
-    async def _served(
-        self, serve: _Serve, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        try:
-            await serve(reader, writer)
+            await self._serve(reader, writer)
         except (ConnectionError, asyncio.CancelledError) as error:
             _log.debug("%s: a client has gone: %s", self.place, error)
         finally:
@@ -272,23 +260,32 @@ class Portal:
 
     # Stops ----------------------------------------------------------------------------------------
 
-    async def _serve_stops(
-        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
-        while line := await _stop_line(reader):
-            writer.write(await self._stopped(line))
-            await writer.drain()
-            if writer.is_closing():  # nobody reads answers: each kind of stop once is enough
-                await self._stop_last(reader)
-                return
+    async def _accept_stops(self, listener: socket.socket) -> None:
+        while True:
+            try:
+                connected, _address = await asyncio.get_running_loop().sock_accept(listener)
+            except OSError as error:  # noqa: PERF203 - gone already, or no descriptors left
+                _log.error("%s: a client that stops could not be let in: %s", self.place, error)
+                await asyncio.sleep(TICK_S)
+            else:
+                self._begin(self._serve_stops(connected))
 
-    async def _stop_last(self, reader: asyncio.StreamReader) -> None:
-        """Give the stops that a client has left behind."""
-        left: dict[bytes, None] = {}
-        while line := await _stop_line(reader):
-            left[line] = None
-        for line in left:
-            await self._stopped(line)
+    async def _serve_stops(self, connected: socket.socket) -> None:
+        """Give each stop that a client has sent, also once it is gone; no answer is waited for."""
+        with connected:
+            lines, is_gone, left = _StopLines(connected), False, set[bytes]()
+            while line := await lines.next():
+                if line in left:  # nobody reads answers: each kind of stop once is enough
+                    continue
+                answer = await self._stopped(line)
+                if is_gone:
+                    left.add(line)
+                    continue
+                try:
+                    connected.send(answer)
+                except OSError as error:
+                    _log.debug("%s: a client takes no answer to its stop: %s", self.place, error)
+                    is_gone = not isinstance(error, BlockingIOError)
 
     async def _stopped(self, line: bytes) -> bytes:
         """Stop; return the daemon's answer, or that the stop is not confirmed."""
@@ -453,14 +450,46 @@ class _Client:
         return any(mask & (select.POLLHUP | select.POLLERR) for _fd, mask in poll.poll(0))
 
 
-async def _stop_line(reader: asyncio.StreamReader) -> bytes:
-    """Return a line that stops, whole or not; empty at the end."""
+class _StopLines:
+    """What a client sends to the socket for stops, line by line.
+
+    Not by asyncio's streams: they give nothing more of a client that is gone.
+    """
+
+    def __init__(self, connected: socket.socket) -> None:
+        self._socket = connected
+        self._received = b""
+        self._is_over = False
+
+    async def next(self) -> bytes:
+        """Return a line, whole or not, or as much of one as may be sent on; empty at the end."""
+        while not self._is_over and len(self._received) < MAX_LINE_BYTES:
+            if b"\n" in self._received:
+                break
+            try:
+                received = await asyncio.get_running_loop().sock_recv(self._socket, _READ_BYTES)
+            except OSError:  # reset: gone, and all that it has sent is here
+                received = b""
+            self._is_over = not received
+            self._received += received
+        end = self._received.find(b"\n", 0, MAX_LINE_BYTES) + 1 or MAX_LINE_BYTES
+        line, self._received = self._received[:end], self._received[end:]
+        return line
+
+
+def _listener(path: str) -> socket.socket:
+    """Return a socket at a path that no living process has; raises `OSError`."""
+    listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        return await reader.readuntil(b"\n")
-    except asyncio.IncompleteReadError as ended:
-        return ended.partial
-    except asyncio.LimitOverrunError:
-        return await reader.read(_MAX_STOP_BYTES)
+        _make_way(path)
+        listener.bind(path)
+        Path(path).chmod(_MODE)
+        listener.listen(_BACKLOG)
+    except OSError as error:
+        listener.close()
+        raise OSError(f"the socket {path} cannot be made: {error.strerror or error}") from error
+    listener.setblocking(False)
+    return listener
 
 
 def _identity_in(line: bytes) -> object:

@@ -1,0 +1,98 @@
+"""What a portal does with the stops of a client: each is given, once it is gone, too."""
+
+import asyncio
+import select
+import socket
+from pathlib import Path
+
+import pytest
+
+from litegrip_fleet.keys import Place
+from litegrip_fleet.portal import Portal
+from litegrip_fleet.requests import MAX_LINE_BYTES
+
+ANSWER = b'{"jsonrpc":"2.0","id":null,"result":{"level":"hold","generation":1}}\n'
+
+
+class Stopping(Portal):
+    """A portal whose gripper is stopped by every line; `given` has them."""
+
+    def __init__(self) -> None:
+        place, path = Place("lab", "left"), Path("/nowhere/lab.left.sock")
+        super().__init__(lambda: None, place, path, user="op1", role="operator", ttl_s=1.0)
+        self.given: list[bytes] = []
+
+    async def _stopped(self, line: bytes) -> bytes:
+        self.given.append(line)
+        return ANSWER
+
+
+def pair() -> tuple[socket.socket, socket.socket]:
+    """Return a client's socket, and the portal's end of it."""
+    client, connected = socket.socketpair(socket.AF_UNIX, socket.SOCK_STREAM)
+    connected.setblocking(False)
+    return client, connected
+
+
+def given(*pieces: bytes) -> list[bytes]:
+    """Return what is given for a client that sends this and goes at once."""
+    client, connected = pair()
+    for piece in pieces:
+        client.sendall(piece)
+    client.close()
+    portal = Stopping()
+    asyncio.run(portal._serve_stops(connected))
+    return portal.given
+
+
+def test_the_stops_of_a_client_that_goes_at_once_are_given() -> None:
+    assert given(b"hold\nrelax\ndisable\n") == [b"hold\n", b"relax\n", b"disable\n"]
+    assert given(b"hold\n", b"dis", b"able") == [b"hold\n", b"disable"]
+
+
+def test_the_stops_of_a_client_that_has_left_its_answers_unread_are_given() -> None:
+    client, connected = pair()
+    portal = Stopping()
+
+    async def go() -> None:
+        client.sendall(b"hold\n")
+        await asyncio.to_thread(select.select, (client,), (), ())
+        client.sendall(b"relax\ndisable\n")
+        client.close()
+
+    async def both() -> None:
+        await asyncio.gather(portal._serve_stops(connected), go())
+
+    asyncio.run(both())
+    assert portal.given == [b"hold\n", b"relax\n", b"disable\n"]
+
+
+def test_who_is_gone_gives_each_kind_of_stop_once() -> None:
+    given_now = given(b"hold\n" * 5000 + b"disable\n")
+    assert given_now[-1] == b"disable\n"
+    assert len(given_now) < 10
+
+
+def test_who_reads_no_answers_is_stopped_for_all_the_same() -> None:
+    client, connected = pair()
+    client.setblocking(False)
+    portal, lines = Stopping(), [b"hold\n"] * 20_000
+
+    async def flood() -> None:
+        loop = asyncio.get_running_loop()
+        await loop.sock_sendall(client, b"".join(lines))
+        client.shutdown(socket.SHUT_WR)
+
+    async def both() -> None:
+        await asyncio.gather(portal._serve_stops(connected), flood())
+
+    asyncio.run(both())
+    assert portal.given == lines
+    client.close()
+
+
+@pytest.mark.parametrize("count", [MAX_LINE_BYTES - 1, MAX_LINE_BYTES, 3 * MAX_LINE_BYTES])
+def test_no_line_is_longer_than_a_message_can_be(count: int) -> None:
+    lines = given(b"x" * count + b"\n")
+    assert lines[0] == (b"x" * count + b"\n")[:MAX_LINE_BYTES]
+    assert max(map(len, lines)) <= MAX_LINE_BYTES
