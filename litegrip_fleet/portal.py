@@ -37,7 +37,7 @@ from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, u
 from litegrip_fleet.near_session import NearSession
 from litegrip_fleet.network import Answered, ask, hand_over, the_newest
 from litegrip_fleet.requests import MAX_LINE_BYTES, TOO_LONG
-from litegrip_fleet.site import TWO_GATEWAYS
+from litegrip_fleet.site import TWO_GATEWAYS, problem_in
 
 _log = logging.getLogger(__name__)
 
@@ -314,9 +314,9 @@ async def stop_one(
             within_s = min(left_s, _ASK_AGAIN_S * 2)
             key = place.stop(user)
             answers = await ask(session, key, line, None, loop, within_s=within_s, is_stop=True)
-            for answer in answers:
-                if answer.payload:
-                    return answer.payload
+            said = [answer.payload for answer in answers if answer.payload]
+            if said:  # of two gateways, both have to confirm it
+                return next((payload for payload in said if problem_in(payload)), said[0])
         await asyncio.sleep(min(0.05, max(0.0, ends_s - loop.time())))
     return None
 
