@@ -12,7 +12,7 @@ from litegripd.io.stop_socket import MAX_STOP_LINE_BYTES
 from litegripd.rpc.jsonrpc import stop_in
 
 OP1 = "op1@lab"
-LONGEST_NAME = "u" * 64
+LONGEST_NAME = f"{'u' * 32}@{'s' * 32}"
 
 
 def request(**params: Any) -> dict[str, Any]:
