@@ -33,6 +33,9 @@ RETRY_EVERY_S = 0.5
 MOST_SESSIONS = 56
 """For each gripper; the daemon lets 64 connections of a user in."""
 
+MOST_OF_A_USER = 28
+"""Of them: one user's programs leave room for another's."""
+
 MOST_UNREAD_BYTES = 1024 * 1024
 """What a session has sent and its daemon has not read; beyond it, the session is ended."""
 
@@ -248,12 +251,10 @@ class Gateway:
 
     async def _begin(self, connection: "_Connection", ask: Ask) -> dict[str, Any]:
         """Open a session's connection to the daemon, in its user's name; return what it is."""
-        if len(self._connections) > MOST_SESSIONS:
-            text = f"the gateway has {MOST_SESSIONS} sessions, no more are let in: close one"
-            raise unreachable(text)
+        caller = connection.caller
+        self._check_room(caller.user)
         if "error" in self._hello:
             raise unreachable(str(self._hello["error"]))
-        caller = connection.caller
         user = f"{caller.user}@{self.place.site}"
         reader, writer = await self._connected()
         connection.attach(reader, writer)
@@ -279,10 +280,26 @@ class Gateway:
             "gateway": self._version,
         }
 
+    def _check_room(self, user: str) -> None:
+        """Raise `LiteGripError` if there are too many sessions, the new one included."""
+        own = sum(one.caller.user == user for one in self._connections.values())
+        text = ""
+        if own > MOST_OF_A_USER:
+            text = f"{user} has {MOST_OF_A_USER} of the gateway's sessions"
+        elif len(self._connections) > MOST_SESSIONS:
+            text = f"the gateway has {MOST_SESSIONS} sessions"
+        if text:
+            raise unreachable(f"{text}, no more are let in: close one")
+
     def _note_for(self, far: FarSession) -> Any:
+        """Return what learns of stops by a session's lines, for that session alone.
+
+        What a slow portal has left unread may be of a daemon that has ended: the next one counts
+        from zero.
+        """
+
         def note(line: bytes) -> None:
-            self._note(line)
-            far.generation = self._generation
+            far.generation = max(self._generation or 0, generation_in(line) or 0)
 
         return note
 
