@@ -26,6 +26,7 @@ from litegrip_client.connection import peer_pid
 from litegrip_client.discovery import stop_path
 from litegrip_fleet.answers import (
     BACKLOG_FULL,
+    TOO_MANY_CONNECTIONS,
     UNREACHABLE,
     error_line,
     error_object,
@@ -51,6 +52,9 @@ _ASK_AGAIN_S = 0.4
 _CONGESTED_BYTES = 65_536
 MOST_UNREAD_BYTES = 4 * 1024 * 1024
 _BACKLOG = 100
+MOST_CLIENTS = MOST_STOP_CLIENTS = 64
+"""At the sockets of each gripper: nobody uses up the portal's descriptors."""
+
 _READ_BYTES = 65_536
 _MODE = 0o660
 _STAT_BYTES = 1024
@@ -95,6 +99,7 @@ class Portal:
         self._beat_s = time.monotonic()
         self._subscriber: Any = None
         self._serving: set[asyncio.Task[None]] = set()
+        self._idle: dict[socket.socket, None] = {}  # at the socket for stops; the longest first
 
     @property
     def stop_path(self) -> str:
@@ -151,6 +156,12 @@ class Portal:
     # Requests -------------------------------------------------------------------------------------
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if len(self._clients) >= MOST_CLIENTS:
+            text = f"{MOST_CLIENTS} programs use {self.place} here, no more are let in: end one"
+            full = error_object(TOO_MANY_CONNECTIONS, text, limit=MOST_CLIENTS)
+            writer.write(error_line(None, full))
+            await writer.drain()
+            return
         self._count += 1
         session = f"{self._identity}-{self._count}"
         key = self.place.rpc(self.user, session, self.role)
@@ -268,13 +279,22 @@ class Portal:
                 _log.error("%s: a client that stops could not be let in: %s", self.place, error)
                 await asyncio.sleep(TICK_S)
             else:
+                if len(self._idle) >= MOST_STOP_CLIENTS:  # the new one may have come to stop
+                    self._make_room()
                 self._begin(self._serve_stops(connected))
+
+    def _make_room(self) -> None:
+        """Let the client that has been idle the longest give its last line, and end."""
+        longest_idle = next(iter(self._idle))
+        del self._idle[longest_idle]
+        with contextlib.suppress(OSError):  # it has gone by itself
+            longest_idle.shutdown(socket.SHUT_RD)
 
     async def _serve_stops(self, connected: socket.socket) -> None:
         """Give each stop that a client has sent, also once it is gone; no answer is waited for."""
         with connected:
             lines, is_gone, left = _StopLines(connected), False, set[bytes]()
-            while line := await lines.next():
+            while line := await self._next(lines, connected):
                 if line in left:  # nobody reads answers: each kind of stop once is enough
                     continue
                 answer = await self._stopped(line)
@@ -286,6 +306,14 @@ class Portal:
                 except OSError as error:
                     _log.debug("%s: a client takes no answer to its stop: %s", self.place, error)
                     is_gone = not isinstance(error, BlockingIOError)
+
+    async def _next(self, lines: "_StopLines", connected: socket.socket) -> bytes:
+        """Return a client's next stop; until it comes, the client may have to give way."""
+        self._idle[connected] = None
+        try:
+            return await lines.next()
+        finally:
+            self._idle.pop(connected, None)
 
     async def _stopped(self, line: bytes) -> bytes:
         """Stop; return the daemon's answer, or that the stop is not confirmed."""
@@ -526,17 +554,26 @@ def _program(pid: int) -> str | None:
 def _process(pid: int) -> str:
     """Return a word for a process that is the same for each of its connections, and no other's."""
     try:
-        boot = Path("/proc/sys/kernel/random/boot_id").read_text("ascii")
         begun = Path(f"/proc/{pid}/stat").read_text("utf-8", "replace").rpartition(")")[2].split()
-        return sha256(f"{boot} {pid} {begun[_BEGUN]}".encode()).hexdigest()[:16]
+        text = f"{socket.gethostname()} {_machine()} {pid} {begun[_BEGUN]}"
+        return sha256(text.encode()).hexdigest()[:16]
     except OSError:  # of another namespace, or gone: it is known by its connection alone
         return secrets.token_hex(8)
+
+
+def _machine() -> str:
+    """Return the machine's own number; empty where it has none."""
+    try:
+        return Path("/etc/machine-id").read_text("ascii")
+    except OSError:
+        return ""
 
 
 def _state_of(pid: int) -> str | None:
     """Return a process's state, as /proc has it (T: stopped, by SIGSTOP); None once it has ended.
 
-    One of another namespace, which has no number here (0), is said to run.
+    One of another namespace, which has no number here (0), is said to run; of one that cannot be
+    looked at, nothing shows that it does.
     """
     if pid == 0:
         return "R"
@@ -545,6 +582,9 @@ def _state_of(pid: int) -> str | None:
         stat_file = os.open(f"/proc/{pid}/stat", os.O_RDONLY)
     except (FileNotFoundError, ProcessLookupError):
         return None
+    except OSError as error:  # no descriptors left
+        _log.debug("whether process %d lives cannot be seen: %s", pid, error)
+        return "T"
     try:
         content = os.read(stat_file, _STAT_BYTES)
     except ProcessLookupError:

@@ -1,6 +1,10 @@
 """What a portal does with the stops of a client: each is given, once it is gone, too."""
 
 import asyncio
+import contextlib
+import errno
+import json
+import os
 import select
 import socket
 from pathlib import Path
@@ -8,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from litegrip_fleet.keys import Place
-from litegrip_fleet.portal import Portal
+from litegrip_fleet.portal import MOST_CLIENTS, MOST_STOP_CLIENTS, Portal, _process, _state_of
 from litegrip_fleet.requests import MAX_LINE_BYTES
 
 ANSWER = b'{"jsonrpc":"2.0","id":null,"result":{"level":"hold","generation":1}}\n'
@@ -96,3 +100,68 @@ def test_no_line_is_longer_than_a_message_can_be(count: int) -> None:
     lines = given(b"x" * count + b"\n")
     assert lines[0] == (b"x" * count + b"\n")[:MAX_LINE_BYTES]
     assert max(map(len, lines)) <= MAX_LINE_BYTES
+
+
+def test_who_holds_connections_for_stops_gives_way_to_who_stops(tmp_path: Path) -> None:
+    portal, path = Stopping(), str(tmp_path / "stop.sock")
+
+    async def stop() -> bytes:
+        """Fill it, send the begin of a line by the first, and stop by one more."""
+        loop = asyncio.get_running_loop()
+        with contextlib.ExitStack() as stack:
+            listener = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            listener.bind(path)
+            listener.listen(MOST_STOP_CLIENTS + 1)
+            listener.setblocking(False)
+            clients = []
+            accepting = asyncio.create_task(portal._accept_stops(listener))
+            for number in range(MOST_STOP_CLIENTS + 1):
+                client = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+                client.setblocking(False)
+                await loop.sock_connect(client, path)
+                clients.append(client)
+                await loop.sock_sendall(client, b"rel" if number == 0 else b"hold\n")
+                if number > 0:
+                    assert await asyncio.wait_for(loop.sock_recv(client, 4096), 10.0) == ANSWER
+            assert await asyncio.wait_for(loop.sock_recv(clients[0], 4096), 10.0) == ANSWER
+            ended = await asyncio.wait_for(loop.sock_recv(clients[0], 4096), 10.0)
+            accepting.cancel()
+            for task in list(portal._serving):
+                task.cancel()
+            await asyncio.gather(accepting, *portal._serving, return_exceptions=True)
+            return ended
+
+    assert asyncio.run(stop()) == b""
+    assert portal.given.count(b"hold\n") == MOST_STOP_CLIENTS
+    assert portal.given[-1] == b"rel"
+
+
+def test_no_more_programs_are_let_in_than_the_portal_has_descriptors_for() -> None:
+    async def told() -> bytes:
+        portal, (client, connected) = Stopping(), pair()
+        portal._clients.update(dict.fromkeys(map(str, range(MOST_CLIENTS))))  # type: ignore[arg-type]
+        reader, writer = await asyncio.open_unix_connection(sock=connected)
+        with client:
+            await portal._serve(reader, writer)
+            writer.close()
+            return client.recv(4096)
+
+    assert json.loads(asyncio.run(told()))["error"]["data"]["reason"] == "too_many_connections"
+
+
+def test_a_process_is_the_same_by_each_of_its_connections_and_no_other() -> None:
+    own, parents = _process(os.getpid()), _process(os.getppid())
+    assert own == _process(os.getpid()) != parents
+    assert _process(0) != _process(0)
+
+
+def test_a_portal_without_descriptors_goes_on_and_says_of_nobody_that_he_lives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    assert _state_of(os.getpid()) in ("R", "S")
+
+    def none_left(*_arguments: object) -> int:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    monkeypatch.setattr(os, "open", none_left)
+    assert _state_of(os.getpid()) == "T"

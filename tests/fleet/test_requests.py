@@ -143,7 +143,7 @@ def test_what_passes_unread_is_no_request_for_the_daemon_either(line: bytes) -> 
     assert isinstance(parse(line.rstrip(b"\n")), BadRequest)
 
 
-@pytest.mark.parametrize("code", [-32602, -32060, -32061, -32003, -32000])
+@pytest.mark.parametrize("code", [-32602, -32060, -32061, -32003, -32001, -32000])
 def test_errors_are_those_of_the_daemons_table(code: int) -> None:
     error = error_object(code, "x")
     kind = ERRORS[error["data"]["reason"]]
