@@ -201,7 +201,7 @@ class NearSession:
             return
         if isinstance(request, dict) and request.get("method") in INTRODUCTIONS:
             identity = request.get("id")
-            if isinstance(identity, str | int):
+            if isinstance(identity, str | int) and not isinstance(identity, bool):
                 self._introductions[identity] = request["method"]
 
     def _amended(self, line: bytes) -> bytes:

@@ -22,6 +22,7 @@ MAX_LINE_BYTES = 16_384
 """As the daemon's; without the newline."""
 
 MAX_ID_CHARACTERS = 128
+MAX_CONTAINERS = 512
 """As the daemon's."""
 
 TOO_LONG = error_object(
@@ -120,7 +121,12 @@ def _is_too_long(line: bytes) -> bool:
 
 
 def _parsed(line: bytes) -> Mapping[str, Any] | None:
-    """Return a line's request; None for what is none. Blanks before it are none to the daemon."""
+    """Return a line's request; None for what is none, or takes long to read.
+
+    The daemon refuses that, too. For it, blanks before a request are none.
+    """
+    if line.count(b"{") + line.count(b"[") > MAX_CONTAINERS:
+        return None
     try:
         value = strict_json.decode(line.lstrip().decode())
     except (ValueError, RecursionError):

@@ -6,8 +6,16 @@ from typing import Any
 import pytest
 
 from litegrip_fleet.answers import error_object
-from litegrip_fleet.requests import MAX_LINE_BYTES, RefusedError, lease_ttl_s, passed
+from litegrip_fleet.requests import (
+    MAX_CONTAINERS,
+    MAX_ID_CHARACTERS,
+    MAX_LINE_BYTES,
+    RefusedError,
+    lease_ttl_s,
+    passed,
+)
 from litegripd.model.errors import ERRORS
+from litegripd.rpc import jsonrpc
 from litegripd.rpc.jsonrpc import MAX_LINE_BYTES as DAEMONS_MAX_LINE_BYTES
 from litegripd.rpc.jsonrpc import BadRequest, is_set_point, parse
 
@@ -136,6 +144,7 @@ def test_a_lease_has_a_time_to_live(method: str) -> None:
         b'{"jsonrpc":"2.0","id":1,"method":"motion.open"} x\n',
         b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"speed_mm_s":NaN}}\n',
         b'\xff{"method":"motion.open"}\n',
+        b'{"jsonrpc":"2.0","id":1,"method":"motion.open","params":{"x":[%s{}]}}\n' % (b"{}," * 600),
     ],
 )
 def test_what_passes_unread_is_no_request_for_the_daemon_either(line: bytes) -> None:
@@ -150,8 +159,12 @@ def test_errors_are_those_of_the_daemons_table(code: int) -> None:
     assert (kind.code, kind.retryable) == (code, error["data"]["retryable"])
 
 
-def test_lines_may_be_as_long_as_the_daemons() -> None:
+def test_lines_may_be_as_long_as_the_daemons_and_hold_as_much() -> None:
     assert MAX_LINE_BYTES == DAEMONS_MAX_LINE_BYTES
+    assert (MAX_CONTAINERS, MAX_ID_CHARACTERS) == (
+        jsonrpc.MAX_CONTAINERS,
+        jsonrpc.MAX_ID_CHARACTERS,
+    )
 
 
 def test_a_line_of_the_longest_length_passes_and_none_becomes_longer() -> None:

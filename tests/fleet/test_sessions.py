@@ -492,6 +492,17 @@ def test_hello_in_any_spelling_names_the_sockets_of_this_machine(line: bytes) ->
     assert scene.told[0]["result"]["stop_socket"] == "/run/lab.left.stop.sock"
 
 
+def test_what_is_refused_for_its_id_changes_no_later_answer() -> None:
+    scene = Scene()
+    scene.near.asked(b'{"jsonrpc":"2.0","id":true,"method":"hello"}\n', scene.now_s, scene.now_s)
+    scene.say("state.get", 1)
+    scene.run(0.1)
+    scene.daemon_says(id=None, error={"code": -32600, "message": "no"})
+    state = scene.daemon_says(id=1, result={"mode": "idle"})
+    scene.run(0.1)
+    assert scene.to_client[-1] == state
+
+
 def test_health_says_how_the_way_is_protected() -> None:
     scene = Scene()
     scene.near.opened({"site": "lab", "insecure": True, "certificate_expires_s": None})
