@@ -90,6 +90,10 @@ class NearSession:
             Ask("line", self._outbox.last + 1, at_s=at_s, generation=self.generation), line, now_s
         )
 
+    def stops_left(self) -> list[bytes]:
+        """Return the stops of the client's that the gateway is not known to have taken."""
+        return [line for _number, (_ask, line, _s) in self._outbox.unconfirmed() if _is_stop(line)]
+
     def half_closed(self, now_s: float) -> None:
         """Send that the client sends nothing more, and waits for answers."""
         self._send_once(Ask("eof", self._outbox.last + 1), b"", now_s)
@@ -221,3 +225,13 @@ class NearSession:
                 "remote": remote,
             }
         return json.dumps(answer, separators=(",", ":")).encode() + b"\n"
+
+
+def _is_stop(line: bytes) -> bool:
+    if b'"stop"' not in line and b"\\" not in line:
+        return False
+    try:
+        request = json.loads(line)
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(request, dict) and request.get("method") == "stop"

@@ -35,7 +35,7 @@ from litegrip_fleet.far_session import generation_in, is_sample
 from litegrip_fleet.keys import Place
 from litegrip_fleet.lateness import RemoteClock
 from litegrip_fleet.messages import Ask, BadMessageError, Push, Reply, packed, unpacked
-from litegrip_fleet.near_session import NearSession
+from litegrip_fleet.near_session import AGAIN_AFTER_S, NearSession
 from litegrip_fleet.network import Answered, ask, hand_over, the_newest
 from litegrip_fleet.requests import MAX_LINE_BYTES, TOO_LONG
 from litegrip_fleet.site import TWO_GATEWAYS, problem_in
@@ -174,9 +174,19 @@ class Portal:
                 await writer.drain()
                 return
             await client.read(reader)
+            left = await self._left_by(client)
         finally:
             del self._clients[session]
             client.send(Ask("close"), b"")
+        for line in left:
+            await self._stopped(line)
+
+    async def _left_by(self, client: "_Client") -> list[bytes]:
+        """Return the stops of a client that has gone which the network has lost, it seems."""
+        ends_s = time.monotonic() + AGAIN_AFTER_S
+        while client.stops_left() and time.monotonic() < ends_s:
+            await asyncio.sleep(TICK_S)
+        return client.stops_left()
 
     async def _open(self, client: "_Client") -> dict[str, Any] | None:
         """Begin a session at the gateway; return why that is not possible, or None."""
@@ -393,6 +403,10 @@ class _Client:
         """Store a count of stops from another source."""
         if self.near is not None:
             self.near.note_stops(generation)
+
+    def stops_left(self) -> list[bytes]:
+        """Return the stops that the gateway is not known to have taken."""
+        return [] if self.near is None else self.near.stops_left()
 
     async def read(self, reader: asyncio.StreamReader) -> None:
         """Send what the client says until it, or the session, goes."""

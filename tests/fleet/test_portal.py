@@ -7,12 +7,21 @@ import json
 import os
 import select
 import socket
+import time
 from pathlib import Path
 
 import pytest
 
 from litegrip_fleet.keys import Place
-from litegrip_fleet.portal import MOST_CLIENTS, MOST_STOP_CLIENTS, Portal, _process, _state_of
+from litegrip_fleet.messages import Reply
+from litegrip_fleet.portal import (
+    MOST_CLIENTS,
+    MOST_STOP_CLIENTS,
+    Portal,
+    _Client,
+    _process,
+    _state_of,
+)
 from litegrip_fleet.requests import MAX_LINE_BYTES
 
 ANSWER = b'{"jsonrpc":"2.0","id":null,"result":{"level":"hold","generation":1}}\n'
@@ -134,6 +143,26 @@ def test_who_holds_connections_for_stops_gives_way_to_who_stops(tmp_path: Path) 
     assert asyncio.run(stop()) == b""
     assert portal.given.count(b"hold\n") == MOST_STOP_CLIENTS
     assert portal.given[-1] == b"rel"
+
+
+def test_a_stop_by_a_request_that_the_network_has_lost_is_given_once_more() -> None:
+    portal, (client, connected) = Stopping(), pair()
+    stop = b'{"jsonrpc":"2.0","id":1,"method":"stop","params":{"level":"disable"}}\n'
+    motion = stop.replace(b"stop", b"motion.open").replace(b'"level":"disable"', b"")
+
+    async def begin(one: _Client) -> None:  # there is no network: what is sent is lost
+        one.begin(Reply(0, 0, time.monotonic()), time.monotonic(), time.monotonic())
+
+    async def serve() -> None:
+        reader, writer = await asyncio.open_unix_connection(sock=connected)
+        with client:
+            client.sendall(motion + stop)
+        await portal._serve(reader, writer)
+        writer.close()
+
+    portal._open = begin  # type: ignore[method-assign, assignment]
+    asyncio.run(serve())
+    assert portal.given == [stop]
 
 
 def test_no_more_programs_are_let_in_than_the_portal_has_descriptors_for() -> None:

@@ -503,6 +503,18 @@ def test_what_is_refused_for_its_id_changes_no_later_answer() -> None:
     assert scene.to_client[-1] == state
 
 
+def test_a_stop_is_left_until_the_gateway_has_taken_it() -> None:
+    scene = Scene()
+    scene.weather.cut = True
+    scene.say("motion.open", 1)
+    scene.say("stop", 2, level="disable")
+    scene.say("state.get", 3, why="stop")
+    assert [json.loads(line)["id"] for line in scene.near.stops_left()] == [2]
+    scene.weather.cut = False
+    scene.run(0.9)
+    assert scene.near.stops_left() == []
+
+
 def test_health_says_how_the_way_is_protected() -> None:
     scene = Scene()
     scene.near.opened({"site": "lab", "insecure": True, "certificate_expires_s": None})
