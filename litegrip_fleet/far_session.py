@@ -10,7 +10,7 @@ from litegrip_fleet.requests import (
     LONGEST_TTL_S,
     SHORTEST_TTL_S,
     RefusedError,
-    lease_ttl_s,
+    asked_lease,
     passed,
 )
 from litegrip_fleet.rows import Inbox, Outbox
@@ -28,6 +28,8 @@ AGAIN_BYTES = 65_536
 """At most this is sent again at once."""
 
 DEFAULT_TTL_S = 1.0
+MOST_ASKED_LEASES = 16
+"""So many requests for a lease wait for their answers at once, with effect on its renewal."""
 
 _GENERATION = re.compile(rb'"(?:stop_)?generation":(\d{1,15})')
 
@@ -63,10 +65,13 @@ class FarSession:
         self.caller = caller
         self.generation: int | None = None
         self.renews = True
-        """False while the client has asked for a lease with a time to live of its own: then only
-        what it sends itself shows that it lives, and not its portal."""
+        """False while the client has a lease with a time to live of its own: then only what it
+        sends itself shows that it lives, and not its portal."""
 
         self.ttl_s = min(max(opening.ttl_s or DEFAULT_TTL_S, SHORTEST_TTL_S), LONGEST_TTL_S)
+        self._asked_leases: dict[bytes, bool] = {}
+        """By how the answer begins: whether a time to live was named."""
+
         self._process = opening.process or caller.session
         self._voided = voided
         self._to_daemon = to_daemon
@@ -106,6 +111,10 @@ class FarSession:
 
     def said(self, line: bytes) -> None:
         """Send a line of the daemon's, with its newline, to the portal."""
+        for answer in [begin for begin in self._asked_leases if line.startswith(begin)]:
+            is_own = self._asked_leases.pop(answer)
+            if line.startswith(b'"result"', len(answer)):
+                self.renews = not is_own
         if is_sample(line) and len(line) <= PIECE_BYTES:
             self._push(Push(None, generation=self.generation), line)
             return
@@ -132,8 +141,8 @@ class FarSession:
             if refused.answer:
                 self.said(refused.answer)
             return
-        if (own_s := lease_ttl_s(line)) is not None:
-            self.renews = own_s == 0.0
+        if (lease := asked_lease(line)) is not None and len(self._asked_leases) < MOST_ASKED_LEASES:
+            self._asked_leases |= [lease]
         self._to_daemon(request)
 
     def _send(self, piece: bytes, *, more: bool = False, end: bool = False) -> None:

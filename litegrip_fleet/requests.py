@@ -92,8 +92,8 @@ def passed(
     return longer
 
 
-def lease_ttl_s(line: bytes) -> float | None:
-    """Return the time to live that a request for a lease names itself, 0 where it names none.
+def asked_lease(line: bytes) -> tuple[bytes, bool] | None:
+    """Return how the answer to a request for a lease begins, and if it names its time to live.
 
     None for any other line.
     """
@@ -101,8 +101,9 @@ def lease_ttl_s(line: bytes) -> float | None:
     request = _parsed(line) if may_be_one else None
     if request is None or request["method"] not in _LEASES:
         return None
-    ttl_s = request.get("params", {}).get("ttl_s", 0.0)
-    return float(ttl_s) if isinstance(ttl_s, int | float) else None
+    identity = json.dumps(request.get("id")).encode()
+    answer = b'{"jsonrpc":"2.0","id":%b,' % identity  # as a daemon writes it
+    return answer, "ttl_s" in request.get("params", {})
 
 
 def _one_line(line: bytes) -> bytes:

@@ -439,19 +439,37 @@ def test_only_a_client_itself_renews_a_lease_with_a_time_to_live_of_its_own() ->
     scene = Scene()
     assert scene.far is not None
     renews = []
-    for method, params in (
-        ("lease.acquire", {"ttl_s": 3.0}),
-        ("state.get", {}),
-        ("lease.release", {}),
-        ("lease.acquire", {"ttl_s": 0.01}),  # refused: nothing has changed
-        ("lease.acquire", {"purpose": "x"}),
-        ("lease.take", {"why": "x", "ttl_s": 1}),
-        ("lease.take", {"why": "x"}),
+    granted, refused = {"result": {"number": 1}}, {"error": {"code": 1, "message": "no"}}
+    for method, params, answer in (
+        ("lease.acquire", {"ttl_s": 3.0}, granted),
+        ("state.get", {}, granted),
+        ("lease.release", {}, granted),
+        ("lease.acquire", {"ttl_s": 0.01}, {}),  # refused by the gateway: nothing has changed
+        ("lease.acquire", {"purpose": 5}, refused),  # by the daemon: nor has it here
+        ("lease.acquire", {"purpose": "x"}, granted),
+        ("lease.acquire", {"ttl_s": True}, refused),
+        ("lease.take", {"why": "x", "ttl_s": 1}, granted),
+        ("lease.take", {"why": "x"}, granted),
     ):
         scene.say(method, 1, **params)
         scene.run(0.1)
+        if answer:
+            scene.daemon_says(id=1, **answer)
         renews.append(scene.far.renews)
-    assert renews == [False, False, False, False, True, False, True]
+    assert renews == [False, False, False, False, False, True, True, False, True]
+
+
+def test_a_lease_that_is_waited_for_is_renewed_as_its_own_request_says() -> None:
+    scene = Scene()
+    assert scene.far is not None
+    scene.say("lease.acquire", 1, wait_s=60.0, ttl_s=0.5)
+    scene.say("lease.acquire", 2)
+    scene.run(0.1)
+    scene.daemon_says(id=2, error={"code": 1, "message": "held"})
+    scene.daemon_says(id=3, result={})
+    assert scene.far.renews
+    scene.daemon_says(id=1, result={"number": 7})
+    assert not scene.far.renews
 
 
 def test_hello_says_by_which_way_it_came() -> None:
