@@ -10,6 +10,7 @@ import logging
 import secrets
 import socket
 import time
+from collections import deque
 from importlib.metadata import version
 from typing import Any
 
@@ -35,6 +36,9 @@ MOST_SESSIONS = 56
 
 MOST_OF_A_USER = 28
 """Of them: one user's programs leave room for another's."""
+
+MOST_WAITING = 1024
+"""So many of a user's messages wait to be taken; more are dropped, and the portal asks again."""
 
 MOST_UNREAD_BYTES = 1024 * 1024
 """What a session has sent and its daemon has not read; beyond it, the session is ended."""
@@ -74,13 +78,15 @@ class Gateway:
         self._path: str | None = None
         self._asking: asyncio.Task[None] | None = None
         self._asked_by: list[zenoh.Query] = []
+        self._waiting: dict[str, deque[tuple[zenoh.Query, Caller]]] = {}
+        """By user, the next one first."""
 
     async def run(self) -> None:
         """Serve until cancelled: stops always, sessions while the daemon answers."""
         loop = asyncio.get_running_loop()
 
         def asked(query: zenoh.Query) -> None:
-            loop.call_soon_threadsafe(self._asked, query)
+            loop.call_soon_threadsafe(self._queue, query)
 
         def asked_about(query: zenoh.Query) -> None:
             loop.call_soon_threadsafe(self._asked_about, query)
@@ -198,17 +204,35 @@ class Gateway:
 
     # Sessions -------------------------------------------------------------------------------------
 
-    def _asked(self, query: zenoh.Query) -> None:
+    def _queue(self, query: zenoh.Query) -> None:
+        """Have a query of a portal's taken in its user's turn: a flood waits for everybody else."""
+        caller = caller_in(str(query.key_expr))
+        waiting = None if caller is None else self._waiting.get(caller.user)
+        if caller is None or (waiting is not None and len(waiting) >= MOST_WAITING):
+            query.drop()
+            return
+        if not self._waiting:
+            asyncio.get_running_loop().call_soon(self._take_turn)
+        self._waiting.setdefault(caller.user, deque()).append((query, caller))
+
+    def _take_turn(self) -> None:
+        """Take one query of the user whose turn it is."""
+        user, waiting = next(iter(self._waiting.items()))
+        query, caller = waiting.popleft()
+        del self._waiting[user]
+        if waiting:
+            self._waiting[user] = waiting  # behind the others
+        if self._waiting:
+            asyncio.get_running_loop().call_soon(self._take_turn)
+        self._asked(query, caller)
+
+    def _asked(self, query: zenoh.Query, caller: Caller) -> None:
         """Take a query of a portal's; never raises, whatever it holds."""
         key, attached = str(query.key_expr), query.attachment
-        caller = caller_in(key)
         try:
             ask = unpacked(Ask, None if attached is None else attached.to_bytes())
         except BadMessageError as error:
             _log.debug("%s: %s", key, error)
-            query.drop()
-            return
-        if caller is None:
             query.drop()
             return
         connection = self._connections.get(key)

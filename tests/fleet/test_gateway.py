@@ -3,14 +3,20 @@
 import asyncio
 import time
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import pytest
 import zenoh
 
 from litegrip_client.errors import LiteGripError
 from litegrip_fleet.far_session import FarSession
-from litegrip_fleet.gateway import MOST_OF_A_USER, MOST_SESSIONS, Gateway, _Connection
+from litegrip_fleet.gateway import (
+    MOST_OF_A_USER,
+    MOST_SESSIONS,
+    MOST_WAITING,
+    Gateway,
+    _Connection,
+)
 from litegrip_fleet.keys import Caller, Place
 from litegrip_fleet.messages import Ask, Reply, packed, unpacked
 
@@ -48,7 +54,7 @@ def made() -> Gateway:
 
 
 def take(gateway: Gateway, query: Any) -> None:
-    gateway._asked(query)
+    gateway._asked(query, CALLER)
 
 
 def opened(gateway: Gateway, about: dict[str, Any]) -> _Connection:
@@ -106,6 +112,29 @@ def test_one_users_sessions_leave_room_for_anothers() -> None:
     begin("op2", 1)
     with pytest.raises(LiteGripError, match=f"the gateway has {MOST_SESSIONS} sessions"):
         begin("op3", MOST_OF_A_USER)
+
+
+def test_a_flood_of_one_user_waits_for_everybody_else() -> None:
+    gateway, taken = made(), list[str]()
+    asked: Any = lambda _query, caller: taken.append(caller.user)  # noqa: E731
+    gateway._asked = asked  # type: ignore[method-assign]
+
+    async def flooded() -> list[Query]:
+        queries = [Query(Ask("live")) for _ in range(MOST_WAITING + 10)]
+        loop, queue = asyncio.get_running_loop(), cast(Any, gateway._queue)
+        for query in queries:
+            loop.call_soon(queue, query)
+        other: Any = Query(Ask("live"))
+        other.key_expr = LEFT.rpc("op2", "s-1", "observer")
+        loop.call_soon(queue, other)
+        while len(taken) <= MOST_WAITING:
+            await asyncio.sleep(0)
+        return queries
+
+    queries = asyncio.run(flooded())
+    assert taken.index("op2") <= 2
+    assert sum(query.dropped for query in queries) == 10
+    assert gateway._waiting == {}
 
 
 def test_an_answer_reaches_its_client_whatever_its_id_is() -> None:
